@@ -1,0 +1,63 @@
+"""The laws: refraction, reflection, Fresnel, plane symmetry. Directions are unit vectors of travel (n, 3)."""
+
+import numpy as np
+
+from .rig import Bools, Floats
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Row-wise scalar product (n,) of (n, 3) and (n, 3) or (3,)."""
+    return np.einsum("...i,...i->...", a, b)
+
+
+def normalise(vectors: Floats) -> Floats:
+    """Rows (..., 3) scaled to length 1; a zero row stays zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+def reflect(directions: Floats, normals: Floats) -> Floats:
+    """Mirror directions (n, 3) at planes with unit normals (n, 3) of either sign."""
+    return directions - 2.0 * dot(directions, normals)[..., None] * normals
+
+
+def plane_symmetry(directions: Floats, normals: Floats) -> Floats:
+    """Direction behind an ideal plate: the part along the plate turns round, the part along the normal stays.
+
+    Source: Kiuchi & Koizumi 2021 (doi 10.1016/j.cag.2021.02.007), eq. 3.
+    """
+    return -reflect(directions, normals)
+
+
+def refract(directions: Floats, normals: Floats, eta: Floats) -> tuple[Floats, Bools, Floats]:
+    """Snell's law.
+
+    Parameters
+    ----------
+    directions : (n, 3) unit
+    normals : (n, 3) unit, turned against the ray (their scalar product is negative)
+    eta : (n,) incident index / transmitted index
+
+    Returns
+    -------
+    refracted : (n, 3) unit; where `is_tir`, the reflected direction
+    is_tir : (n,) total internal reflection
+    transmittance : (n,) unpolarised Fresnel transmittance of power; 1 where `is_tir` (all light goes on, reflected)
+
+    Notes
+    -----
+    k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta near 1, and gives the direction back
+    bit for bit at eta = 1. Near the critical angle the error grows as eps / sqrt(k), whatever the form.
+    """
+    c = -dot(directions, normals)
+    tangential = directions + c[:, None] * normals
+    k = c * c + (1.0 - eta) * (1.0 + eta) * dot(tangential, tangential)
+    is_tir = k < 0
+    root = np.sqrt(np.where(is_tir, 0.0, k))
+    refracted = eta[:, None] * directions + (eta * c - root)[:, None] * normals
+    refracted = np.where(is_tir[:, None], reflect(directions, normals), refracted)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        s = (eta * c - root) / (eta * c + root)
+        p = (c - eta * root) / (c + eta * root)
+    transmittance = np.where(is_tir, 1.0, 1.0 - 0.5 * (np.nan_to_num(s, nan=1.0) ** 2 + np.nan_to_num(p, nan=1.0) ** 2))
+    return refracted, is_tir, transmittance

@@ -1,0 +1,204 @@
+"""What the viewer should see: picture_from_view, and the picture's colours at points of the viewer's image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RigError
+from .meshes import Layer, interpolate, make_surface
+from .rig import Bools, Floats, Mesh, Picture, Viewer
+
+SUBPIXELS = 4  # an ideal pixel is the mean of this many points an axis, each with its own footprint
+IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
+
+
+@dataclass(frozen=True, eq=False)
+class PicturePoints:
+    """Where points of the viewer's image lie on the picture.
+
+    xy : (n, 2) picture pixels, x right and y down from the top left corner
+    cover : (n,) 0..1, how much of the footprint lies on the picture
+    footprint : (n,) side in picture pixels of a square as large as the footprint
+    """
+
+    xy: Floats
+    cover: Floats
+    footprint: Floats
+
+
+def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, area: Floats | float) -> PicturePoints:
+    """Follow straight lines from the viewer to the picture, as if there were no glass.
+
+    Parameters
+    ----------
+    view_xy : (n, 2) viewer pixels
+    area : (n,) area around each point on the viewer's image, viewer px^2
+    """
+    height, width = picture.image.shape[:2]
+    size = np.array([width, height], float)
+    area = np.broadcast_to(np.asarray(area, float), len(view_xy))
+    if picture.mesh is None:
+        scale = size / (viewer.width, viewer.height)
+        return PicturePoints(view_xy * scale, np.ones(len(view_xy)), np.sqrt(area * scale.prod()))
+    short_way = _homography(picture.mesh, viewer)
+    if short_way is None:
+        return _by_tracing(picture, viewer, view_xy, area)
+    matrix, (low, high) = short_way
+    homogeneous = view_xy @ matrix[:, :2].T + matrix[:, 2]
+    w = homogeneous[:, 2]
+    seen = w > 0
+    w = np.where(seen, w, 1.0)
+    uv = homogeneous[:, :2] / w[:, None]
+    stretch = abs(np.linalg.det(matrix)) / w**3
+    footprint_uv = np.sqrt(area * stretch)
+    shape = np.sqrt(size[0] / size[1])  # the footprint is taken square in picture pixels
+    to_edge = np.minimum(uv - low, high - uv)
+    blur = np.maximum(footprint_uv, 1e-300)[:, None] / np.array([shape, 1 / shape])
+    cover = np.clip(to_edge / blur + 0.5, 0, 1).prod(axis=1) * seen
+    return PicturePoints(_pixels(uv, size), cover, footprint_uv * np.sqrt(size.prod()))
+
+
+def _pixels(uv: Floats, size: Floats) -> Floats:
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * size
+
+
+def _homography(mesh: Mesh, viewer: Viewer) -> tuple[Floats, tuple[Floats, Floats]] | None:
+    """Matrix (3, 3) from viewer pixels to UV of a flat rectangle, w > 0 in front of the viewer, and its UV bounds.
+
+    None when the mesh is not flat, its UV is not one affine map, or it is no rectangle along the UV axes.
+    """
+    corners, uv = mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2)
+    middle = corners.mean(axis=0)
+    _, spread, axes = np.linalg.svd(corners - middle, full_matrices=False)
+    if spread[1] == 0 or spread[2] > IS_AFFINE * spread[0]:
+        return None
+    across = (corners - middle) @ axes[:2].T
+    system = np.column_stack([across, np.ones(len(across))])
+    fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
+        return None
+    a, b, c = np.moveaxis(mesh.uv, 1, 0)
+    covered = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
+    if abs(covered - np.prod(high - low)) > IS_AFFINE * covered:
+        return None
+    normal = axes[2]
+    left, right, bottom, top = viewer.window
+    x, y, forward = viewer.axes
+    # the ray through pixel (x, y): from `start @ (x, y, 1)` along `along @ (x, y, 1)`
+    plane = np.array([[(right - left) / viewer.width, 0, left], [0, (bottom - top) / viewer.height, top]])
+    sideways = np.outer(x, plane[0]) + np.outer(y, plane[1])
+    ahead, still = np.outer(forward, [0, 0, 1.0]), np.outer(viewer.position - middle, [0, 0, 1.0])
+    is_perspective = viewer.projection == "perspective"
+    along, start = (sideways + ahead, still) if is_perspective else (ahead, still + sideways)
+    # the point where it meets the plane, times (along . normal); one of the two factors is constant in (x, y)
+    if is_perspective:
+        depth = -(still[:, 2] @ normal)
+        point = np.outer(still[:, 2], normal @ along) + depth * along
+        w = normal @ along
+        sign = np.sign(depth)
+    else:
+        speed = forward @ normal
+        if speed == 0:
+            return None
+        point = speed * start - np.outer(forward, normal @ start)
+        w = np.array([0, 0, speed])
+        sign = np.sign(speed)
+    matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
+    return (sign or 1.0) * matrix, (low, high)
+
+
+def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, area: Floats) -> PicturePoints:
+    """The long way, for a picture on any mesh: its outline is not smoothed."""
+    surface = make_surface(picture.mesh)
+    layer = Layer(surface.corners)
+    size = np.array(picture.image.shape[1::-1], float)
+    origins, directions = viewer.rays(view_xy)
+
+    def accept(i: np.ndarray, k: np.ndarray, t: Floats) -> tuple[Bools, Bools]:
+        return t > 0, np.zeros(len(i), bool)
+
+    hits = layer.first_hits(origins, directions, np.zeros(len(origins), bool), accept)
+    is_seen = hits.triangle >= 0
+    seen, k = np.flatnonzero(is_seen), hits.triangle[is_seen]
+    uv, footprint = np.zeros((len(view_xy), 2)), np.zeros(len(view_xy))
+
+    def uv_at(xy: Floats) -> Floats:
+        o, d = viewer.rays(xy)
+        t = layer.frames.distance(k, o, d)
+        return interpolate(picture.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d))
+
+    here = uv_at(view_xy[seen])
+    step = 1e-3
+    du, dv = (((uv_at(view_xy[seen] + d) - here) / step * size) for d in (np.array([step, 0]), np.array([0, step])))
+    uv[seen] = here
+    footprint[seen] = np.sqrt(np.abs(du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]) * area[seen])
+    return PicturePoints(_pixels(uv, size), is_seen.astype(float), footprint)
+
+
+class Pyramid:
+    """A picture at full, half, quarter ... size, so that a footprint of any size is read at its own size."""
+
+    def __init__(self, image: NDArray[np.float32]) -> None:
+        """image : (h, w, 4) linear, premultiplied"""
+        if image.ndim != 3 or min(image.shape[:2]) < 1:
+            raise RigError("The picture has no pixels: choose another image.")
+        self.levels = [np.asarray(image[..., :3], np.float64)]
+        while max(self.levels[-1].shape[:2]) > 1:
+            self.levels.append(_halved(self.levels[-1]))
+
+    def sample(self, points: PicturePoints) -> Floats:
+        """Linear colours (n, 3) at points, over black."""
+        level = np.clip(np.log2(np.maximum(points.footprint, 1.0)), 0, len(self.levels) - 1)
+        colours = np.zeros((len(level), 3))
+        seen = points.cover > 0
+        for k in range(len(self.levels)):
+            weight = np.clip(1 - np.abs(level - k), 0, None)
+            some = np.flatnonzero((weight > 0) & seen)
+            if len(some):
+                scale = np.array(self.levels[k].shape[1::-1]) / self.levels[0].shape[1::-1]
+                colours[some] += weight[some, None] * _bilinear(self.levels[k], points.xy[some] * scale)
+        return colours * points.cover[:, None]
+
+
+def _halved(image: Floats) -> Floats:
+    """Half the size by exact area means; an odd row or column is shared between its neighbours."""
+    for axis in (0, 1):
+        n = image.shape[axis]
+        if n == 1:
+            continue
+        m = (n + 1) // 2
+        edges = np.linspace(0, n, m + 1)
+        total = np.insert(np.cumsum(image, axis=axis), 0, 0, axis=axis)
+        whole = np.minimum(edges.astype(int), n - 1)
+        part = (edges - whole).reshape([-1 if a == axis else 1 for a in range(3)])
+        at = np.take(total, whole, axis=axis) + part * np.take(image, whole, axis=axis)
+        image = np.diff(at, axis=axis) * (m / n)
+    return image
+
+
+def _bilinear(image: Floats, xy: Floats) -> Floats:
+    """Colours (n, c) at pixel positions (n, 2), pixel centres at + 0.5, edges extended."""
+    h, w = image.shape[:2]
+    x, y = np.clip(xy[:, 0] - 0.5, 0, w - 1), np.clip(xy[:, 1] - 0.5, 0, h - 1)
+    column, row = np.minimum(x.astype(int), max(w - 2, 0)), np.minimum(y.astype(int), max(h - 2, 0))
+    x, y = (x - column)[:, None], (y - row)[:, None]
+    right, below = np.minimum(column + 1, w - 1), np.minimum(row + 1, h - 1)
+    upper = image[row, column] * (1 - x) + image[row, right] * x
+    lower = image[below, column] * (1 - x) + image[below, right] * x
+    return upper * (1 - y) + lower * y
+
+
+def ideal_image(picture: Picture, viewer: Viewer, pyramid: Pyramid | None = None) -> NDArray[np.float32]:
+    """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
+    pyramid = pyramid or Pyramid(picture.image)
+    w, h = viewer.width, viewer.height
+    x, y = np.meshgrid(np.arange(w), np.arange(h))
+    image = np.zeros((w * h, 3))
+    offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
+    for dx in offsets:
+        for dy in offsets:
+            xy = np.stack([x.ravel() + dx, y.ravel() + dy], axis=1)
+            image += pyramid.sample(picture_from_view(picture, viewer, xy, SUBPIXELS**-2))
+    return (image / SUBPIXELS**2).reshape(h, w, 3).astype(np.float32)

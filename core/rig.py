@@ -1,0 +1,248 @@
+"""The rig: viewers, elements, display and picture, as plain frozen data in metres and float64."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import MeshError, RigError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles in world coordinates.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64, m
+    triangles : (t, 3) int, indices into vertices, counterclockwise seen from the front (outside of a solid)
+    corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
+    is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
+    uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
+    """
+
+    vertices: Floats
+    triangles: Ints
+    corner_normals: Floats | None = None
+    is_smooth: Bools | None = None
+    uv: Floats | None = None
+
+    @property
+    def corners(self) -> Floats:
+        """Corner positions (t, 3, 3), m."""
+        return self.vertices[self.triangles]
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner of the axis-aligned box (2, 3), m."""
+        used = self.vertices[np.unique(self.triangles)]
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def check(self, owner: str) -> None:
+        """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
+        if len(self.triangles) == 0:
+            raise MeshError(f"{owner} has no faces: give it some, or set its role to None.")
+        if not np.isfinite(self.vertices).all():
+            raise MeshError(f"{owner} has vertices that are not finite numbers: repair or remove them.")
+
+
+@dataclass(frozen=True)
+class ConstantIndex:
+    """An index of refraction that does not depend on the wavelength."""
+
+    value: float
+
+    def __call__(self, wavelength: float) -> float:
+        """Index of refraction at a wavelength in metres."""
+        return self.value
+
+
+@dataclass(frozen=True, eq=False)
+class Glass:
+    """A glass object as drawn: one or more closed shells. Shells inside shells are cavities (air).
+
+    `priority` decides where solids overlap: higher wins; among equals the smaller solid does.
+    """
+
+    name: str
+    mesh: Mesh
+    ior: Callable[[float], float] = field(default_factory=lambda: ConstantIndex(1.49))
+    priority: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A flat plane-symmetric imaging element; its triangles give plane and outline."""
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """A surface that reflects on both sides."""
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Blocker:
+    """A surface that stops light."""
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Display:
+    """A surface with a UV map that shows the source image on its front; (width, height) in pixels."""
+
+    name: str
+    mesh: Mesh
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What the viewer should see.
+
+    Parameters
+    ----------
+    image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
+    mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
+    """
+
+    name: str
+    image: NDArray[np.float32]
+    mesh: Mesh | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Viewer:
+    """A pinhole or orthographic camera.
+
+    Viewer pixels (x, y) run right and down from the top left corner of the image; pixel centres at + 0.5.
+
+    Parameters
+    ----------
+    position : (3,) float64, m
+    axes : (3, 3) float64, rows right, up, forward; orthonormal, world
+    window : left, right, bottom, top of the image on the plane at unit distance along forward
+        (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
+    width, height : pixels
+    """
+
+    name: str
+    projection: Literal["perspective", "orthographic"]
+    position: Floats
+    axes: Floats
+    window: tuple[float, float, float, float]
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
+            raise RigError(f"The axes of the viewer '{self.name}' are not orthonormal: remove shear from the camera.")
+
+    def plane_from_pixels(self, xy: ArrayLike) -> Floats:
+        """Window coordinates (n, 2) of viewer pixels (n, 2)."""
+        left, right, bottom, top = self.window
+        xy = np.asarray(xy, float)
+        return np.stack(
+            [left + (right - left) * (xy[:, 0] / self.width), top + (bottom - top) * (xy[:, 1] / self.height)], axis=1
+        )
+
+    def rays(self, xy: ArrayLike) -> tuple[Floats, Floats]:
+        """Origins and unit directions (n, 3) of the rays through viewer pixels xy (n, 2)."""
+        plane = self.plane_from_pixels(xy)
+        right, up, forward = self.axes
+        across = plane[:, :1] * right + plane[:, 1:] * up
+        if self.projection == "orthographic":
+            return self.position + across, np.broadcast_to(forward, across.shape).copy()
+        directions = forward + across
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.broadcast_to(self.position, across.shape).copy(), directions
+
+    def project(self, points: ArrayLike) -> Floats:
+        """Viewer pixels (n, 2) at which points (n, 3) are seen straight; NaN behind a perspective viewer."""
+        across = (np.asarray(points, float) - self.position) @ self.axes.T
+        plane = across[:, :2]
+        if self.projection == "perspective":
+            depth = np.where(across[:, 2:] > 0, across[:, 2:], np.nan)
+            plane = plane / depth
+        left, right, bottom, top = self.window
+        return np.stack(
+            [
+                (plane[:, 0] - left) / (right - left) * self.width,
+                (plane[:, 1] - top) / (bottom - top) * self.height,
+            ],
+            axis=1,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Everything on the bench. `check` says what makes it unsolvable."""
+
+    viewers: tuple[Viewer, ...]
+    glasses: tuple[Glass, ...]
+    plates: tuple[Plate, ...]
+    displays: tuple[Display, ...]
+    pictures: tuple[Picture, ...] = ()
+    mirrors: tuple[Mirror, ...] = ()
+    blockers: tuple[Blocker, ...] = ()
+
+    @property
+    def viewer(self) -> Viewer:
+        return self.viewers[0]
+
+    @property
+    def display(self) -> Display:
+        return self.displays[0]
+
+    @property
+    def picture(self) -> Picture:
+        return self.pictures[0]
+
+    def check(self) -> None:
+        """Raise RigError or MeshError, in one sentence, when the rig cannot be solved."""
+        parts = {
+            "glass": (self.glasses, "set an object's role to Glass"),
+            "plate": (self.plates, "set a plane's role to Plate"),
+            "display": (self.displays, "set a plane's role to Display"),
+            "picture": (self.pictures, "set a textured plane's role to Picture or choose an image"),
+            "viewer": (self.viewers, "add a camera and make it the viewer"),
+        }
+        for word, (found, remedy) in parts.items():
+            if not found:
+                raise RigError(f"The rig has no {word}: {remedy}.")
+        for word, single in (("displays", self.displays), ("pictures", self.pictures), ("viewers", self.viewers)):
+            if len(single) > 1:
+                names = ", ".join(f"'{part.name}'" for part in single)
+                raise RigError(f"The rig has {len(single)} {word} ({names}): keep one and set the others to None.")
+        for glass in self.glasses:
+            n = glass.ior(587.6e-9)
+            if not (np.isfinite(n) and n > 0):
+                raise RigError(f"The glass '{glass.name}' has an index of refraction of {n}: set one above 0.")
+        kinds = ("glass", self.glasses), ("plate", self.plates), ("mirror", self.mirrors), ("blocker", self.blockers)
+        for kind, group in (*kinds, ("display", self.displays)):
+            for part in group:
+                part.mesh.check(f"The {kind} '{part.name}'")
+        for part in (*self.displays, *self.pictures):
+            kind = "display" if isinstance(part, Display) else "picture"
+            if part.mesh is not None:
+                part.mesh.check(f"The {kind} '{part.name}'")
+                if part.mesh.uv is None:
+                    raise MeshError(f"The {kind} '{part.name}' has no UV map: unwrap it, so that pixels have a place.")
+        if min(self.display.width, self.display.height) < 1:
+            raise RigError(f"The display '{self.display.name}' has no pixels: set its resolution.")

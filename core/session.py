@@ -1,0 +1,200 @@
+"""Keeps ray engines, view map and shares between solves, by fingerprint of content, and solves.
+
+What has not changed is not computed again: a new picture costs one product with the shares, a moved viewer builds
+no ray engine.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RigError
+from .meshes import Layer
+from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
+from .plan import Plan, Settings, fingerprint, make_plan
+from .rig import ConstantIndex, Floats, Rig
+from .seen_image import seen_image
+from .shares import Shares, concatenate, display_coverage, rasterise, view_coverage
+from .source_image import paint
+from .trace import REASON_WORDS, Reason
+from .view_map import ViewMap, sample
+
+REMEDIES = {
+    Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
+    Reason.LOST_INSIDE: "every ray is lost inside the glass: raise the limit of surfaces or change the glass",
+    Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
+    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to the plate",
+    Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The source image, and what became of the viewer's rays.
+
+    source : (H, W, 3) float32 linear, row 0 at the top
+    display_coverage, view_coverage : (H, W), (h, w), 0..1
+    picture_coverage : share of the picture, as the viewer sees it, that the display can show
+    misses : share of the picture as seen, by reason why it has no landing
+    seconds : time by part of the work; n_rays : rays traced for this solve
+    used, left_out : what this rig needed and what it did not; notes : what the user should know
+    """
+
+    rig: Rig
+    source: NDArray[np.float32]
+    shares: Shares
+    view_map: ViewMap
+    display_coverage: Floats
+    view_coverage: Floats
+    picture_coverage: float
+    misses: dict[str, float]
+    seconds: dict[str, float]
+    n_rays: int
+    used: tuple[str, ...]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def ideal(self) -> NDArray[np.float32]:
+        """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
+        return ideal_image(self.rig.picture, self.rig.viewer)
+
+    def seen(self, source: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear."""
+        return seen_image(self.shares, self.source if source is None else source)
+
+
+def without_glass(rig: Rig) -> Rig:
+    """The same rig with glass that does not refract: what it paints is the plain, uncompensated picture."""
+    return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
+
+
+class Session:
+    """What can be used again from one solve to the next."""
+
+    def __init__(self) -> None:
+        self._engines: dict[str, Layer] = {}
+        self._optics: tuple[str, Plan, ViewMap, Shares] | None = None
+        self._placed: tuple[str, PicturePoints] | None = None
+
+    def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
+        """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
+
+        Raises
+        ------
+        RigError, MeshError
+            One sentence on what makes the rig unsolvable; the session stays as it was.
+        """
+        settings = settings or Settings()
+        seconds: dict[str, float] = {}
+        left_out: list[str] = []
+        clock = perf_counter()
+
+        def lap(name: str) -> None:
+            nonlocal clock
+            now = perf_counter()
+            seconds[name] = seconds.get(name, 0.0) + now - clock
+            clock = now
+
+        rig.check()
+        key = fingerprint(replace(rig, pictures=()), replace(settings, margin=0))
+        lap("fingerprint")
+        n_rays = 0
+        if self._optics and self._optics[0] == key:
+            _, plan, view_map, shares = self._optics
+            left_out.append("tracing (the optics have not changed)")
+        else:
+            plan = make_plan(rig, settings, self._engines)
+            lap("plan")
+            view_map = yield from _scaled(sample(plan), 0.8)
+            lap("tracing")
+            n_rays = view_map.n_rays
+            shares = yield from _rasterise(view_map, settings)
+            _refuse_if_dark(view_map, shares)
+            lap("shares")
+            self._optics = (key, plan, view_map, shares)
+        yield 0.95
+        placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
+        if not (self._placed and self._placed[0] == placed_key):
+            points = picture_from_view(rig.picture, rig.viewer, shares.view_xy, shares.area)
+            self._placed = (placed_key, points)
+        colours = Pyramid(rig.picture.image).sample(self._placed[1])
+        source = paint(shares, colours, settings.margin)
+        lap("painting")
+        seen_share = view_coverage(shares)
+        picture_coverage, misses = _of_the_picture(rig, view_map, seen_share)
+        lap("coverage")
+        yield 1.0
+        return Solution(
+            rig,
+            source,
+            shares,
+            view_map,
+            display_coverage(shares),
+            seen_share,
+            picture_coverage,
+            misses,
+            seconds,
+            n_rays,
+            plan.used,
+            plan.left_out + tuple(left_out),
+            plan.notes,
+        )
+
+
+def _scaled(work: Generator[float, None, ViewMap], share: float) -> Generator[float, None, ViewMap]:
+    """Hand on the progress of one part of the work as a share of the whole."""
+    while True:
+        try:
+            yield share * next(work)
+        except StopIteration as done:
+            return done.value
+
+
+def _rasterise(view_map: ViewMap, settings: Settings) -> Generator[float, None, Shares]:
+    parts = []
+    for cells in (view_map.quads, view_map.triangles):
+        throughput = view_map.throughput[cells].mean(axis=1) if settings.brightness else None
+        parts.append(
+            rasterise(
+                view_map.display_size,
+                view_map.view_size,
+                view_map.view_points[cells],
+                view_map.display_points[cells],
+                throughput,
+            )
+        )
+        yield 0.9
+    return concatenate(*parts)
+
+
+def _refuse_if_dark(view_map: ViewMap, shares: Shares) -> None:
+    """Raise RigError when no ray arrives: a black source image is never what was meant."""
+    if len(shares):
+        return
+    counts = np.bincount(view_map.reason.ravel(), minlength=len(Reason))
+    counts[Reason.ARRIVED] = 0
+    beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
+    reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
+    raise RigError(f"The display stays dark: {REMEDIES[reason]}.")
+
+
+def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[float, dict[str, float]]:
+    """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses."""
+    w, h = view_map.view_size
+    x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    cover = picture_from_view(rig.picture, rig.viewer, np.stack([x.ravel(), y.ravel()], axis=1), 1.0).cover
+    if cover.sum() == 0:
+        raise RigError(f"The viewer does not see the picture '{rig.picture.name}': move it into view.")
+    missing = np.clip(cover - view_coverage.ravel(), 0, 1)
+    reason = view_map.reason
+    by_corner = np.stack([reason[:-1, :-1], reason[:-1, 1:], reason[1:, :-1], reason[1:, 1:]]).reshape(4, -1)
+    n_missed = np.maximum((by_corner != Reason.ARRIVED).sum(axis=0), 1)
+    misses = {
+        REASON_WORDS[r]: float((missing * (by_corner == r).sum(axis=0) / n_missed).sum() / cover.sum())
+        for r in Reason
+        if r != Reason.ARRIVED
+    }
+    return float(1 - missing.sum() / cover.sum()), {word: share for word, share in misses.items() if share > 0}

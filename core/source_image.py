@@ -1,0 +1,87 @@
+"""Paints the source image: least squares through the shares. The brute-force splat stands beside it as reference."""
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .picture import Pyramid, picture_from_view
+from .plan import Plan
+from .rig import Bools, Floats
+from .shares import Shares
+from .trace import CHUNK, trace
+
+
+def paint(shares: Shares, colours: Floats, margin: int = 0) -> NDArray[np.float32]:
+    """Source image (H, W, 3), linear: the x that minimises the sum over shares of area (T x - colour)^2.
+
+    Parameters
+    ----------
+    shares : n shares
+    colours : (n, 3) of the picture at the shares' own points
+    margin : px by which the covered area is grown outward
+    """
+    width, height = shares.display_size
+    throughput = 1.0 if shares.throughput is None else shares.throughput
+    return _mean(shares.display_index, colours, shares.area * throughput, shares.area * throughput**2,
+                 (height, width), margin)  # fmt: skip
+
+
+def _mean(
+    index: np.ndarray, colours: Floats, weight: Floats, norm: Floats, shape: tuple[int, int], margin: int
+) -> NDArray[np.float32]:
+    n = shape[0] * shape[1]
+    total = np.bincount(index, norm, n)
+    covered = total > 0
+    image = np.zeros((n, 3), np.float32)
+    for channel in range(3):
+        painted = np.bincount(index, weight * colours[:, channel], n)
+        image[covered, channel] = painted[covered] / total[covered]
+    return grow(image.reshape(*shape, 3), covered.reshape(shape), margin)
+
+
+def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.float32]:
+    """Fill pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
+    for _ in range(margin):
+        padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
+        mask = np.pad(covered.astype(np.float32), 1)
+        h, w = covered.shape
+        around = [(dy, dx) for dy in range(3) for dx in range(3)]
+        count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
+        total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
+        new = (count > 0) & ~covered
+        image = image.copy()
+        image[new] = total[new] / count[new, None]
+        covered = covered | new
+    return image
+
+
+def splat(plan: Plan, spp: int, seed: int = 0) -> Generator[float, None, NDArray[np.float32]]:
+    """Source image by brute force: `spp` random samples a viewer pixel, averaged on each display pixel.
+
+    It carries the same values as `paint` and converges to the same image; pixels that no sample met are black.
+    """
+    viewer, display, picture = plan.rig.viewer, plan.rig.display, plan.rig.picture
+    pyramid = Pyramid(picture.image)
+    random = np.random.default_rng(seed)
+    shape = display.height, display.width
+    n = shape[0] * shape[1]
+    total, norm = np.zeros((3, n)), np.zeros(n)
+    pixels = np.arange(viewer.width * viewer.height)
+    starts = range(0, len(pixels), CHUNK)
+    for k in range(spp):
+        for first in starts:
+            some = pixels[first : first + CHUNK]
+            xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random((len(some), 2))
+            landings = trace(plan, *viewer.rays(xy))
+            inside = landings.has_arrived & (landings.xy >= 0).all(axis=1) & (landings.xy < shape[::-1]).all(axis=1)
+            landed = landings.xy[inside].astype(np.int64)
+            index = landed[:, 1] * display.width + landed[:, 0]
+            colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside], 0.0))
+            weight = landings.throughput[inside]
+            norm += np.bincount(index, weight**2, n)
+            for channel in range(3):
+                total[channel] += np.bincount(index, weight * colours[:, channel], n)
+            yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))
+    image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
+    return image.reshape(*shape, 3).astype(np.float32)

@@ -1,0 +1,297 @@
+"""Follows a batch of rays to their landings."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from .meshes import Hits, interpolate
+from .optics import dot, normalise, plane_symmetry, reflect, refract
+from .plan import Kind, Plan
+from .rig import Bools, Floats, Ints
+
+CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache
+
+
+class Reason(IntEnum):
+    """Why a ray has no landing; 0 when it has one."""
+
+    ARRIVED = 0
+    MISSED_GLASS = 1
+    LOST_INSIDE = 2
+    MISSED_PLATE = 3
+    BLOCKED = 4
+    MISSED_DISPLAY = 5
+
+
+REASON_WORDS = {
+    Reason.MISSED_GLASS: "missed the glass",
+    Reason.LOST_INSIDE: "lost inside the glass",
+    Reason.MISSED_PLATE: "missed the plate",
+    Reason.BLOCKED: "blocked",
+    Reason.MISSED_DISPLAY: "missed the display",
+}
+
+# numbers that make up a branch: any odd multiplier mixes; it is the golden ratio's 64 bits
+_MIX = np.uint64(0x9E3779B97F4A7C15)
+_PASS, _TIR, _PLATE, _MIRROR, _LAND = range(1, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class Landings:
+    """Where and how the rays end.
+
+    sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there is no landing;
+    xy (n, 2) display pixels, x right and y down from the top left corner, NaN without a landing; positions and
+    directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,)
+
+    A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
+    display's border can then be cut there exactly.
+    """
+
+    sample: Ints
+    reason: np.ndarray
+    branch: np.ndarray
+    xy: Floats
+    positions: Floats
+    directions: Floats
+    throughput: Floats
+    n_events: Ints
+
+    @property
+    def has_arrived(self) -> Bools:
+        return self.reason == Reason.ARRIVED
+
+
+def join(parts: list[Landings]) -> Landings:
+    """Landings of consecutive chunks as one."""
+    return Landings(*(np.concatenate([getattr(p, name) for p in parts]) for name in Landings.__dataclass_fields__))
+
+
+def trace_all(plan: Plan, origins: Floats, directions: Floats) -> Landings:
+    """Trace any number of rays (n, 3), in chunks."""
+    parts = []
+    for first in range(0, max(len(origins), 1), CHUNK):
+        some = trace(plan, origins[first : first + CHUNK], directions[first : first + CHUNK])
+        some.sample[:] += first
+        parts.append(some)
+    return join(parts)
+
+
+class _Rays:
+    """The state of the rays of one batch; `live` are those still under way."""
+
+    def __init__(self, origins: Floats, directions: Floats) -> None:
+        n = len(origins)
+        self.positions = np.array(origins, float)
+        self.directions = np.array(directions, float)
+        self.mask = np.zeros(n, np.uint64)
+        self.reason = np.full(n, Reason.LOST_INSIDE, np.uint8)
+        self.branch = np.zeros(n, np.uint64)
+        self.xy = np.full((n, 2), np.nan)
+        self.throughput = np.ones(n)
+        self.n_events = np.zeros(n, np.int64)
+        self.has_met_glass = np.zeros(n, bool)
+        self.has_met_plate = np.zeros(n, bool)
+        self.last_part = np.full(n, -1)
+        self.live = np.arange(n)
+
+    def add_to_branch(self, rays: Ints, patch: Ints, event: Ints | int) -> None:
+        with np.errstate(over="ignore"):
+            word = (patch * 8 + event + 1).astype(np.uint64)
+            mixed = (self.branch[rays] ^ word) * _MIX
+            self.branch[rays] = mixed ^ (mixed >> np.uint64(29))
+
+
+def trace(plan: Plan, origins: Floats, directions: Floats) -> Landings:
+    """Follow rays backward from the viewer until each has landed on the display or is lost.
+
+    Parameters
+    ----------
+    origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
+    """
+    rays = _Rays(origins, directions)
+    for _ in range(plan.settings.max_events):
+        if not len(rays.live):
+            break
+        hits, by_layer = _first_hits(plan, rays)
+        hit = hits.triangle >= 0
+        if not hit.all():
+            _end_without_hit(plan, rays, rays.live[~hit])
+            rays.live, hits, by_layer = rays.live[hit], hits.at(hit), [other.at(hit) for other in by_layer]
+        rays.positions[rays.live] += hits.distance[:, None] * rays.directions[rays.live]
+        rays.n_events[rays.live] += 1
+        part = plan.part[hits.triangle]
+        rays.last_part[rays.live] = part
+        kind = plan.kind[part]
+        for of_kind, meet in _MEETINGS.items():
+            chosen = np.flatnonzero(kind == of_kind)
+            if len(chosen):
+                meet(plan, rays, rays.live[chosen], hits.at(chosen), [other.at(chosen) for other in by_layer])
+        rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY)]
+    return Landings(
+        np.arange(len(origins)),
+        rays.reason,
+        np.where(np.isfinite(rays.xy[:, 0]), np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
+        rays.xy,
+        rays.positions,
+        rays.directions,
+        rays.throughput,
+        rays.n_events,
+    )
+
+
+def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
+    """First hits of the live rays, and the same for each layer by itself. Triangles are the plan's."""
+    live = rays.live
+    origins, directions, mask = rays.positions[live], rays.directions[live], rays.mask[live]
+    last_part = rays.last_part[live]
+    by_layer = []
+    for layer, numbers in zip(plan.layers, plan.layer_triangles, strict=True):
+        layer_bits = np.bitwise_or.reduce(plan.bit[np.unique(plan.part[numbers])])
+        tolerance = max(layer.tolerance, plan.merge_distance)
+
+        def accept(
+            i: Ints, k: Ints, t: Floats, numbers: Ints = numbers, tolerance: float = tolerance
+        ) -> tuple[Bools, Bools]:
+            """Solids: one enters from outside and leaves from inside. Sheets: not the one just left, at once."""
+            k = numbers[k]
+            part = plan.part[k]
+            bit = plan.bit[part]
+            is_solid = bit != 0
+            is_entry = dot(directions[i], plan.normals[k]) < 0
+            fits = is_entry != ((mask[i] & bit) != 0)
+            is_new = (t > tolerance) | (part != last_part[i]) & (t > -1e-3 * tolerance)
+            return np.where(is_solid, fits & (t > -tolerance), is_new), is_solid & ~fits & (t > tolerance)
+
+        hits = layer.first_hits(origins, directions, (mask & layer_bits) != 0, accept)
+        found = hits.triangle >= 0
+        hits.triangle[found] = numbers[hits.triangle[found]]
+        by_layer.append(hits)
+    first = by_layer[0]
+    for hits in by_layer[1:]:
+        nearer = hits.distance < first.distance
+        if nearer.any():
+            pairs = ((getattr(hits, name), getattr(first, name)) for name in Hits.__dataclass_fields__)
+            first = Hits(*(np.where(nearer, a, b) for a, b in pairs))
+    return first, by_layer
+
+
+def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
+    rays.reason[lost] = np.select(
+        [rays.mask[lost] != 0, ~rays.has_met_glass[lost], ~rays.has_met_plate[lost]],
+        [Reason.LOST_INSIDE, Reason.MISSED_GLASS, Reason.MISSED_PLATE],
+        Reason.MISSED_DISPLAY,
+    )
+    if plan.display_plane is None:
+        return
+    beside = lost[rays.reason[lost] == Reason.MISSED_DISPLAY]
+    plane = plan.display_plane
+    slope = rays.directions[beside] @ plane.normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = ((plane.corner - rays.positions[beside]) @ plane.normal) / slope
+    ahead = (slope < 0) & (t > 0)
+    beside, t = beside[ahead], t[ahead]
+    at = rays.positions[beside] + t[:, None] * rays.directions[beside] - plane.corner
+    rays.xy[beside] = at @ plane.pixels.T + plane.origin
+    rays.add_to_branch(beside, np.full(len(beside), plane.patch), _LAND)
+
+
+def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
+    """Geometric and shading normals (n, 3), both turned against the ray."""
+    geometric = plan.normals[hits.triangle]
+    front = dot(directions, geometric) < 0
+    geometric = np.where(front[:, None], geometric, -geometric)
+    if plan.corner_normals is None:
+        return geometric, geometric
+    smooth = np.flatnonzero(plan.is_smooth[hits.triangle])
+    bent = normalise(interpolate(plan.corner_normals[hits.triangle[smooth]], hits.u[smooth], hits.v[smooth]))
+    bent = np.where(front[smooth, None], bent, -bent)
+    # where the bent normal looks away from the ray the face's own one is kept
+    facing = dot(directions[smooth], bent) < 0
+    shading = geometric.copy()
+    shading[smooth[facing]] = bent[facing]
+    return geometric, shading
+
+
+def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    """Cross or mirror at an interface; faces of other solids at the same place are crossed together with it."""
+    part = plan.part[hits.triangle]
+    before = rays.mask[i]
+    after = before ^ plan.bit[part]
+    for other in by_layer:
+        same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
+        same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
+        after[same_place] ^= plan.bit[plan.part[other.triangle[same_place]]]
+    row = plan.index_row[part]
+    n1, n2 = plan.indices[row + _highest_bit(before)], plan.indices[row + _highest_bit(after)]
+    rays.has_met_glass[i] = True
+    bends = n1 != n2
+    if not bends.all():
+        rays.mask[i[~bends]] = after[~bends]
+        i, n1, n2, after, hits = i[bends], n1[bends], n2[bends], after[bends], hits.at(bends)
+    if not len(i):
+        return
+    directions = rays.directions[i]
+    geometric, shading = _shading_normals(plan, directions, hits)
+    out, is_tir, transmittance = refract(directions, shading, n1 / n2)
+    # a bent normal can send light to the wrong side of the face it met: there the face's own normal is used
+    wrong = (dot(out, geometric) > 0) != is_tir
+    if wrong.any():
+        again = refract(directions[wrong], geometric[wrong], (n1 / n2)[wrong])
+        out[wrong], is_tir[wrong], transmittance[wrong] = again
+    rays.directions[i] = normalise(out)
+    rays.mask[i] = np.where(is_tir, rays.mask[i], after)
+    if plan.settings.brightness:
+        rays.throughput[i] *= transmittance
+    rays.add_to_branch(i, plan.patch[hits.triangle], np.where(is_tir, _TIR, _PASS))
+
+
+def _highest_bit(mask: np.ndarray) -> Ints:
+    """1 + position of the highest bit set, 0 for none; exact below 2^53."""
+    return np.frexp(mask.astype(float))[1].astype(np.int64)
+
+
+def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    rays.directions[i] = plane_symmetry(rays.directions[i], plan.normals[hits.triangle])
+    rays.has_met_plate[i] = True
+    rays.add_to_branch(i, plan.patch[hits.triangle], _PLATE)
+
+
+def _meet_mirror(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    directions = rays.directions[i]
+    geometric, shading = _shading_normals(plan, directions, hits)
+    out = reflect(directions, shading)
+    wrong = dot(out, geometric) < 0
+    out[wrong] = reflect(directions[wrong], geometric[wrong])
+    rays.directions[i] = normalise(out)
+    rays.add_to_branch(i, plan.patch[hits.triangle], _MIRROR)
+
+
+def _meet_blocker(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    rays.reason[i] = Reason.BLOCKED
+
+
+def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    """End here: with a landing when the light came by glass and plate to the display's front."""
+    is_front = dot(rays.directions[i], plan.normals[hits.triangle]) < 0
+    counts = rays.has_met_glass[i] | (not plan.settings.only_through_glass)
+    reason = np.select(
+        [~counts, ~rays.has_met_plate[i], ~is_front],
+        [Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.BLOCKED],
+        Reason.ARRIVED,
+    )
+    rays.reason[i] = reason
+    rays.add_to_branch(i, plan.patch[hits.triangle], _LAND)
+    u, v = interpolate(plan.display_uv[hits.triangle - plan.display_start], hits.u, hits.v).T
+    xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
+    rays.xy[i] = np.where((reason == Reason.ARRIVED)[:, None], xy, np.nan)
+
+
+_MEETINGS = {
+    Kind.GLASS: _meet_glass,
+    Kind.PLATE: _meet_plate,
+    Kind.MIRROR: _meet_mirror,
+    Kind.BLOCKER: _meet_blocker,
+    Kind.DISPLAY: _meet_display,
+}

@@ -1,0 +1,23 @@
+"""Core is tested as if there were no Blender on the machine."""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+BLENDER_MODULES = {"bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "bl_ext", "addon_utils"}
+
+
+class NoBlender:
+    """Import finder that refuses Blender's modules, also where bpy is installed."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Refuse a module of Blender; leave the others to the finders after this one."""
+        if name.partition(".")[0] in BLENDER_MODULES:
+            raise ModuleNotFoundError(f"core may not import {name}", name=name)
+        return None
+
+
+sys.meta_path.insert(0, NoBlender())

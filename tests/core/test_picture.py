@@ -1,0 +1,92 @@
+"""Where the viewer's pixels lie on the picture, and which colours are read there."""
+
+import numpy as np
+import pytest
+from reference_rigs import lattice_image, rectangle
+
+from kiriko.core import picture as picture_module
+from kiriko.core.picture import Pyramid, ideal_image, picture_from_view
+from kiriko.core.rig import Mesh, Picture, Viewer
+
+
+def viewer(projection, shift=0.0):
+    a = np.radians(20)
+    axes = np.array([[np.cos(a), np.sin(a), 0], [0, 0, 1], [-np.sin(a), np.cos(a), 0]])
+    half = 0.05 if projection == "perspective" else 0.06
+    return Viewer("v", projection, np.array([0.02, 0, 0.06]) - axes[2], axes, (-half + shift, half + shift, -half, half), 40, 30)
+
+
+def ramp(h=8, w=16):
+    y, x = (np.mgrid[:h, :w] + 0.5) / np.array([h, w])[:, None, None]
+    return np.stack([x, y, 0 * x + 0.5, 0 * x + 1], axis=2).astype(np.float32)
+
+
+TILTED = rectangle([0.02, 0, 0.05], [0.8, 0.6, 0], [0, 0, 1], 0.07, 0.05)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_the_short_way_equals_tracing(projection, monkeypatch):
+    """The homography gives the picture's pixels and footprint that straight rays to its triangles give."""
+    v = viewer(projection)
+    x, y = np.meshgrid(np.linspace(0, 40, 33), np.linspace(0, 30, 29))
+    xy = np.stack([x.ravel(), y.ravel()], axis=1)
+    a_picture = Picture("p", ramp(), TILTED)
+    short = picture_from_view(a_picture, v, xy, 0.01)
+    monkeypatch.setattr(picture_module, "_homography", lambda *_: None)
+    long = picture_from_view(a_picture, v, xy, 0.01)
+    inside = (long.cover > 0) & (short.cover == 1)
+    assert inside.sum() > 200
+    assert np.array_equal(long.cover > 0, short.cover >= 0.5)
+    np.testing.assert_allclose(short.xy[inside], long.xy[inside], atol=1e-9)
+    np.testing.assert_allclose(short.footprint[inside], long.footprint[inside], rtol=1e-3)
+
+
+def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
+    """Viewer.project and picture_from_view are inverse to each other on the picture, with lens shift."""
+    v = viewer("perspective", shift=0.01)
+    uv = np.random.default_rng(3).random((50, 2))
+    a, b, _, d = TILTED.vertices
+    points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
+    found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points), 0.0)
+    np.testing.assert_allclose(found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9)
+
+
+def test_a_picture_seen_from_behind_or_edge_on_is_finite():
+    """No NaN, whatever side the viewer looks from."""
+    v = viewer("perspective")
+    edge_on = Mesh(np.array([[0, -1, 0], [0, 1, 0], [0, 1, 1], [0, -1, 1.0]]), TILTED.triangles, uv=TILTED.uv)
+    behind = rectangle([0, -3, 0], [1, 0, 0], [0, 0, 1], 1, 1)
+    for mesh in (edge_on, behind):
+        image = ideal_image(Picture("p", ramp(), mesh), v)
+        assert np.isfinite(image).all()
+    assert (ideal_image(Picture("p", ramp(), behind), v) == 0).all()
+
+
+def test_a_linear_picture_is_read_exactly_at_any_footprint():
+    """Away from its edges a linear ramp is the same at every level of the pyramid: a mean of a linear function."""
+    image = ramp(64, 128)
+    pyramid = Pyramid(image)
+    random = np.random.default_rng(0)
+    xy = np.stack([random.uniform(48, 80, 200), random.uniform(24, 40, 200)], axis=1)
+    for footprint in (0.0, 1.0, 1.7, 4.0, 9.3):
+        points = picture_module.PicturePoints(xy, np.ones(200), np.full(200, footprint))
+        expected = np.stack([xy[:, 0] / 128, xy[:, 1] / 64, np.full(200, 0.5)], axis=1)
+        np.testing.assert_allclose(pyramid.sample(points), expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 3), (64, 33)])
+def test_every_level_of_the_pyramid_keeps_the_mean(shape):
+    """Halving is an exact area mean, for odd sizes too."""
+    image = np.random.default_rng(1).random((*shape, 4)).astype(np.float32)
+    for level in Pyramid(image).levels:
+        np.testing.assert_allclose(level.mean(axis=(0, 1)), image[..., :3].mean(axis=(0, 1), dtype=float), rtol=1e-6)
+
+
+def test_the_ideal_image_is_the_area_mean_of_the_picture():
+    """Seen straight on with two picture pixels a viewer pixel, the ideal image is the mean of 2 x 2 to 1 %."""
+    image = lattice_image(128)
+    v = Viewer("v", "orthographic", np.array([0, -1.0, 0]), np.eye(3)[[0, 2, 1]], (-0.5, 0.5, -0.5, 0.5), 64, 64)
+    seen = ideal_image(Picture("p", image, rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 1, 1)), v)
+    mean = image[..., :3].reshape(64, 2, 64, 2, 3).mean(axis=(1, 3))
+    assert np.abs(seen - mean).max() < 0.2
+    assert np.abs(seen.mean() - mean.mean()) < 1e-3 * mean.mean()

@@ -1,0 +1,179 @@
+"""What is computed again and what is not; and one clear sentence for each rig that cannot be solved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, box, lattice_image, rectangle, rig
+from work import drain, solve
+
+from kiriko.core import meshes, session as session_module
+from kiriko.core.errors import MeshError, RigError
+from kiriko.core.plan import Settings
+from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
+from kiriko.core.session import Session
+
+
+def small(**options):
+    return ball_rig(3, pixels=48, display_pixels=48, image=lattice_image(64), **options)
+
+
+def test_a_new_picture_alone_traces_nothing(monkeypatch):
+    """Same optics, other picture: equal to a solve from scratch, with no ray traced."""
+    kept = Session()
+    a_rig = small()
+    solve(a_rig, kept)
+    other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
+    expected = solve(other)
+    monkeypatch.setattr(session_module, "sample", lambda plan: pytest.fail("traced again"))
+    found = solve(other, kept)
+    assert np.array_equal(found.source, expected.source)
+    assert found.n_rays == 0
+    assert "tracing" not in found.seconds
+
+
+def test_a_moved_viewer_builds_no_engine_and_a_moved_glass_does(monkeypatch):
+    """The ray engine is known by the triangles in it, not by the rest of the rig."""
+    kept = Session()
+    a_rig = small()
+    solve(a_rig, kept)
+    built = []
+    original = meshes.Layer._build
+    monkeypatch.setattr(meshes.Layer, "_build", lambda self, corners: built.append(1) or original(self, corners))
+    v = a_rig.viewer
+    moved = replace(a_rig, viewers=(replace(v, position=v.position + [0.01, 0, 0]),))
+    assert np.array_equal(solve(moved, kept).source, solve(moved).source)
+    assert len(built) == 1  # by the solve from scratch
+    solve(rig(replace_vertices(a_rig.glasses[0].mesh, 0.001), pixels=48, display_pixels=48), kept)
+    assert len(built) == 2
+
+
+def replace_vertices(mesh, shift):
+    return replace(mesh, vertices=mesh.vertices + shift)
+
+
+def test_settings_and_index_are_part_of_the_optics():
+    """Another index or limit is traced again."""
+    kept = Session()
+    a_rig = small()
+    first = solve(a_rig, kept)
+    denser = replace(a_rig, glasses=(replace(a_rig.glasses[0], ior=ConstantIndex(1.6)),))
+    assert not np.array_equal(solve(denser, kept).source, first.source)
+    assert solve(denser, kept, only_through_glass=False).n_rays > 0
+
+
+def test_a_failed_or_stopped_solve_leaves_the_session_as_it_was():
+    """After an error and after a stop in the middle the next solve of the old rig needs no tracing."""
+    kept = Session()
+    a_rig = small()
+    solve(a_rig, kept)
+    with pytest.raises(RigError):
+        solve(replace(a_rig, plates=()), kept)
+    stopped = kept.solve(replace(a_rig, glasses=(replace(a_rig.glasses[0], ior=ConstantIndex(1.7)),)), Settings())
+    next(stopped)
+    stopped.close()
+    assert solve(a_rig, kept).n_rays == 0
+
+
+def without(part):
+    return lambda: replace(small(), **{part: ()})
+
+
+def broken(**changes):
+    a_rig = small()
+    return replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(a_rig.glasses[0].mesh, **changes)),))
+
+
+def nan_vertices():
+    vertices = small().glasses[0].mesh.vertices.copy()
+    vertices[3] = np.nan
+    return broken(vertices=vertices)
+
+
+def moved_away(parts):
+    part = getattr(small(), parts)[0]
+    return replace(small(), **{parts: (replace(part, mesh=replace_vertices(part.mesh, np.array([3.0, 0, 0]))),)})
+
+
+def turned_display():
+    a_rig = small()
+    mesh = a_rig.display.mesh
+    turned = replace(mesh, triangles=mesh.triangles[:, ::-1], uv=mesh.uv[:, ::-1])
+    return replace(a_rig, displays=(replace(a_rig.display, mesh=turned),))
+
+
+def bent_plate():
+    a_rig = small()
+    vertices = a_rig.plates[0].mesh.vertices.copy()
+    vertices[0] += [0, 0.01, 0]
+    return replace(a_rig, plates=(replace(a_rig.plates[0], mesh=replace(a_rig.plates[0].mesh, vertices=vertices)),))
+
+
+def picture_behind():
+    a_rig = small()
+    away = rectangle([0, -5, 0], [1, 0, 0], [0, 0, 1], 0.1, 0.1)
+    return replace(a_rig, pictures=(replace(a_rig.picture, mesh=away),))
+
+
+BAD = {
+    "no glass": (without("glasses"), RigError, "no glass"),
+    "no plate": (without("plates"), RigError, "no plate"),
+    "no display": (without("displays"), RigError, "no display"),
+    "no picture": (without("pictures"), RigError, "no picture"),
+    "no viewer": (without("viewers"), RigError, "no viewer"),
+    "two pictures": (lambda: replace(small(), pictures=small().pictures * 2), RigError, "2 pictures"),
+    "empty mesh": (lambda: broken(triangles=np.empty((0, 3), int)), MeshError, "no faces"),
+    "NaN vertices": (nan_vertices, MeshError, "not finite"),
+    "no UV": (
+        lambda: replace(small(), displays=(replace(small().display, mesh=replace(small().display.mesh, uv=None)),)),
+        MeshError,
+        "no UV map",
+    ),
+    "index 0": (
+        lambda: replace(small(), glasses=(replace(small().glasses[0], ior=ConstantIndex(0.0)),)),
+        RigError,
+        "index of refraction",
+    ),
+    "viewer inside": (lambda: rig(box([3, 3, 3])), RigError, "inside the glass"),
+    "plate not reached": (lambda: moved_away("plates"), RigError, "no ray reaches the plate"),
+    "display not reached": (lambda: moved_away("displays"), RigError, "no ray reaches the display"),
+    "display turned": (turned_display, RigError, "front of the display"),
+    "plate bent": (bent_plate, RigError, "not flat"),
+    "picture out of view": (picture_behind, RigError, "does not see the picture"),
+    "blocked": (
+        lambda: replace(small(), blockers=(Blocker("b", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1)),)),
+        RigError,
+        "blocked",
+    ),
+    "glass out of view": (lambda: rig(box([0.01] * 3, (3, 0, 0)), pixels=16), RigError, "no ray from the viewer meets"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_rig_that_cannot_be_solved_is_told_in_one_sentence(name):
+    """The error is one of core's own, and one sentence that says what to do."""
+    make, kind, words = BAD[name]
+    with pytest.raises(kind, match=words) as caught:
+        solve(make())
+    text = str(caught.value)
+    assert text.endswith(".")
+    assert text.count(". ") == 0
+    assert ":" in text
+
+
+def test_solutions_say_what_was_left_out():
+    """A rig of few flat faces builds no engine and says so; overlapping solids are counted."""
+    flat = solve(rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16))
+    assert any("ray engine" in words for words in flat.left_out)
+    assert any("disjoint" in words for words in flat.left_out)
+    nested = (Glass("a", box([0.3, 0.02, 0.3])), Glass("b", box([0.02, 0.01, 0.02])))
+    both = solve(rig(nested, pixels=16, display_pixels=16))
+    assert "overlapping media" in both.used
+
+
+def test_an_open_mesh_is_named_in_the_notes():
+    """A glass with a hole cannot have an inside: the result says which and how many edges are open."""
+    mesh = box([0.3, 0.02, 0.3])
+    holed = Mesh(mesh.vertices, mesh.triangles[:-1])
+    solution = drain(Session().solve(rig(holed, pixels=16, display_pixels=16)))
+    assert any("not closed (3 open edges)" in note for note in solution.notes)

@@ -1,0 +1,444 @@
+"""Shares against a polygon clipper that knows nothing of edges, rows or cumulative sums."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kiriko.core.shares import (
+    Shares,
+    concatenate,
+    display_coverage,
+    rasterise,
+    to_display,
+    to_view,
+    view_coverage,
+)
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+fixed = settings(derandomize=True, deadline=None, max_examples=150, database=None)
+
+
+# --- the independent reference: Sutherland and Hodgman's clipper, in whatever numbers it is given ---
+
+
+def clip(polygon, axis, limit, sign):
+    """Keep the part of a polygon (list of points) where sign * (coordinate - limit) >= 0."""
+    kept = []
+    for a, b in zip(polygon, [*polygon[1:], *polygon[:1]]):
+        da, db = sign * (a[axis] - limit), sign * (b[axis] - limit)
+        if da >= 0:
+            kept.append(a)
+        if (da > 0 > db) or (da < 0 < db):
+            kept.append(tuple(p + (q - p) * da / (da - db) for p, q in zip(a, b)))
+    return kept
+
+
+def area_and_centroid(polygon):
+    """Signed area and centroid (0, 0, 0 for none), taken from the first corner so that a small polygon far away counts."""
+    area = mx = my = 0
+    (x, y), *rest = polygon or [(0, 0)]
+    around = [(px - x, py - y) for px, py in rest]
+    for (ax, ay), (bx, by) in zip(around, around[1:]):
+        cross = ax * by - ay * bx
+        area, mx, my = area + cross / 2, mx + cross * (ax + bx) / 6, my + cross * (ay + by) / 6
+    return (area, x + mx / area, y + my / area) if area else (0, 0, 0)
+
+
+def clipped(polygon, width, height, exact=False):
+    """Area and centroid {pixel: (area, x, y)} of a convex polygon in each pixel of a display."""
+    number = Fraction if exact else float
+    points = [tuple(number(value) for value in point) for point in polygon]
+    columns, rows = ([int(np.floor(f(point[i] for point in points))) for f in (min, max)] for i in (0, 1))
+    found = {}
+    for row in range(max(rows[0], 0), min(rows[1], height - 1) + 1):
+        strip = clip(clip(points, 1, row, 1), 1, row + 1, -1)
+        for column in range(max(columns[0], 0), min(columns[1], width - 1) + 1):
+            area, x, y = area_and_centroid(clip(clip(strip, 0, column, 1), 0, column + 1, -1))
+            if abs(area) > 1e-14:
+                found[row * width + column] = float(abs(area)), float(x), float(y)
+    return found
+
+
+def grid(n_columns, n_rows=None):
+    """Viewer pixels as quads (n, 4, 2)."""
+    x, y = np.meshgrid(np.arange(float(n_columns)), np.arange(float(n_rows or n_columns)))
+    return np.stack([x.ravel(), y.ravel()], axis=1)[:, None] + SQUARE
+
+
+def by_polygon(shares):
+    """Shares of each viewer pixel of a grid, as {pixel: [number of the share]}."""
+    order = np.argsort(shares.view_index, kind="stable")
+    cuts = np.searchsorted(shares.view_index[order], np.arange(np.prod(shares.view_size) + 1))
+    return [order[a:b] for a, b in zip(cuts, cuts[1:])]
+
+
+def convex_quads(random, n, size, spread):
+    """Convex quads about a random place: a bent parallelogram, of either orientation."""
+    a = random.normal(size=(n, 1, 2)) * size
+    b = random.normal(size=(n, 1, 2)) * size
+    bend = random.uniform(-0.4, 0.4, (n, 1, 2))
+    s, t = SQUARE[:, 0, None] - 0.5, SQUARE[:, 1, None] - 0.5
+    # c = bend[0] a + bend[1] b with |bend[0]| + |bend[1]| < 2 keeps the quad convex
+    quads = s * a + t * b + s * t * (bend[..., :1] * a + bend[..., 1:] * b)
+    return quads + random.uniform(0, spread, (n, 1, 2))
+
+
+def inverse_bilinear(quad, point):
+    """(s, t) in 0..1 with bilinear(quad, s, t) = point, by Newton's method from the middle."""
+    st = np.array([0.5, 0.5])
+    for _ in range(30):
+        s, t = st
+        here = (1 - s) * (1 - t) * quad[0] + s * (1 - t) * quad[1] + s * t * quad[2] + (1 - s) * t * quad[3]
+        ds = (1 - t) * (quad[1] - quad[0]) + t * (quad[2] - quad[3])
+        dt = (1 - s) * (quad[3] - quad[0]) + s * (quad[2] - quad[1])
+        st = st + np.linalg.solve(np.stack([ds, dt], axis=1), point - here)
+    return st
+
+
+# --- against the clipper ---
+
+
+@pytest.mark.parametrize("size", [0.02, 0.3, 1.0, 6.0])
+def test_quads_agree_with_clipper(size):
+    """Each share has the area and centroid of cell and pixel cut with each other; tolerance: rounding, 1e-11 px."""
+    random = np.random.default_rng(1)
+    width, height, n = 37, 23, 12
+    quads = convex_quads(random, n * n, size, 40) - 5
+    shares = rasterise((width, height), (n, n), grid(n), quads)
+    for number, members in enumerate(by_polygon(shares)):
+        expected = clipped(quads[number], width, height)
+        total = abs(area_and_centroid(quads[number].tolist())[0])
+        assert set(expected) <= set(shares.display_index[members].tolist())
+        assert len(members) == len(set(shares.display_index[members].tolist()))
+        for i in members:
+            area, x, y = expected.get(int(shares.display_index[i]), (0, 0, 0))
+            assert shares.display_area[i] == pytest.approx(area, abs=1e-11)
+            assert shares.area[i] == pytest.approx(area / total, abs=1e-11 / total)
+            if area > 1e-6 * total:
+                cell = np.array([number % n, number // n])
+                expected_st = inverse_bilinear(quads[number], np.array([x, y]))
+                # a centroid is a quotient of areas: 1e-11 over the share's part of the cell
+                if not (shares.display_area[i] == pytest.approx(total, rel=1e-9)):
+                    np.testing.assert_allclose(shares.view_xy[i] - cell, expected_st, atol=1e-11 / area + 1e-9)
+
+
+def test_triangles_agree_with_exact_clipper():
+    """In rational numbers a triangle's shares differ from the exact ones by rounding only, 1e-13 px^2."""
+    random = np.random.default_rng(2)
+    width, height, n = 16, 16, 40
+    corners = random.uniform(-4, 20, (n, 1, 2)) + random.normal(size=(n, 3, 2)) * random.choice([0.1, 1, 8], (n, 1, 1))
+    view = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) + np.stack([np.arange(n), np.zeros(n)], axis=1)[:, None]
+    shares = rasterise((width, height), (n, 1), view, corners)
+    for number, members in enumerate(by_polygon(shares)):
+        expected = clipped(corners[number], width, height, exact=True)
+        total = abs(area_and_centroid(corners[number].tolist())[0])
+        found = dict(zip(shares.display_index[members].tolist(), members, strict=True))
+        for pixel in expected.keys() | found.keys():
+            area, x, y = expected.get(pixel, (0.0, 0, 0))
+            share = found.get(pixel)
+            assert (0 if share is None else shares.display_area[share]) == pytest.approx(area, abs=1e-13)
+            if area > 1e-6 * total:
+                edges = (corners[number, 1:] - corners[number, 0]).T
+                weights = np.linalg.solve(edges, np.array([x, y]) - corners[number, 0])
+                np.testing.assert_allclose(shares.view_xy[share] - [number, 0], weights, atol=1e-13 / area + 1e-10)
+
+
+coordinate = st.one_of(
+    st.floats(-3, 12, allow_nan=False), st.integers(-2, 11).map(float), st.sampled_from([0.0, 8.0, 0.5, -1e-17, 1e-12])
+)
+
+
+@fixed
+@given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=3))
+def test_any_triangle_agrees_with_exact_clipper(corners):
+    """Corners on grid lines, level and upright edges: the area in each pixel is exact to 1e-12 px^2."""
+    shares = rasterise((8, 8), (1, 1), np.array([[[0, 0], [1, 0], [0, 1.0]]]), np.array([corners]))
+    image = np.bincount(shares.display_index, shares.display_area, 64)
+    expected = np.zeros(64)
+    for pixel, (area, _, _) in clipped(corners, 8, 8, exact=True).items():
+        expected[pixel] = area
+    # a triangle thinner than 1e-5 px is moved by that much, and so can only be told as thin as it is
+    height = 1e-5 * np.ptp(np.array(corners), axis=0).max()
+    thin = abs(area_and_centroid(corners)[0]) <= height
+    np.testing.assert_allclose(image, expected, rtol=0, atol=2 * height if thin else 1e-12)
+
+
+@fixed
+@given(st.lists(st.tuples(coordinate, coordinate), min_size=4, max_size=4))
+def test_any_quad_conserves_its_area(corners):
+    """Convex, bent in, bow-tie, line or point: no share is negative, and inside a display all the area arrives."""
+    shares = rasterise((18, 18), (1, 1), SQUARE[None], np.array([corners]) + 4)
+    assert shares.area.min() > 0
+    assert shares.display_area.min() >= 0
+    # a bow-tie's diagonal makes two triangles, each right to 1e-9 of it
+    assert shares.area.sum() == pytest.approx(1, abs=2e-9)
+    xy = shares.view_xy
+    assert (xy >= 0).all() and (xy <= 1).all()
+    column, row = shares.display_index % 18, shares.display_index // 18
+    low, high = np.array(corners).min(axis=0) + 4, np.array(corners).max(axis=0) + 4
+    assert (column + 1 >= low[0] - 1e-4).all() and (column <= high[0] + 1e-4).all()
+    assert (row + 1 >= low[1] - 1e-4).all() and (row <= high[1] + 1e-4).all()
+
+
+# --- sums and linear functions ---
+
+
+def turned(points, centre_from, centre_to, scale, angle, flip=False):
+    """Points turned and scaled, and the inverse (2, 2) matrix."""
+    matrix = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    if flip:
+        matrix = matrix @ np.diag([-1.0, 1.0])
+    return (points - centre_from) @ matrix.T + centre_to, np.linalg.inv(matrix)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize(("view", "scale"), [(24, 8.0), (96, 1.0), (300, 0.125), (96, 1.37)])
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2])
+def test_affine_map_is_inverted_at_pixel_centres(view, scale, angle, flip):
+    """For an affine map the area-weighted mean of the centroids is the inverse map of the display pixel's centre, at
+    any magnification and orientation: linear functions are reproduced to 1e-9 viewer px."""
+    size = int(view * scale)
+    middle = np.array([view / 2, view / 2]), np.array([size / 2 + 0.21, size / 2 - 0.13])
+    polygons, inverse = turned(grid(view), *middle, scale, angle, flip)
+    shares = rasterise((size, size), (view, view), grid(view), polygons)
+    area = to_display(shares, np.ones(len(shares)))
+    mean = to_display(shares, shares.view_xy) / np.where(area > 0, area, 1)[..., None]
+    full = display_coverage(shares) > 1 - 1e-12
+    assert full.sum() > 0.4 * size * size
+    x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    expected = (np.stack([x, y], axis=-1) - middle[1]) @ inverse.T + middle[0]
+    np.testing.assert_allclose(mean[full], expected[full], atol=1e-9)
+    np.testing.assert_allclose(area[full], 1 / scale**2, rtol=1e-11)
+
+
+KEYSTONE = np.array([[0.7, 0.1, 0.1], [-0.05, 0.6, 0.12], [0.25, -0.1, 1.0]])  # unit square into unit square
+
+
+def homography(matrix, points):
+    """Points (..., 2) mapped by a homography (3, 3)."""
+    mapped = points @ matrix[:, :2].T + matrix[:, 2]
+    return mapped[..., :2] / mapped[..., 2:]
+
+
+def perspective(points, size):
+    """A keystone that maps the unit square into a display, with room to spare."""
+    return size * homography(KEYSTONE, points)
+
+
+@pytest.mark.parametrize("size", [16, 64, 500])
+def test_sums_are_the_polygons_areas(size):
+    """Inside the display, each cell's shares sum to its area on the viewer's image, and to that on the display."""
+    view = grid(64)
+    polygons = perspective(view / 64, size)
+    shares = rasterise((size, size), (64, 64), view, polygons)
+    np.testing.assert_allclose(to_view(shares, np.ones(len(shares))), 1, rtol=1e-10)
+    d1, d2 = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
+    expected = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
+    got = np.bincount(shares.view_index, shares.display_area)
+    np.testing.assert_allclose(got, expected, rtol=1e-10)
+    # neighbours share their edges: no pinhole, no overlap
+    assert np.bincount(shares.display_index, shares.display_area).max() < 1 + 1e-11
+    np.testing.assert_allclose(view_coverage(shares), 1, rtol=1e-10)
+
+
+def keystone_means(size):
+    """Exact viewer area and centroid (unit square) of each display pixel under the keystone, by Gauss's quadrature."""
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    inverse = np.linalg.inv(KEYSTONE)
+    y, x = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
+    area, moment = np.zeros((size, size)), np.zeros((size, size, 2))
+    for sx, wx in zip(nodes, weights):
+        for sy, wy in zip(nodes, weights):
+            point = np.stack([x + 0.5 + sx / 2, y + 0.5 + sy / 2], axis=-1) / size
+            # the Jacobian of a homography M is det M / (third homogeneous coordinate)^3
+            density = np.linalg.det(inverse) / (point @ inverse[2, :2] + inverse[2, 2]) ** 3
+            area += 0.25 * wx * wy * density / size**2
+            moment += (0.25 * wx * wy * density / size**2)[..., None] * homography(inverse, point)
+    return area, moment / area[..., None]
+
+
+def test_smooth_map_is_inverted_to_second_order():
+    """Halving the cells divides the error of the mean viewer position by four, whether they are larger or smaller than
+    a display pixel."""
+    size, errors = 40, []
+    expected = keystone_means(size)[1]
+    for n in (5, 10, 20, 40, 80):
+        view = grid(n)
+        shares = rasterise((size, size), (n, n), view, perspective(view / n, size))
+        full = display_coverage(shares) > 1 - 1e-9
+        area = to_display(shares, np.ones(len(shares)))
+        mean = to_display(shares, shares.view_xy / n)[full] / area[full][:, None]
+        errors.append(np.sqrt(((mean - expected[full]) ** 2).mean()))
+    print(errors)
+    assert (np.array(errors[:-1]) / errors[1:] > 3.0).all()
+
+
+def test_clipping_at_the_border_keeps_the_part_inside():
+    """A cell far larger than the display covers it whole, and gives it the part of its area that lies there."""
+    quad = np.array([[[-1e4, -2e4], [3e4, -1e4], [2e4, 4e4], [-3e4, 1e4]]])
+    for polygon in (quad, quad[:, ::-1]):
+        shares = rasterise((31, 17), (1, 1), SQUARE[None], polygon)
+        np.testing.assert_allclose(display_coverage(shares), 1, atol=1e-9)
+        total = abs(area_and_centroid(quad[0].tolist())[0])
+        assert shares.area.sum() == pytest.approx(31 * 17 / total, rel=1e-9)
+
+
+@pytest.mark.parametrize("shift", [(-40, 0), (40, 0), (0, -40), (0, 40), (-9.5, 0), (9.5, 3.2), (3.3, -9.5), (-2, 9.5)])
+def test_outside_counts_nothing(shift):
+    """Whatever lies beyond one of the four borders is left out; the clipper says the same."""
+    random = np.random.default_rng(3)
+    quads = convex_quads(random, 25, 3, 10) + shift
+    shares = rasterise((10, 10), (5, 5), grid(5), quads)
+    expected = np.zeros(100)
+    for quad in quads:
+        for pixel, (area, _, _) in clipped(quad, 10, 10).items():
+            expected[pixel] += area
+    image = np.bincount(shares.display_index, shares.display_area, 100)
+    np.testing.assert_allclose(image, expected, atol=1e-11)
+
+
+# --- caustics and broken cells ---
+
+
+@pytest.mark.parametrize("k", [3, 4])
+@pytest.mark.parametrize("width", [0.0, 1e-17, 1e-12, 1e-8, 1e-5, 1e-3])
+@pytest.mark.parametrize("angle", [0.0, 0.4, np.pi / 2, 2.5])
+def test_cells_squeezed_to_a_line_keep_their_area(k, width, angle):
+    """On a caustic a cell's image is a line: its whole area on the viewer's image lies in the pixels along that line,
+    where an affine map puts it."""
+    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    view = SQUARE[None, :k]
+    line = 7 * (view[..., :1] - 0.5) * along + width * view[..., 1:] * across + [8.43, 8.57]
+    shares = rasterise((17, 17), (1, 1), view, line)
+    area = 1 if k == 4 else 0.5
+    assert shares.area.min() > 0
+    assert shares.area.sum() == pytest.approx(area, rel=1e-8)
+    assert shares.display_area.sum() == pytest.approx(7 * width * area, rel=1e-6, abs=1e-12)
+    s = shares.view_xy[:, :1]
+    where = 7 * (s - 0.5) * along + [8.43, 8.57]
+    pixel = np.stack([shares.display_index % 17, shares.display_index // 17], axis=1)
+    # the share's own point lies in its pixel, up to the width of the line
+    big = shares.area > 1e-6
+    assert (np.abs(where - pixel - 0.5)[big] <= 0.5 + 2e-3).all()
+
+
+@pytest.mark.parametrize("place", [(3.3, 4.6), (3.0, 4.0), (0.0, 0.0), (8.0, 4.0)])
+def test_cells_squeezed_to_a_point(place):
+    """A cell that lands on one point gives all its area to the pixel that holds it; a point on a grid line belongs to
+    the pixel on its right and below, and one on the right border to none."""
+    for k in (3, 4):
+        shares = rasterise((8, 8), (1, 1), SQUARE[None, :k], np.broadcast_to(np.array(place), (1, k, 2)))
+        if place[0] == 8:
+            assert len(shares) == 0
+            continue
+        assert shares.display_index.tolist() == [int(place[1]) * 8 + int(place[0])]
+        assert shares.area.sum() == pytest.approx(1 if k == 4 else 0.5, rel=1e-12)
+
+
+def test_tiny_cells_across_a_corner():
+    """A cell of 1e-9 px that straddles a pixel corner loses nothing."""
+    shares = rasterise((8, 8), (1, 1), SQUARE[None], 1e-9 * (SQUARE[None] - 0.4) + [3, 5])
+    assert shares.area.sum() == pytest.approx(1, rel=1e-9)
+    assert set(shares.display_index.tolist()) <= {4 * 8 + 2, 4 * 8 + 3, 5 * 8 + 2, 5 * 8 + 3}
+
+
+def test_fold_is_seen_from_both_sides():
+    """A row of cells folded over (x -> |x|) covers its half twice: coverage stays 1, the area doubles."""
+    view = grid(9, 4)
+    image = view.copy()
+    image[..., 0] = np.abs(view[..., 0] - 4.5) + 1.25
+    image[..., 1] += 1
+    shares = rasterise((8, 6), (9, 4), view, image)
+    assert shares.area.sum() == pytest.approx(36, rel=1e-9)
+    area = to_display(shares, np.ones(len(shares)))
+    np.testing.assert_allclose(area[2:4, 2:5], 2, rtol=1e-9)
+    assert display_coverage(shares).max() == 1
+
+
+def test_broken_cells_are_left_out():
+    """NaN, infinite and overflowing corners, and cells of no area on the viewer's image, give no share and no warning."""
+    polygons = np.repeat(SQUARE[None] * 2 + 0.5, 6, axis=0)
+    view = grid(6, 1)
+    polygons[0, 2, 0] = np.nan
+    polygons[1, 1, 1] = np.inf
+    polygons[2, 3] = [-np.inf, 1e308]
+    polygons[3] *= 1e200
+    view[4] = view[4, :1]
+    with np.errstate(all="raise"):
+        shares = rasterise((5, 5), (6, 1), view, polygons)
+    assert set(shares.view_index.tolist()) == {5}
+    assert shares.area.sum() == pytest.approx(1)
+    assert len(rasterise((5, 5), (6, 1), view[:0], polygons[:0])) == 0
+
+
+def test_one_cell_over_a_large_display_is_cut_in_bands():
+    """A cell of millions of pixels is worked off in parts, and the parts fit: each pixel is covered once."""
+    quad = np.array([[[-3.0, 5.0], [1500.0, -10.0], [1400.0, 1210.0], [40.0, 1190.0]]])
+    shares = rasterise((1300, 1200), (1, 1), SQUARE[None], quad)
+    assert len(np.unique(shares.display_index)) == len(shares)
+    cover = display_coverage(shares)
+    assert cover[600, 100:1200] == pytest.approx(1, abs=1e-11)
+    expected = abs(area_and_centroid(clip(clip(quad[0].tolist(), 0, 0, 1), 0, 1300, -1))[0])
+    rows = abs(area_and_centroid(clip(clip(clip(clip(quad[0].tolist(), 0, 0, 1), 0, 1300, -1), 1, 0, 1), 1, 1200, -1))[0])
+    assert rows <= expected
+    assert shares.display_area.sum() == pytest.approx(rows, rel=1e-12)
+
+
+# --- products ---
+
+
+def test_products_are_transposes_of_each_other():
+    """<A x, y> = <x, A^T y> for any viewer image x and display image y, with throughput as weights."""
+    random = np.random.default_rng(4)
+    view = grid(30, 20)
+    quads = turned(view, [15, 10], [20, 16], 1.3, 0.7)[0]
+    throughput = random.uniform(0, 1, len(view))
+    shares = rasterise((40, 32), (30, 20), view, quads, throughput)
+    x, y = random.normal(size=(20, 30, 3)), random.normal(size=(32, 40, 3))
+    display = to_display(shares, x.reshape(-1, 3)[shares.view_index], shares.throughput)
+    back = to_view(shares, y.reshape(-1, 3)[shares.display_index], shares.throughput)
+    assert display.shape == (32, 40, 3) and back.shape == (20, 30, 3)
+    assert (display * y).sum() == pytest.approx((x * back).sum(), rel=1e-12)
+    one = to_display(shares, x.reshape(-1, 3)[shares.view_index, 0], shares.throughput)
+    np.testing.assert_allclose(one, display[..., 0], rtol=1e-12, atol=1e-15)
+
+
+def test_throughput_follows_its_cell():
+    """Each share carries the throughput of the cell it was cut from."""
+    view = grid(30, 20)
+    throughput = np.random.default_rng(5).uniform(0, 1, len(view))
+    quads = turned(view, [15, 10], [20, 16], 1.3, 0.7)[0]
+    quads[7] = quads[7, [0, 2, 1, 3]]  # a bow-tie takes another way
+    shares = rasterise((40, 32), (30, 20), view, quads, throughput)
+    np.testing.assert_array_equal(shares.throughput, throughput[shares.view_index])
+    assert rasterise((40, 32), (30, 20), view, quads).throughput is None
+
+
+def test_joined_shares_add_up():
+    """The product of joined shares is the sum of the products; a missing throughput counts as 1."""
+    view = grid(12)
+    quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
+    first = rasterise((18, 18), (12, 12), view[:70], quads[:70])
+    second = rasterise((18, 18), (12, 12), view[70:], quads[70:], np.full(74, 0.5))
+    both = concatenate(first, second)
+    assert isinstance(both, Shares) and len(both) == len(first) + len(second)
+    expected = to_display(first, np.ones(len(first))) + to_display(second, np.ones(len(second)), second.throughput)
+    np.testing.assert_allclose(to_display(both, np.ones(len(both)), both.throughput), expected, rtol=1e-12, atol=1e-15)
+    with pytest.raises(ValueError, match="same sizes"):
+        concatenate(first, rasterise((18, 17), (12, 12), view, quads))
+
+
+def test_order_and_chunks_do_not_matter():
+    """The image is the same when the cells come shuffled, so no share depends on its neighbours in the batch."""
+    view = grid(200)
+    quads = turned(view, [100, 100], [130, 120], 1.1, 0.5)[0]
+    order = np.random.default_rng(6).permutation(len(view))
+    one = rasterise((256, 256), (200, 200), view, quads)
+    other = rasterise((256, 256), (200, 200), view[order], quads[order])
+    assert len(one) == len(other)
+    np.testing.assert_allclose(
+        to_display(one, one.view_xy), to_display(other, other.view_xy), rtol=1e-10, atol=1e-10
+    )

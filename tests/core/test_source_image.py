@@ -1,0 +1,92 @@
+"""What the display shows: exact where it can be computed by hand, and the limit of the brute-force splat."""
+
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, box, cube_rig, rig
+from work import drain, solve
+
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.source_image import grow, splat
+
+
+def waves(size=64):
+    """A smooth picture without symmetries."""
+    y, x = (np.mgrid[:size, :size] + 0.5) / size
+    r, g = 0.5 + 0.4 * np.sin(7 * x + 3 * y), 0.5 + 0.4 * np.cos(5 * y - 2 * x * y)
+    return np.stack([r, g, x * y, np.ones_like(x)], axis=2).astype(np.float32)
+
+
+def ramp(size=64):
+    y, x = (np.mgrid[:size, :size] + 0.5) / size
+    return np.stack([x, y, 0 * x + 0.25, 0 * x + 1], axis=2).astype(np.float32)
+
+
+@pytest.mark.parametrize(("pixels", "display_pixels"), [(64, 512), (512, 64), (64, 64), (50, 333)])
+def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels):
+    """Index 1, a picture as large as the display: each display pixel shows the ramp's value at its own centre."""
+    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels, display=0.03, image=ramp(),
+                projection="orthographic", field=0.036)  # fmt: skip
+    solution = solve(a_rig)
+    # the mirror image of the picture's top is the display's bottom
+    y, x = (np.mgrid[:display_pixels, :display_pixels] + 0.5) / display_pixels
+    inner = slice(display_pixels // 32, -(display_pixels // 32))  # half a picture pixel at the border is extended
+    for channel, expected in ((0, x), (1, y), (2, 0 * x + 0.25)):
+        found = solution.source[inner, inner, channel]
+        assert np.abs(found - expected[inner, inner]).max() < 1e-6
+    assert solution.display_coverage.min() > 1 - 1e-6
+    assert solution.picture_coverage > 1 - 1e-9
+
+
+def test_no_pinholes_and_no_ghost_lines_in_the_ball():
+    """Where the display is covered it is covered whole, and neighbours differ by no more than a smooth map lets them."""
+    solution = solve(ball_rig(4, pixels=128, display_pixels=512, image=np.ones((4, 4, 4), np.float32)))
+    covered = solution.display_coverage
+    inside = covered > 0
+    for shift in ((0, 1), (1, 0)):
+        inside &= np.roll(covered, shift, (0, 1)) > 0
+        inside &= np.roll(covered, (-shift[0], -shift[1]), (0, 1)) > 0
+    inside[[0, -1]] = inside[:, [0, -1]] = False
+    assert inside.mean() > 0.5
+    assert (covered[inside] > 0.98).mean() > 0.999
+    assert np.isfinite(solution.source).all()
+    assert solution.source.max() <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("make", [lambda **o: ball_rig(4, **o), cube_rig], ids=["ball", "cube"])
+def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
+    """The distance between splat and source image falls as samples^-1/2, to the end of the ladder."""
+    a_rig = make(pixels=96, display_pixels=48, image=waves())
+    solution = solve(a_rig)
+    plan = make_plan(a_rig, Settings())
+    whole = solution.display_coverage > 0.999
+    assert whole.mean() > 0.2
+    ladder = np.array([1, 4, 16, 64])
+    errors = []
+    for spp in ladder:
+        difference = drain(splat(plan, int(spp), seed=int(spp)))[whole] - solution.source[whole]
+        errors.append(np.sqrt((difference**2).mean()))
+    slope = np.polyfit(np.log(ladder), np.log(errors), 1)[0]
+    assert -0.6 < slope < -0.42, errors
+
+
+def test_brightness_weighs_by_throughput_and_brightens_what_the_glass_dims():
+    """Least squares with T: where one path lands, the source is picture / T, so the viewer sees the picture itself."""
+    a_rig = rig(box([0.3, 0.02, 0.3]), pixels=64, display_pixels=64, image=ramp(), display=0.05)
+    plain, bright = solve(a_rig), solve(a_rig, brightness=True)
+    shown = (plain.source[..., 2] > 0.2) & (plain.display_coverage > 0.999)
+    ratio = bright.source[shown][:, 2] / plain.source[shown][:, 2]
+    reflected = ((1.49 - 1) / (1.49 + 1)) ** 2
+    assert ratio.min() > 1 / (1 - reflected) ** 2 - 1e-4  # normal incidence is the brightest
+    assert ratio.max() < 1.01 / (1 - reflected) ** 2
+    inner = (slice(24, 40), slice(24, 40))
+    np.testing.assert_allclose(bright.seen()[inner], bright.ideal()[inner], atol=2e-2)
+
+
+def test_margin_grows_the_covered_area_by_its_neighbours():
+    """One pixel in the middle, margin 2: a square of 5 of its colour; nothing else changes."""
+    image, covered = np.zeros((9, 9, 3), np.float32), np.zeros((9, 9), bool)
+    image[4, 4], covered[4, 4] = [0.2, 0.4, 0.8], True
+    grown = grow(image, covered, 2)
+    assert (grown[2:7, 2:7] == image[4, 4]).all()
+    assert grown.sum() == pytest.approx(25 * image.sum())
+    assert (grow(image, covered, 0) == image).all()

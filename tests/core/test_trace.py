@@ -1,0 +1,247 @@
+"""Landings against closed forms: no glass, slab, ball, ellipsoid, total internal reflection, nested and touching solids."""
+
+import closed_forms
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig
+
+from kiriko.core.errors import RigError
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.trace import Reason, trace_all
+
+
+def grid(viewer, n=65):
+    x, y = np.meshgrid(np.linspace(0, viewer.width, n), np.linspace(0, viewer.height, n))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def traced(a_rig, xy=None, **settings):
+    xy = grid(a_rig.viewer) if xy is None else xy
+    o, d = a_rig.viewer.rays(xy)
+    return o, d, trace_all(make_plan(a_rig, Settings(**settings)), o, d)
+
+
+def error_px(a_rig, landings, through, o, d, **shape):
+    exact = closed_forms.landing(a_rig, *through(o, d, **shape))
+    found = landings.has_arrived & np.isfinite(exact[:, 0])
+    assert found.sum() > 0.999 * landings.has_arrived.sum()  # a facet can lie where the curved surface is missed
+    return np.linalg.norm(landings.xy[found] - exact[found], axis=1), exact
+
+
+def test_without_glass_the_landing_is_the_mirror_image():
+    """Index 1: each landing is the mirror image of the point on the aerial plane, within 1e-12 m."""
+    a_rig = rig(box([0.05] * 3), ior=1.0)
+    o, d, landings = traced(a_rig)
+    assert landings.has_arrived.all()
+    on_aerial_plane = o + (-o[:, 1] / d[:, 1])[:, None] * d
+    normal = np.array([0, 1, -1]) / 2**0.5
+    mirrored = on_aerial_plane + 2 * (np.array([0, 0.15, 0]) @ normal - on_aerial_plane @ normal)[:, None] * normal
+    assert np.abs(landings.positions - mirrored).max() < 1e-12
+    assert np.abs(landings.xy - closed_forms.landing(a_rig, o, d)).max() < 1e-12 / (0.05 / 512) * 2
+
+
+@pytest.mark.parametrize("degrees", [0.0, 15.8, 40.0])
+def test_slab_landings_are_right_to_a_nanometre(degrees):
+    """A flat-faced solid: within 1e-9 m of the shifted ray of the slab formula."""
+    a_rig = rig(box([0.3, 0.02, 0.3], degrees_about_z=degrees), display=0.1)
+    o, d, landings = traced(a_rig)
+    a = np.radians(degrees)
+    normal = np.array([-np.sin(a), np.cos(a), 0])
+    assert landings.has_arrived.mean() > 0.5
+    error, _ = error_px(
+        a_rig, landings, closed_forms.through_slab, o, d, normal=normal, near=-0.01 * normal, thickness=0.02, n=1.49
+    )
+    assert error.max() * 0.1 / 512 < 1e-9
+
+
+def test_smooth_ball_is_right_to_a_twentieth_of_a_pixel():
+    """20 k smooth-shaded triangles land within 0.05 display px rms of the analytic ball at 512 px."""
+    a_rig = ball_rig()
+    o, d, landings = traced(a_rig, grid(a_rig.viewer, 257))
+    error, exact = error_px(a_rig, landings, closed_forms.through_ball, o, d, radius=0.025, n=1.49)
+    assert np.sqrt((error**2).mean()) < 0.05
+    # and nothing that should have arrived has not: a point well inside the display is reached
+    inside = ((exact > 2) & (exact < 510)).all(axis=1)
+    assert landings.has_arrived[inside].mean() > 0.998
+
+
+def test_ball_error_falls_with_the_square_of_the_edge():
+    """Facets with the surface's own normals: four times the triangles, a quarter of the error."""
+    errors = []
+    for levels in (3, 4, 5):
+        a_rig = ball_rig(levels)
+        o, d, landings = traced(a_rig)
+        error, _ = error_px(a_rig, landings, closed_forms.through_ball, o, d, radius=0.025, n=1.49)
+        errors.append(np.median(error))
+    slope = np.polyfit(np.log(4.0 ** np.arange(3)), np.log(errors), 1)[0]
+    assert -1.15 < slope < -0.85
+
+
+def test_ellipsoid_agrees_with_the_quadric():
+    """An ellipsoid of 25 x 20 x 15 mm, 20 k smooth triangles, against the quadric."""
+    radii = (0.025, 0.020, 0.015)
+    a_rig = rig(icosphere(radii, 5), picture=0.015)
+    o, d, landings = traced(a_rig, grid(a_rig.viewer, 257))
+    error, _ = error_px(a_rig, landings, closed_forms.through_ellipsoid, o, d, radii=radii, n=1.49)
+    assert landings.has_arrived.mean() > 0.1
+    assert np.sqrt(np.median(error**2)) < 0.05
+    assert np.sqrt((error**2).mean()) < 0.25
+
+
+@pytest.mark.parametrize("make", [cube_rig, lambda: ball_rig(3)], ids=["cube", "ball"])
+def test_a_landing_traced_back_returns_to_its_pixel(make):
+    """Light is reversible: from the display back through plate and glass the ray meets the viewer again."""
+    a_rig = make()
+    _, d, landings = traced(a_rig)
+    found = landings.has_arrived
+    display = a_rig.display
+    # the way back: the display's place is taken by a large one at the viewer, which looks at the plate from the display
+    viewer_plane = rectangle(a_rig.viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 10, 10)
+    back = Rig(a_rig.viewers, a_rig.glasses, a_rig.plates, (type(display)("eye", viewer_plane, 10, 10),), a_rig.pictures)
+    start, away = landings.positions[found], -landings.directions[found]
+    returned = trace_all(make_plan(back, Settings()), start, away)
+    same = returned.has_arrived & (returned.n_events == landings.n_events[found])
+    assert same.mean() > 0.995  # a ray within rounding of an edge may take the other face on its way back
+    t = ((a_rig.viewer.position - returned.positions[same]) * returned.directions[same]).sum(1)
+    passes = returned.positions[same] + t[:, None] * returned.directions[same]
+    assert np.abs(np.median(np.abs(passes - a_rig.viewer.position), axis=0)).max() < 1e-12
+    assert np.abs(passes - a_rig.viewer.position).max() < 1e-9
+    np.testing.assert_allclose(returned.directions[same], -d[found][same], atol=1e-9)
+
+
+def test_nested_and_touching_solids_follow_the_priority_rule():
+    """Equal media joined by touching faces, and a solid of the same index inside, act as one slab: to rounding."""
+    whole = rig(box([0.3, 0.02, 0.3]), display=0.1)
+    n = ConstantIndex(1.49)
+    halves = (
+        Glass("front", box([0.3, 0.01, 0.3], (0, -0.005, 0)), n),
+        Glass("back", box([0.3, 0.01, 0.3], (0, 0.005, 0)), n),
+    )
+    inner = (Glass("outer", box([0.3, 0.02, 0.3]), n), Glass("inner", box([0.05, 0.004, 0.05], (0.003, 0, 0)), n))
+    _, _, one = traced(whole)
+    for glasses in (halves, inner):
+        _, _, other = traced(rig(glasses, display=0.1))
+        assert np.array_equal(one.reason, other.reason)
+        assert np.nanmax(np.abs(one.xy - other.xy)) < 1e-9
+
+
+def test_hollow_glass_equals_its_two_walls():
+    """A box with a cavity is two slabs with air between, whichever way the cavity's faces were drawn."""
+    outer, cavity = box([0.3, 0.03, 0.3]), box([0.28, 0.01, 0.28])
+    walls = (Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))), Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))))
+    _, _, expected = traced(rig(walls, display=0.1, field=0.04))
+    for turned in (False, True):
+        inner = cavity.triangles[:, ::-1] if turned else cavity.triangles
+        mesh = Mesh(np.concatenate([outer.vertices, cavity.vertices]), np.concatenate([outer.triangles, inner + 8]))
+        _, _, found = traced(rig(mesh, display=0.1, field=0.04))
+        assert found.has_arrived.all()
+        assert np.abs(found.xy - expected.xy).max() < 1e-9
+
+
+def test_an_air_solid_inside_glass_is_a_cavity():
+    """A nested solid of index 1 has priority over the glass around it and is air."""
+    hollow = (Glass("glass", box([0.3, 0.03, 0.3])), Glass("air", box([0.28, 0.01, 0.28]), ConstantIndex(1.0)))
+    walls = (Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))), Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))))
+    _, _, expected = traced(rig(walls, display=0.1, field=0.04))
+    _, _, found = traced(rig(hollow, display=0.1, field=0.04))
+    assert np.abs(found.xy - expected.xy).max() < 1e-9
+
+
+def test_priority_decides_where_solids_overlap():
+    """Two overlapping slabs: the one with the higher priority fills the overlap."""
+    a, b = box([0.3, 0.02, 0.3], (0, -0.005, 0)), box([0.3, 0.02, 0.3], (0, 0.005, 0))
+    n1, n2 = ConstantIndex(1.4), ConstantIndex(1.7)
+    _, _, found = traced(rig((Glass("a", a, n1, priority=1), Glass("b", b, n2)), display=0.1))
+    apart = (
+        Glass("a", box([0.3, 0.02, 0.3], (0, -0.005, 0)), n1),
+        Glass("b", box([0.3, 0.01, 0.3], (0, 0.010, 0)), n2),
+    )
+    _, _, expected = traced(rig(apart, display=0.1))
+    assert found.has_arrived.mean() > 0.9
+    assert np.nanmax(np.abs(found.xy - expected.xy)) < 1e-9
+
+
+def test_total_internal_reflection_goes_on_up_to_the_limit():
+    """A right-angled prism turns the light by 90 degrees onto the plate; a limit of fewer events loses it inside."""
+    half = 0.03
+    v = np.array([[-half, -half, z] for z in (-half, half)] + [[half, -half, z] for z in (-half, half)]
+                 + [[-half, half, z] for z in (-half, half)])  # fmt: skip
+    t = np.array([[0, 2, 4], [1, 5, 3], [0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1], [2, 3, 5], [2, 5, 4]])
+    prism = Mesh(v, t)
+    y = np.eye(3)[1]
+    # light along +y meets the face y = -half at normal incidence, then the hypotenuse x + y = 0 at 45 degrees
+    # (TIR for n = 1.49, whose critical angle is 42.2), and leaves through x = -half along -x
+    a_rig = rig(prism, projection="orthographic", pixels=32, field=0.02)
+    a_rig.viewers[0].position[:] = [-0.005, -1, 0]
+    d = np.tile(y, (50, 1))
+    o = np.stack([np.linspace(-0.02, 0.02, 50), np.full(50, -1.0), np.linspace(-0.01, 0.01, 50)], axis=1)
+    landings = trace_all(make_plan(a_rig, Settings()), o, d)
+    assert (landings.reason == Reason.MISSED_PLATE).all()
+    np.testing.assert_allclose(landings.directions, np.tile([-1.0, 0, 0], (50, 1)), atol=1e-15)
+    assert (landings.n_events == 3).all()
+    short = trace_all(make_plan(a_rig, Settings(max_events=2)), o, d)
+    assert (short.reason == Reason.LOST_INSIDE).all()
+
+
+def test_every_ray_keeps_its_reason():
+    """Missed the glass, the plate, the display, blocked: each where the geometry says so."""
+    reasons = lambda r, **s: traced(r, grid(r.viewer, 9), **s)[2].reason  # noqa: E731 - a name for five uses
+    slab_rig = rig(box([0.3, 0.02, 0.3]), display=0.1)
+    assert (reasons(slab_rig) == Reason.ARRIVED).all()
+    assert (reasons(rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)) == Reason.MISSED_GLASS).all()
+    assert (reasons(rig(box([0.3, 0.02, 0.3]), plate=1e-6), only_through_glass=True) == Reason.MISSED_PLATE).mean() > 0.9
+    assert (reasons(rig(box([0.3, 0.02, 0.3]), display=1e-6)) == Reason.MISSED_DISPLAY).mean() > 0.9
+    board = Blocker("board", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1))
+    blocked = Rig(slab_rig.viewers, slab_rig.glasses, slab_rig.plates, slab_rig.displays, slab_rig.pictures, (), (board,))
+    assert (reasons(blocked) == Reason.BLOCKED).all()
+    beside = rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)
+    assert (reasons(beside, only_through_glass=False) == Reason.ARRIVED).all()
+
+
+def test_elements_may_stand_in_any_order():
+    """Glass behind the plate and a mirror before it: the landing equals the one followed by hand."""
+    x, y, z = np.eye(3)
+    base = rig(box([0.3, 0.3, 0.02], (0, 0.15, -0.08)), display=0.2)  # a slab between plate and display
+    o, d, landings = traced(base)
+    p = o + ((0.15 * y - o) @ np.array([0, 1, -1.0]) / (d @ np.array([0, 1, -1.0])))[:, None] * d
+    down = np.stack([-d[:, 0], -d[:, 2], -d[:, 1]], axis=1)
+    leaves, _ = closed_forms.through_slab(p, down, np.array([0, 0, -1.0]), np.array([0, 0, -0.07]), 0.02, 1.49)
+    t = (-0.15 - leaves[:, 2]) / down[:, 2]
+    expected = leaves + t[:, None] * down
+    assert landings.has_arrived.all()
+    assert np.abs(landings.positions - expected).max() < 1e-12
+    # a mirror at 45 degrees: the viewer stands at the side and sees the same
+    side = rig(box([0.3, 0.02, 0.3]), display=0.1)
+    mirror = Mirror("mirror", rectangle([0, -0.5, 0], np.array([1, 1, 0]) / 2**0.5, z, 0.5, 0.5))
+    viewer = type(side.viewer)(
+        "viewer", "perspective", np.array([-0.5, -0.5, 0.0]), np.stack([-y, z, x]), side.viewer.window, 512, 512
+    )
+    turned = Rig((viewer,), side.glasses, side.plates, side.displays, side.pictures, (mirror,))
+    _, _, direct = traced(side)
+    _, _, folded = traced(turned)
+    n = int(len(direct.xy) ** 0.5)  # the mirror turns left into right
+    assert np.abs(direct.xy.reshape(n, n, 2)[:, ::-1] - folded.xy.reshape(n, n, 2)).max() < 1e-9
+
+
+def test_rays_at_vertices_and_edges_do_not_leak():
+    """Rays aimed from outside at every vertex and edge midpoint of a closed mesh: each crosses it, none is lost."""
+    mesh = icosphere(0.025, 4)
+    a_rig = rig(mesh)
+    plan = make_plan(a_rig, Settings())
+    pairs = np.unique(np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    targets = np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1)])
+    targets = targets[targets[:, 1] < -0.008]  # those the viewer sees, off the silhouette
+    o = np.tile(a_rig.viewer.position, (len(targets), 1))
+    d = closed_forms.unit(targets - o)
+    landings = trace_all(plan, o, d)
+    assert len(targets) > 2000
+    assert (landings.reason != Reason.LOST_INSIDE).all()
+    assert (landings.reason != Reason.MISSED_GLASS).all()
+    assert (landings.n_events >= 2).all()
+
+
+def test_viewer_inside_the_glass_is_refused():
+    """One sentence that names viewer and glass."""
+    with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
+        make_plan(rig(box([3, 3, 3])), Settings())

@@ -1,0 +1,20 @@
+"""Runs the generators that core's long work is made of."""
+
+from kiriko.core.plan import Settings
+from kiriko.core.session import Session
+
+
+def drain(generator):
+    """Run to the end; progress has to rise from 0 to 1."""
+    last = 0.0
+    while True:
+        try:
+            progress = next(generator)
+        except StopIteration as done:
+            return done.value
+        assert last <= progress <= 1.0 + 1e-12
+        last = progress
+
+
+def solve(rig, session=None, **settings):
+    return drain((session or Session()).solve(rig, Settings(**settings)))
