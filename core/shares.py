@@ -1,14 +1,15 @@
 """Shares: from which parts of the viewer's image each display pixel is seen.
 
-A cell is a small polygon on the viewer's image together with its image on the display. Walk once around that image: for
-each row of pixels, every edge adds to the pixels it passes what lies to the right of it, and the pixels further right
-get its height in full. Edges going down add what edges going up take away, so the sum over the closed outline is the
+A cell is a small polygon on the viewer's image together with its image on the display. Walk once around that image: in
+each row of pixels, every edge adds to the pixels it passes what lies on its left, and to the pixels further left its
+height in full. Edges going up take away what edges going down have added, so the sum over the closed outline is the
 area inside, pixel by pixel, and no polygon is ever clipped. The same walk gives the first moments, hence the centroid
 of the part of the cell that lies in a pixel; the inverse of the cell's map takes it back to the viewer's image.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ Ints = NDArray[np.int64]
 THINNEST = 1e-5  # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors
 LEVEL = 1e-100  # px: an edge that falls by less has no area beside it
+INSIDE = 1e-9  # of a cell: a share's centroid keeps this far from the border
 FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
 NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
@@ -418,7 +420,7 @@ def _runs(cost: Floats) -> Iterator[tuple[int, int]]:
     """Cut a sequence into runs of about PIXELS_AT_ONCE each, or of one member where that costs more."""
     number = np.floor(np.cumsum(cost) / PIXELS_AT_ONCE)
     ends = [*(np.flatnonzero(np.diff(number)) + 1), len(cost)]
-    yield from zip([0, *ends], ends)
+    yield from pairwise([0, *ends])
 
 
 def _slopes(x: Floats, y: Floats) -> Floats:
@@ -440,8 +442,8 @@ class _Pieces(NamedTuple):
 def _walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, _Pieces]:
     """Cut outlines at the grid lines of their rows.
 
-    Returns the first column and the number of columns that each row of a cell enters, and the pieces of the edges, their
-    pixels counted through all these rows.
+    Returns the first column and the number of columns that each row of a cell enters, and the pieces of the edges,
+    their pixels counted through all these rows.
     """
     k = len(outline) // 3
     x, y, slope, last_column = outline[:k], outline[k : 2 * k] - row, outline[2 * k : -1], outline[-1]
@@ -460,7 +462,7 @@ def _walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, _Pieces]:
     widths = (last - first).astype(np.int64) + 1
     starts = np.cumsum(widths) - widths
 
-    # what lies left of the window counts as lying on its border (column -1); what lies right of it covers nothing
+    # left of the window (column -1) counts as on its border; what is further right than the row adds nothing to it
     begin = np.clip(np.floor(low), -1, last_column + 1)
     end = np.clip(np.floor(high), -1, last)
     of_edge, step = _ragged((is_there * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
@@ -486,8 +488,9 @@ def _walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, _Pieces]:
 def _sums(widths: Ints, pieces: _Pieces) -> tuple[Floats, Floats, Floats]:
     """Signed area (n,) of the cell in each pixel of its rows and the first moments, from the pixel's upper left corner.
 
-    Green's theorem: an edge from (xa, ya) to (xb, yb) has the area (1 - x) dy and the moments (1 - x^2)/2 dy and
-    (1 - x) y dy on its right.
+    Green's theorem: the area is the sum of x dy over the outline, the moments are those of x^2/2 dy and x y dy. Edges
+    in the pixel count with their own x, those further left with 0, those further right with 1. As dy sums to 0 along
+    a row, the last make up minus the cover, which is the sum of dy up to and with the pixel.
     """
     n = int(widths.sum())
     pixel, xa, ya, xb, yb = pieces
@@ -544,20 +547,20 @@ def _bilinear(x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _on_view(inverse: Floats, forward: Floats, x: Floats, y: Floats, is_triangle: bool) -> tuple[Floats, Floats]:
-    """The viewer's u, v of points x, y on the display, kept within the cell against rounding.
+    """The viewer's u, v of points x, y on the display, kept within the cell so that no sliver is rounded out of it.
 
     With (s0, t0) the solution for c = 0, the product k = s t solves k = (s0 - k cx)(t0 - k cy), a quadratic equation.
     """
     s_x, s_y, s_1, t_x, t_y, t_1, cx, cy = inverse
     s, t = s_x * x + s_y * y + s_1, t_x * x + t_y * y + t_1
     if is_triangle:
-        s = np.clip(s, 0, 1)
-        t = np.clip(t, 0, 1 - s)
+        s = np.clip(s, INSIDE, 1 - 2 * INSIDE)
+        t = np.clip(t, INSIDE, 1 - INSIDE - s)
     else:
         linear = 1 + s * cy + t * cx
         root = np.sqrt(np.maximum(linear * linear - 4 * cx * cy * s * t, 0))
         k = 2 * s * t / np.maximum(linear + root, THINNEST)
-        s, t = np.clip(s - k * cx, -0.5, 0.5), np.clip(t - k * cy, -0.5, 0.5)
+        s, t = (np.clip(number, INSIDE - 0.5, 0.5 - INSIDE) for number in (s - k * cx, t - k * cy))
     k = s * t
     u0, us, ut, uk, v0, vs, vt, vk = forward
     return u0 + s * us + t * ut + k * uk, v0 + s * vs + t * vt + k * vk

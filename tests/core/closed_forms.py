@@ -60,19 +60,42 @@ def through_slab(o, d, normal, near, thickness, n):
     return p1 + (thickness / np.abs((d1 * normal).sum(-1)))[:, None] * d1, d
 
 
+def sides(mesh):
+    """A corner of a rectangle and the sides that leave it."""
+    corner, *others = mesh.vertices[np.argsort(np.linalg.norm(mesh.vertices - mesh.vertices[0], axis=1))]
+    return corner, others[0] - corner, others[1] - corner
+
+
 def landing(rig, o, d):
     """Display pixels (n, 2) of rays that leave the glass: ideal plate, then the display's plane; NaN if never there."""
-    plate, display = rig.plates[0].mesh.vertices, rig.displays[0].mesh.vertices
-    sides = plate[1] - plate[0], plate[3] - plate[0]
-    normal = unit(np.cross(*sides))
-    t = ((plate[0] - o) @ normal) / (d @ normal)
+    corner, *plate = sides(rig.plates[0].mesh)
+    normal = unit(np.cross(*plate))
+    t = ((corner - o) @ normal) / (d @ normal)
     p = o + t[:, None] * d
-    on_plate = np.all([abs((p - plate[0]) @ side / (side @ side) - 0.5) <= 0.5 for side in sides], axis=0)
+    on_plate = np.all([abs((p - corner) @ side / (side @ side) - 0.5) <= 0.5 for side in plate], axis=0)
     p = np.where(((t > 0) & on_plate)[:, None], p, np.nan)
     d = -d + 2 * (d @ normal)[:, None] * normal
-    right, up = display[1] - display[0], display[3] - display[0]
+    display = rig.displays[0]
+    uv, corners = display.mesh.uv.reshape(-1, 2), display.mesh.vertices[display.mesh.triangles].reshape(-1, 3)
+    origin, right, up = (corners[np.argmin(np.abs(uv - at).sum(axis=1))] for at in ((0, 0), (1, 0), (0, 1)))
+    right, up = right - origin, up - origin
     facing = np.cross(right, up)
-    t = ((display[0] - p) @ facing) / (d @ facing)
-    q = np.where((t > 0)[:, None], p + t[:, None] * d, np.nan) - display[0]
+    t = ((origin - p) @ facing) / (d @ facing)
+    q = np.where((t > 0)[:, None], p + t[:, None] * d, np.nan) - origin
     u, v = q @ right / (right @ right), q @ up / (up @ up)
-    return np.stack([u * rig.displays[0].width, (1 - v) * rig.displays[0].height], axis=1)
+    return np.stack([u * display.width, (1 - v) * display.height], axis=1)
+
+
+def seen_image(rig, source, through, sub=4, **shape):
+    """A source image (H, W, 3) as the viewer sees it: sub x sub points a pixel, each on a display pixel as a square."""
+    viewer, display = rig.viewers[0], rig.displays[0]
+    x, y = np.meshgrid(np.arange(viewer.width), np.arange(viewer.height))
+    image = np.zeros((viewer.width * viewer.height, 3))
+    for dx in (np.arange(sub) + 0.5) / sub:
+        for dy in (np.arange(sub) + 0.5) / sub:
+            o, d = viewer.rays(np.stack([(x + dx).ravel(), (y + dy).ravel()], axis=1))
+            xy = landing(rig, *through(o, d, **shape))
+            inside = ((xy >= 0) & (xy < [display.width, display.height])).all(axis=1)
+            column, row = np.where(inside[:, None], xy, 0).astype(int).T
+            image += source[row, column] * inside[:, None]
+    return image.reshape(viewer.height, viewer.width, 3) / sub**2

@@ -9,25 +9,6 @@ from work import solve
 from kiriko.core.seen_image import dot_centroids, lattice_shift
 from kiriko.core.session import without_glass
 
-SUB = 4
-
-
-def seen_by_closed_form(a_rig, source, through, **shape):
-    """The source image as the viewer sees it: landings of 4 x 4 points a pixel, each on a display pixel as a square."""
-    v = a_rig.viewer
-    offsets = (np.arange(SUB) + 0.5) / SUB
-    x, y = np.meshgrid(np.arange(v.width), np.arange(v.height))
-    image = np.zeros((v.height, v.width, 3))
-    for dx in offsets:
-        for dy in offsets:
-            o, d = v.rays(np.stack([(x + dx).ravel(), (y + dy).ravel()], axis=1))
-            xy = closed_forms.landing(a_rig, *through(o, d, **shape))
-            inside = ((xy >= 0) & (xy < [a_rig.display.width, a_rig.display.height])).all(axis=1)
-            column, row = np.where(inside[:, None], xy, 0).astype(int).T
-            image += (source[row, column] * inside[:, None]).reshape(v.height, v.width, 3) / SUB**2
-    return image
-
-
 CASES = {
     "ball": (lambda **o: ball_rig(5, **o), closed_forms.through_ball, {"radius": 0.025, "n": 1.49}),
     "slab": (
@@ -51,7 +32,7 @@ def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     solution = solve(a_rig)
     plain = solve(without_glass(a_rig), only_through_glass=False).source
     ideal = solution.ideal()
-    exact = dot_centroids(seen_by_closed_form(a_rig, plain, through, **shape))
+    exact = dot_centroids(closed_forms.seen_image(a_rig, plain, through, **shape))
     before = dot_centroids(solution.seen(plain))
     assert np.isfinite(before).all()
     assert np.abs(before - exact).max() < 0.1  # facets of 1 mm; the slab is the judge of the rest
@@ -64,7 +45,7 @@ def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     assert after.mean < 0.02
     assert after.largest < 0.08
     # and the source image undoes the closed form's warp too, not only Kiriko's own
-    undone = dot_centroids(seen_by_closed_form(a_rig, solution.source, through, **shape)) - dot_centroids(ideal)
+    undone = dot_centroids(closed_forms.seen_image(a_rig, solution.source, through, **shape)) - dot_centroids(ideal)
     assert np.linalg.norm(undone, axis=2).mean() < 0.03
 
 
