@@ -15,7 +15,8 @@ FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray 
 SAME_NORMAL = 1e-5  # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
 FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
 EDGE = 1e-10  # barycentric slack of the float64 test, so that a ray through an edge or vertex meets a face
-RESCUE_TESTS = 50_000_000  # most ray-triangle pairs the float64 rescue may test in one call: some seconds
+BESIDE = 6  # rays shot beside one that was lost
+RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
 
 
 def components(n: int, a: Ints, b: Ints) -> Ints:
@@ -354,6 +355,12 @@ class Layer:
             best[i] = t[i]
             hits.put(rays[i], t[i], k, u, v)
 
+    def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[Ints, Floats]:
+        """Triangle that Embree finds from `start` on (-1 for none), and its distance as Embree has it."""
+        moved = (origins + start[:, None] * directions - self.centre) / self.radius
+        found = self._engine.run(moved.astype(np.float32), directions.astype(np.float32), output=True)
+        return found["primID"].astype(np.int64), start + found["tfar"].astype(float) * self.radius
+
     def _ask_embree(
         self,
         origins: Floats,
@@ -371,9 +378,7 @@ class Layer:
         start = np.where(start > 0, start - 2 * self.tolerance, step)
         while len(rays):
             o, d = origins[rays], directions[rays]
-            moved = (o + start[:, None] * d - self.centre) / self.radius
-            found = self._engine.run(moved.astype(np.float32), d.astype(np.float32), output=True)
-            k, far = found["primID"].astype(np.int64), start + found["tfar"].astype(float) * self.radius
+            k, far = self._shoot(o, d, start)
             is_miss = k < 0
             if is_miss.any():
                 lost.append(rays[is_miss & is_inside[rays]])
@@ -387,11 +392,49 @@ class Layer:
             again = ~is_true
             start = np.maximum(np.maximum(t, far) + step, start + step)[again]
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
-        return np.concatenate(lost) if lost else np.empty(0, np.int64)
+        return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
 
     def _rescue(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
-        """Trace rays again in float64: Embree lets some of those through that are aimed at vertices."""
-        rays = np.unique(rays)
+        """Find in float64 what Embree let through: it loses some of the rays that are aimed at vertices and edges.
+
+        Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
+        """
+        o, d = origins[rays], directions[rays]
+        best = Hits.none(len(rays))
+        aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+        aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+        upward = np.cross(d, aside)
+        for turn in range(BESIDE):
+            angle = 2 * np.pi * turn / BESIDE
+            moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
+            self._nearest_of_all(moved, o, d, rays, accept, best)
+        is_found = best.triangle >= 0
+        some = best.at(is_found)
+        hits.put(rays[is_found], some.distance, some.triangle, some.u, some.v)
+        self._test_in_float64(origins, directions, rays[~is_found], accept, hits)
+
+    def _nearest_of_all(
+        self, beside: Floats, origins: Floats, directions: Floats, rays: Ints, accept: Accept, best: Hits
+    ) -> None:
+        """Put into `best` the nearest true hit of rays among all triangles that rays beside them meet."""
+        live = np.arange(len(rays))
+        step = np.full(len(rays), 3 * FLOAT32 * self.radius)
+        start = -2 * step
+        while len(live):
+            o, d = origins[live], directions[live]
+            k, far = self._shoot(beside[live], d, start)
+            met = k >= 0
+            live, start, step, k, far, o, d = (x[met] for x in (live, start, step, k, far, o, d))
+            t = self.frames.distance(k, o, d)
+            u, v = self.frames.barycentric(k, o + t[:, None] * d)
+            good = np.flatnonzero(_is_within(u, v) & (t > -self.tolerance) & (t < best.distance[live]))
+            good = good[accept(rays[live[good]], k[good], t[good])[0]]
+            best.put(live[good], t[good], k[good], u[good], v[good])
+            start = np.maximum(far, start) + step
+            step = 2 * step
+
+    def _test_in_float64(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
+        """Test rays against every triangle, as far as the budget goes."""
         budget = max(1, RESCUE_TESTS // self.n_triangles)
         per_chunk = max(1, 2_000_000 // self.n_triangles)
         every = slice(None)

@@ -9,7 +9,8 @@ from .errors import RigError
 from .meshes import Layer, interpolate, make_surface
 from .rig import Bools, Floats, Mesh, Picture, Viewer
 
-SUBPIXELS = 4  # an ideal pixel is the mean of this many points an axis, each with its own footprint
+SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
+CHUNK = 1 << 16  # points at once: their arrays stay in the cache
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
 
@@ -150,16 +151,18 @@ class Pyramid:
 
     def sample(self, points: PicturePoints) -> Floats:
         """Linear colours (n, 3) at points, over black."""
-        level = np.clip(np.log2(np.maximum(points.footprint, 1.0)), 0, len(self.levels) - 1)
-        colours = np.zeros((len(level), 3))
-        seen = points.cover > 0
-        for k in range(len(self.levels)):
-            weight = np.clip(1 - np.abs(level - k), 0, None)
-            some = np.flatnonzero((weight > 0) & seen)
-            if len(some):
+        colours = np.zeros((len(points.xy), 3))
+        seen = np.flatnonzero(points.cover > 0)
+        for first in range(0, len(seen), CHUNK):
+            some = seen[first : first + CHUNK]
+            level = np.clip(np.log2(np.maximum(points.footprint[some], 1.0)), 0, len(self.levels) - 1)
+            for k in range(int(level.min(initial=0)), int(np.ceil(level.max(initial=0))) + 1):
+                weight = np.clip(1 - np.abs(level - k), 0, None) * points.cover[some]
+                here = np.flatnonzero(weight > 0)
                 scale = np.array(self.levels[k].shape[1::-1]) / self.levels[0].shape[1::-1]
-                colours[some] += weight[some, None] * _bilinear(self.levels[k], points.xy[some] * scale)
-        return colours * points.cover[:, None]
+                read = _bilinear(self.levels[k], points.xy[some[here]] * scale)
+                colours[some[here]] += weight[here, None] * read
+        return colours
 
 
 def _halved(image: Floats) -> Floats:
@@ -180,13 +183,14 @@ def _halved(image: Floats) -> Floats:
 
 def _bilinear(image: Floats, xy: Floats) -> Floats:
     """Colours (n, c) at pixel positions (n, 2), pixel centres at + 0.5, edges extended."""
-    h, w = image.shape[:2]
+    h, w, c = image.shape
+    flat = image.reshape(-1, c)
     x, y = np.clip(xy[:, 0] - 0.5, 0, w - 1), np.clip(xy[:, 1] - 0.5, 0, h - 1)
     column, row = np.minimum(x.astype(int), max(w - 2, 0)), np.minimum(y.astype(int), max(h - 2, 0))
     x, y = (x - column)[:, None], (y - row)[:, None]
-    right, below = np.minimum(column + 1, w - 1), np.minimum(row + 1, h - 1)
-    upper = image[row, column] * (1 - x) + image[row, right] * x
-    lower = image[below, column] * (1 - x) + image[below, right] * x
+    at, right, below = row * w + column, int(w > 1), w * int(h > 1)
+    upper = flat.take(at, 0) * (1 - x) + flat.take(at + right, 0) * x
+    lower = flat.take(at + below, 0) * (1 - x) + flat.take(at + below + right, 0) * x
     return upper * (1 - y) + lower * y
 
 
@@ -194,11 +198,15 @@ def ideal_image(picture: Picture, viewer: Viewer, pyramid: Pyramid | None = None
     """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
     pyramid = pyramid or Pyramid(picture.image)
     w, h = viewer.width, viewer.height
-    x, y = np.meshgrid(np.arange(w), np.arange(h))
-    image = np.zeros((w * h, 3))
+    image = np.zeros((h * w, 3), np.float32)
     offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
-    for dx in offsets:
-        for dy in offsets:
-            xy = np.stack([x.ravel() + dx, y.ravel() + dy], axis=1)
-            image += pyramid.sample(picture_from_view(picture, viewer, xy, SUBPIXELS**-2))
-    return (image / SUBPIXELS**2).reshape(h, w, 3).astype(np.float32)
+    for first in range(0, h * w, CHUNK):
+        pixels = np.arange(first, min(first + CHUNK, h * w))
+        corner = np.stack([pixels % w, pixels // w], axis=1)
+        total = np.zeros((len(pixels), 3))
+        for dx in offsets:
+            for dy in offsets:
+                points = picture_from_view(picture, viewer, corner + [dx, dy], SUBPIXELS**-2)
+                total += pyramid.sample(points)
+        image[pixels] = total / SUBPIXELS**2
+    return image.reshape(h, w, 3)

@@ -64,9 +64,10 @@ class Plan:
     """A rig made ready to be traced: all triangles in one numbering, in layers.
 
     Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_smooth (t,), patch (t,), part (t,).
-    Parts p: kind (p,), bit (p,) uint64 of a solid in its cluster's mask (0 for no solid), index_row (p,) start of its
+    Parts p: kind (p,), is_closed (p,), bit (p,) uint64 of a solid in its cluster's mask (0 for no solid), index_row (p,) start of its
     cluster in `indices`, which holds 1.0 (air) and then the indices of the cluster's solids by rising priority.
-    layers: ray engines; layer_triangles: the triangles of each, in its own order.
+    layers: ray engines; layer_triangles: the triangles of each, in its own order; layer_bits: bits of its closed solids,
+    which what is inside has to leave.
     """
 
     rig: Rig
@@ -77,11 +78,13 @@ class Plan:
     patch: Ints
     part: Ints
     kind: Ints
+    is_closed: np.ndarray
     bit: np.ndarray
     index_row: Ints
     indices: Floats
     layers: tuple[Layer, ...]
     layer_triangles: tuple[Ints, ...]
+    layer_bits: tuple[np.uint64, ...]
     display_uv: Floats
     display_start: int
     display_plane: DisplayPlane | None
@@ -231,7 +234,7 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
 
     starts = np.cumsum([0] + [len(s.corners) for s in surfaces])
     known, kept = engines or {}, {}
-    layers, layer_triangles = [], []
+    layers, layer_triangles, layer_bits = [], [], []
     group_of = _layer_groups(surfaces, boxes, merge_distance)
     for group in group_of:
         chosen = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group])
@@ -239,6 +242,8 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         key = fingerprint(corners)
         layers.append(known.get(key) or Layer(corners))
         layer_triangles.append(chosen)
+        closed = [i for i in group if i < n_solids and surfaces[i].n_open == 0]
+        layer_bits.append(np.bitwise_or.reduce(bit[closed], initial=np.uint64(0)))
         kept[key] = layers[-1]
     if engines is not None:
         engines.clear()
@@ -266,11 +271,13 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         np.concatenate([s.patch + k for s, k in zip(surfaces, patch_starts, strict=True)]),
         np.repeat(np.arange(len(surfaces)), [len(s.corners) for s in surfaces]),
         np.array(kinds),
+        np.array([s.n_open == 0 for s in surfaces]),
         np.r_[bit, np.zeros(n_sheets, np.uint64)],
         np.r_[index_row, np.zeros(n_sheets, np.int64)],
         indices,
         tuple(layers),
         tuple(layer_triangles),
+        tuple(layer_bits),
         rig.display.mesh.uv,
         int(starts[-2]),
         _display_plane(rig.display, surfaces[-1], int(patch_starts[-1])),

@@ -147,8 +147,7 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     origins, directions, mask = rays.positions[live], rays.directions[live], rays.mask[live]
     last_part = rays.last_part[live]
     by_layer = []
-    for layer, numbers in zip(plan.layers, plan.layer_triangles, strict=True):
-        layer_bits = np.bitwise_or.reduce(plan.bit[np.unique(plan.part[numbers])])
+    for layer, numbers, closed_bits in zip(plan.layers, plan.layer_triangles, plan.layer_bits, strict=True):
         tolerance = max(layer.tolerance, plan.merge_distance)
 
         def accept(
@@ -162,9 +161,10 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             is_entry = dot(directions[i], plan.normals[k]) < 0
             fits = is_entry != ((mask[i] & bit) != 0)
             is_new = (t > tolerance) | (part != last_part[i]) & (t > -1e-3 * tolerance)
-            return np.where(is_solid, fits & (t > -tolerance), is_new), is_solid & ~fits & (t > tolerance)
+            is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
+            return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
 
-        hits = layer.first_hits(origins, directions, (mask & layer_bits) != 0, accept)
+        hits = layer.first_hits(origins, directions, (mask & closed_bits) != 0, accept)
         found = hits.triangle >= 0
         hits.triangle[found] = numbers[hits.triangle[found]]
         by_layer.append(hits)
