@@ -1,0 +1,148 @@
+"""The main job on the reference rigs, ball and cube, into out/. Runs inside Blender; started by dev.py."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import math
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+from lattice import shift_in_cycles
+
+import kiriko
+
+kiriko.register()
+
+from kiriko.core import image_io  # noqa: E402 - the operators have to be there first
+from kiriko.core.plan import Settings  # noqa: E402
+from kiriko.core.seen_image import LatticeShift, lattice_shift  # noqa: E402
+from kiriko.core.session import Session, without_glass  # noqa: E402
+from kiriko.operators import work  # noqa: E402
+
+
+def add_ball() -> None:
+    """Glass ball of 25 mm radius, picture 30 mm, display 50 mm, 512 x 512 pixels all."""
+    bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05)
+
+
+def add_cube() -> None:
+    """Acrylic cube of 50 mm turned 15.8 degrees; the lattice is 30 mm wide from dot to dot, so the picture 35 mm."""
+    bpy.ops.mesh.primitive_cube_add(size=0.05, rotation=(0, 0, math.radians(15.8)))
+    cube = bpy.context.object
+    cube.name = "Acrylic Cube"
+    material = bpy.data.materials.new("Acrylic")
+    material.use_nodes = True
+    material.node_tree.nodes.clear()
+    glass = material.node_tree.nodes.new("ShaderNodeBsdfGlass")
+    glass.inputs["IOR"].default_value, glass.inputs["Roughness"].default_value = 1.49, 0.0
+    output = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(glass.outputs["BSDF"], output.inputs["Surface"])
+    cube.data.materials.append(material)
+    bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.035, display_size=0.05)
+
+
+RIGS = {"ball": add_ball, "cube": add_cube}
+
+
+def drain(steps):
+    """Run a generator to its end and return what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def numbers(shift: LatticeShift) -> dict[str, object]:
+    """A displacement for the report."""
+    dx, dy = shift.mean_xy
+    return {
+        "mean_px": shift.mean,
+        "largest_px": shift.largest,
+        "mean_dx_px": dx,
+        "mean_dy_px": dy,
+        "dots": shift.n_seen,
+    }
+
+
+def run(name: str, out: Path) -> list[str]:
+    """Solve one rig, write its files, and return its row of the table."""
+    started = perf_counter()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    RIGS[name]()
+    context, scene = bpy.context, bpy.context.scene
+    solve_started = perf_counter()
+    bpy.ops.kiriko.solve()
+    solve_seconds = perf_counter() - solve_started
+
+    reading = work.read(context)
+    solution = drain(work.session().solve(reading.rig, work.settings_of(scene)))
+    plain = drain(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    ideal, seen, uncompensated = solution.ideal(), solution.seen(), solution.seen(plain)
+    in_core = {"before": lattice_shift(uncompensated, ideal), "after": lattice_shift(seen, ideal)}
+    in_cycles = {
+        "before": shift_in_cycles(scene, reading, plain, ideal, uncompensated),
+        "after": shift_in_cycles(scene, reading, solution.source, ideal, seen),
+    }
+
+    folder = out / name
+    folder.mkdir(parents=True, exist_ok=True)
+    images = {"ideal": ideal, "seen_uncompensated": uncompensated, "seen": seen, "coverage": solution.display_coverage}
+    for file, pixels in images.items():
+        image_io.write(folder / f"{file}.png", pixels, "PNG8", title=f"Kiriko {file}", overwrite=True)
+    for form, file in (("PNG8", "source.png"), ("EXR_FLOAT", "source.exr")):
+        scene.kiriko.export_format = form
+        bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
+    bpy.ops.kiriko.preview(samples=32, filepath=str(folder / "preview.png"), overwrite=True)
+    with contextlib.redirect_stdout(io.StringIO()):
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rig.blend"))
+    seconds = perf_counter() - started
+    report = {
+        "rig": name,
+        "blender": bpy.app.version_string,
+        "picture_coverage": solution.picture_coverage,
+        "misses": solution.misses,
+        "displacement_in_core": {when: numbers(s) for when, s in in_core.items()},
+        "displacement_in_cycles": {when: numbers(s) for when, s in in_cycles.items()},
+        "displacement_in_cycles_viewer_px_across_lattice": 1165,
+        "solve_seconds": solve_seconds,
+        "seconds": seconds,
+        **{key: value for key, value in json.loads(scene.kiriko.result.details).items() if key != "misses"},
+        "notes": scene.kiriko.result.notes.splitlines(),
+    }
+    image_io.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    before, after = in_cycles["before"], in_cycles["after"]
+    return [
+        name,
+        f"{solution.picture_coverage:.2%}",
+        f"{before.mean:.2f} px ({before.n_seen} dots)",
+        f"{after.mean:.3f} px ({after.n_seen} dots)",
+        f"{solve_seconds:.2f}",
+        f"{seconds:.1f}",
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results (out)")
+    parser.add_argument("rigs", nargs="*", choices=[*RIGS, []], help="which rigs; both when none is named")
+    arguments = parser.parse_args()
+    rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
+    for name in arguments.rigs or RIGS:
+        rows.append(run(name, arguments.out.resolve()))
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    print()
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    print(f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across. Files: {arguments.out}/")
+    kiriko.unregister()
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

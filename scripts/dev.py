@@ -1,0 +1,86 @@
+"""For whoever develops Kiriko: `python3 scripts/dev.py VERB`. Needs only Python; the rest it sets up in .dev/."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+
+from environments import (
+    PYTHONS,
+    ROOT,
+    ToolError,
+    clean_environment,
+    empty_profile,
+    find_python,
+    link_package,
+    newest_blender,
+    run,
+    set_up,
+)
+from suite import run_suite
+
+
+def setup(arguments: argparse.Namespace) -> None:
+    """Set up every environment whose Python is found."""
+    newest_blender()  # for its word on what to install when none is found
+    for name, version in PYTHONS.items():
+        python = find_python(version)
+        print(f"{name}: {set_up(name, python) if python else f'no Python {version} was found'}")
+
+
+def demo(arguments: argparse.Namespace) -> None:
+    """Run the main job on the reference rigs, into out/ (further options go to scripts/demo.py)."""
+    interpreter = set_up(*newest_blender())
+    with empty_profile() as profile:
+        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=str(link_package()))
+        sys.exit(subprocess.run([interpreter, ROOT / "scripts" / "demo.py", *arguments.rest], env=variables).returncode)
+
+
+def bench(arguments: argparse.Namespace) -> None:
+    """Measure seconds and memory of solves and of their parts (further options go to scripts/bench_solve.py)."""
+    interpreter = set_up(*newest_blender())
+    variables = clean_environment(PYTHONPATH=os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core"))))
+    sys.exit(
+        subprocess.run([interpreter, ROOT / "scripts" / "bench_solve.py", *arguments.rest], env=variables).returncode
+    )
+
+
+def test(arguments: argparse.Namespace) -> None:
+    """Lint, test core alone and in every Blender whose Python is found, build, install and solve from the zip."""
+    sys.exit(not run_suite(tools=newest_blender()[0], prefixes=arguments.only, need_all=arguments.all))
+
+
+def lint(arguments: argparse.Namespace) -> None:
+    """Check the code's style."""
+    sys.exit(not run_suite(tools=newest_blender()[0], prefixes=["lint", "format"], need_all=True))
+
+
+def build(arguments: argparse.Namespace) -> None:
+    """Build the extension's zips, one for each platform, into dist/."""
+    run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    for verb in (demo, test, bench, lint, build, setup):
+        verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
+    options = verbs.choices["test"]
+    options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
+    options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
+    arguments, rest = parser.parse_known_args()
+    if rest and arguments.verb not in {"demo", "bench"}:
+        parser.error(f"unknown: {' '.join(rest)}")
+    arguments.rest = rest
+    try:
+        arguments.call(arguments)
+    except ToolError as error:
+        sys.exit(str(error))
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""Finds Python interpreters and keeps one virtual environment for each set of pins under .dev/."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DEV = ROOT / ".dev"
+WINDOWS = os.name == "nt"
+
+# Environment -> Python. Each has its pins in requirements-<name>.txt. The ones with Blender: newest first.
+BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
+PYTHONS = {**BLENDERS, "core": "3.11"}
+
+# What Blender needs and a bare Debian or Ubuntu lacks; without the last two EEVEE aborts the process.
+LIBRARIES = "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1 libgl1-mesa-dri"
+
+# A Python without ensurepip makes no virtual environment, and a free-threaded one ("3.13t") has no bpy.
+PROBE = """
+import ensurepip, sys, sysconfig, venv
+print("%d.%d" % sys.version_info[:2] + ("t" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""))
+print(sys.executable)
+"""
+
+
+class ToolError(Exception):
+    """What stops the work, in one sentence for whoever develops Kiriko."""
+
+
+def clean_environment(**extra: str) -> dict[str, str]:
+    """Environment variables without those that would bring other packages in."""
+    foreign = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
+    kept = {name: value for name, value in os.environ.items() if name not in foreign}
+    return {**kept, "PYTHONNOUSERSITE": "1", **extra}
+
+
+def run(command: Sequence[str | Path], **variables: str) -> None:
+    """Run a command, or raise ToolError when it fails."""
+    if subprocess.run(command, env=clean_environment(**variables)).returncode:
+        raise ToolError(f"This failed, for the reason above: {' '.join(map(str, command))}")
+
+
+def ask(command: Sequence[str | Path], **variables: str) -> list[str]:
+    """Lines that a command prints; none when it fails or cannot be started."""
+    try:
+        answer = subprocess.run(command, env=clean_environment(**variables), capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired):
+        return []
+    return answer.stdout.splitlines() if answer.returncode == 0 else []
+
+
+# Python interpreters
+
+
+@cache
+def find_python(version: str, *, only_running: bool = False) -> Path | None:
+    """Interpreter of this version that can make virtual environments, or None."""
+    for command in [[sys.executable]] if only_running else candidates(version):
+        found = ask([*command, "-c", PROBE])
+        if found and found[0] == version:
+            return Path(found[1])
+    return None
+
+
+def candidates(version: str) -> Iterator[list[str]]:
+    """Commands that may start a Python of this version: the running one, on the PATH, under pyenv, by uv."""
+    yield [sys.executable]
+    for name in (f"python{version}", "python3", "python"):
+        if path := shutil.which(name):
+            yield [path]
+    if launcher := shutil.which("py"):
+        yield [launcher, f"-{version}"]
+    versions = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
+    newest_first = sorted(
+        versions.glob(f"{version}.*"), key=lambda p: [int(n) for n in re.findall(r"\d+", p.name)], reverse=True
+    )
+    for folder in newest_first:
+        yield [str(folder / ("python.exe" if WINDOWS else "bin/python"))]
+    if uv := shutil.which("uv"):
+        # Its own Pythons only: those of the system have been tried, and may lack ensurepip.
+        ask([uv, "python", "install", version])
+        for path in ask([uv, "python", "find", version], UV_PYTHON_PREFERENCE="only-managed"):
+            yield [path]
+
+
+def newest_blender() -> tuple[str, Path]:
+    """Environment with the newest Blender for the running Python, else for any that is found; and that Python."""
+    for only_running in (True, False):
+        for name, version in BLENDERS.items():
+            if python := find_python(version, only_running=only_running):
+                return name, python
+    raise ToolError(
+        "No Python 3.13 or 3.11 with its venv module was found: install one, for instance with 'apt install"
+        " python3-venv' on Debian 12, 'pyenv install 3.13' or 'uv python install 3.13', and run this again."
+    )
+
+
+# Virtual environments
+
+
+def pins(path: Path) -> str:
+    """Text of a requirements file with those it includes."""
+    text = path.read_text(encoding="utf-8")
+    included = re.findall(r"^-r (\S+)", text, re.MULTILINE)
+    return text + "".join(pins(path.parent / name) for name in included)
+
+
+def set_up(name: str, python: Path) -> Path:
+    """Make or update the environment `name`; its interpreter.
+
+    The stamp is written last, so that an environment without one is known to be unfinished and is made anew.
+    """
+    folder = DEV / name
+    interpreter = folder / ("Scripts/python.exe" if WINDOWS else "bin/python")
+    requirements = ROOT / "scripts" / f"requirements-{name}.txt"
+    stamp = folder / "kiriko.stamp"
+    wanted = hashlib.sha256(pins(requirements).encode()).hexdigest()
+    if stamp.exists() and interpreter.exists():
+        if stamp.read_text(encoding="utf-8") == wanted:
+            return interpreter
+        stamp.unlink()
+    else:
+        run([python, "-m", "venv", "--clear", folder])
+    print(f"Installing the packages of {folder} ...", flush=True)
+    quiet = [] if sys.stdout.isatty() else ["--quiet"]
+    run([interpreter, "-m", "pip", "install", "--disable-pip-version-check", *quiet, "-r", requirements])
+    if name in BLENDERS:
+        provide_libraries(interpreter)
+    stamp.write_text(wanted, encoding="utf-8")
+    return interpreter
+
+
+def link_package() -> Path:
+    """Folder in which the checkout is called `kiriko`, whatever its own name is."""
+    link = DEV / "link" / "kiriko"
+    link.parent.mkdir(parents=True, exist_ok=True)
+    if not link.is_symlink():
+        link.symlink_to(ROOT, target_is_directory=True)
+    return link.parent
+
+
+# Blender's system libraries
+
+
+@contextmanager
+def empty_profile() -> Iterator[str]:
+    """Folder for BLENDER_USER_RESOURCES: a Blender without the user's own settings and extensions."""
+    with tempfile.TemporaryDirectory(prefix="kiriko-profile-") as folder:
+        yield folder
+
+
+def missing_library(interpreter: Path) -> str | None:
+    """Name of the first shared library that importing bpy does not find, or None."""
+    with empty_profile() as profile:
+        tried = subprocess.run(
+            [interpreter, "-c", "import bpy, embreex, OpenImageIO"],
+            env=clean_environment(BLENDER_USER_RESOURCES=profile),
+            capture_output=True,
+            text=True,
+        )
+    if tried.returncode == 0:
+        return None
+    found = re.search(r"(\S+): cannot open shared object file", tried.stderr)
+    if found is None:
+        last = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
+        raise ToolError(f"bpy is installed in {interpreter.parent.parent} and cannot be imported: {last}")
+    return found[1]
+
+
+def provide_libraries(interpreter: Path) -> None:
+    """Install the system libraries Blender lacks where that is possible, else say which."""
+    missing = missing_library(interpreter)
+    if missing is None:
+        return
+    if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
+        print(f"Blender lacks {missing}: installing system packages with apt-get ...", flush=True)
+        run(["apt-get", "-qq", "update"])
+        install = ["apt-get", "-qq", "install", "--yes", "--no-install-recommends", *LIBRARIES.split()]
+        run(install, DEBIAN_FRONTEND="noninteractive")
+        missing = missing_library(interpreter)
+    if missing is not None:
+        raise ToolError(f"Blender lacks {missing}: install the packages {LIBRARIES} and run this again.")

@@ -1,0 +1,70 @@
+"""How far the dots of the lattice stand from where they are wanted, as Cycles shows them. Runs inside Blender."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from kiriko.core.blender_preview import render_preview
+from kiriko.core.blender_scene import Reading
+from kiriko.core.picture import ideal_image
+from kiriko.core.rig import Viewer
+from kiriko.core.seen_image import LatticeShift, dot_centroids
+
+ACROSS = 1165  # viewer pixels from the first to the last dot, as in the paper's photographs
+SAMPLES = 4  # the optics is delta: more only smooth the edges of display pixels
+
+
+def framed(viewer: Viewer, width: int, crop: tuple[int, int, int, int]) -> Viewer:
+    """The part (left, top, right, bottom; px) of a viewer's image at another width of the whole, as a viewer."""
+    height = round(width * viewer.height / viewer.width)
+    x0, y0, x1, y1 = crop
+    left, right, bottom, top = viewer.window
+    window = (
+        left + (right - left) * x0 / width,
+        left + (right - left) * x1 / width,
+        top + (bottom - top) * y1 / height,
+        top + (bottom - top) * y0 / height,
+    )
+    return replace(viewer, window=window, width=x1 - x0, height=y1 - y0)
+
+
+def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
+    """Width of the frame at which the lattice is ACROSS pixels wide, from the ideal image (h, w, 3) at any size."""
+    dots = dot_centroids(ideal)
+    span = np.nanmax(dots[..., 0]) - np.nanmin(dots[..., 0])
+    return round(reading.rig.viewer.width * ACROSS / span)
+
+
+def shift_in_cycles(
+    scene: bpy.types.Scene, reading: Reading, source: np.ndarray, ideal: np.ndarray, seen: np.ndarray
+) -> LatticeShift:
+    """Displacement of the lattice in a Cycles render, ACROSS pixels from dot to dot, against the ideal image.
+
+    source (H, W, 3) is on the display; ideal and seen (h, w, 3) are core's images of the viewer's own size: `seen`
+    says which part of the frame holds the dots, so that only that is rendered.
+    """
+    viewer = reading.rig.viewer
+    width = measuring_width(reading, ideal)
+    height = round(width * viewer.height / viewer.width)
+    y, x = np.nonzero(np.maximum(ideal, seen)[..., 0] > 1e-3)
+    scale = width / viewer.width
+    margin = 8
+    crop = (
+        max(0, int(x.min() * scale) - margin),
+        max(0, int(y.min() * scale) - margin),
+        min(width, int((x.max() + 1) * scale) + margin),
+        min(height, int((y.max() + 1) * scale) + margin),
+    )
+    # Blender rounds a border to pixels from fractions of the frame: the middle of the last pixel is safe
+    border = ((crop[0] + 0.01) / width, (crop[2] + 0.01) / width, 1 - (crop[3] - 0.01) / height,
+              1 - (crop[1] - 0.01) / height)  # fmt: skip
+    render = render_preview(
+        scene, reading, source, size=(width, height), border=border, samples=SAMPLES, fresnel=False
+    )[..., :3]
+    wanted = ideal_image(reading.rig.picture, framed(viewer, width, crop))
+    if render.shape != wanted.shape:
+        raise ValueError(f"Cycles rendered {render.shape} where {wanted.shape} was asked for")
+    return LatticeShift(dot_centroids(render) - dot_centroids(wanted))

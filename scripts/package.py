@@ -1,0 +1,69 @@
+"""Fetches the wheels the manifest lists, and builds and validates the extension's zips with Blender's own tool.
+
+Runs in an environment that has bpy: `python scripts/dev.py build` calls it there.
+"""
+
+import hashlib
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DIST = ROOT / "dist"
+WHEELS_PINS = ROOT / "scripts" / "requirements-wheels.txt"
+
+
+def run(*command: str | Path) -> None:
+    """Run a command with this interpreter; end the script when it fails."""
+    done = subprocess.run([sys.executable, *command])
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+def extension_tool(*arguments: str | Path) -> None:
+    """Run the extension command line tool that comes with Blender."""
+    # Located, not imported: importing bpy takes a second and reads the user's settings.
+    bpy = Path(importlib.util.find_spec("bpy").submodule_search_locations[0])
+    (scripts,) = bpy.glob("*/scripts")
+    tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+    run(scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py", *arguments, f"--valid-tags={tags}")
+
+
+def fetch_wheel(path: Path) -> None:
+    """Download one wheel by what its name says, unless it is here and is the pinned one."""
+    pins = WHEELS_PINS.read_text(encoding="utf-8")
+    if path.exists() and hashlib.sha256(path.read_bytes()).hexdigest() in pins:
+        return
+    path.unlink(missing_ok=True)
+    python, abi, platforms = path.stem.split("-")[2:]
+    version = re.sub(r"cp(\d)(\d+)", r"\1.\2", python)
+    options = ["--no-deps", "--only-binary=:all:", "--require-hashes", "--disable-pip-version-check", "--quiet"]
+    platform = [option for name in platforms.split(".") for option in ("--platform", name)]
+    target = ["--implementation", "cp", "--python-version", version, "--abi", abi, *platform]
+    run("-m", "pip", "download", *options, *target, "--dest", path.parent, "--requirement", WHEELS_PINS)
+    if not path.exists():
+        sys.exit(f"The manifest lists {path.name}, and {WHEELS_PINS.name} gives another file: make them agree.")
+
+
+def build() -> None:
+    """Make dist/ anew: one valid zip for each platform."""
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    for wheel in manifest["wheels"]:
+        fetch_wheel(ROOT / wheel)
+    extension_tool("validate", ROOT)
+    DIST.mkdir(exist_ok=True)
+    for old in DIST.glob("kiriko-*.zip"):
+        old.unlink()
+    extension_tool("build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms")
+    zips = sorted(DIST.glob("kiriko-*.zip"))
+    if len(zips) != len(manifest["platforms"]):
+        sys.exit(f"dist/ has {len(zips)} zips for {len(manifest['platforms'])} platforms: see the output above.")
+    for path in zips:
+        extension_tool("validate", path)
+
+
+if __name__ == "__main__":
+    build()

@@ -1,0 +1,145 @@
+"""The steps of `dev.py test`: runs them two at a time and adds up their results."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from environments import BLENDERS, PYTHONS, ROOT, ToolError, clean_environment, find_python, set_up
+
+LOGS = ROOT / "out" / "test"
+AT_ONCE = 2
+MINUTES = 20  # a step that takes longer hangs
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command of the suite: arguments for the Python of an environment."""
+
+    name: str
+    environment: str
+    arguments: Sequence[str]
+    after: str | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a step: tests of pytest, or the one command it is."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+    remark: str = ""
+
+
+def steps(tools: str) -> list[Step]:
+    """All steps, in the order in which they start; `tools` is the environment for what needs any Blender."""
+    pytest = ("-m", "pytest", "-q", "--color=no")
+    blenders = {name: name.removeprefix("bpy-") for name in BLENDERS}
+    return [
+        Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
+        Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
+        Step("package", tools, ("scripts/package.py",)),
+        Step("scripts", tools, (*pytest, "tests/scripts")),
+        Step("core-oldest-numpy", "core", (*pytest, "tests/core")),
+        Step("core-newest-numpy", "bpy-5.2.3", (*pytest, "tests/core")),
+        *(Step(f"blender-{short}", name, (*pytest, "tests/blender")) for name, short in blenders.items()),
+        *(Step(f"install-{short}", name, (*pytest, "tests/package"), "package") for name, short in blenders.items()),
+    ]
+
+
+def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
+    """Steps whose names begin with one of the prefixes (all when there are none), with those they come after."""
+    for prefix in prefixes:
+        if not any(step.name.startswith(prefix) for step in everything):
+            raise ToolError(f"There is no step '{prefix}': choose among {', '.join(step.name for step in everything)}.")
+    wanted = {step.name for step in everything if not prefixes or step.name.startswith(tuple(prefixes))}
+    wanted |= {step.after for step in everything if step.name in wanted and step.after}
+    return [step for step in everything if step.name in wanted]
+
+
+def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
+    """Set up what the steps need, run them, print the results; whether all is well."""
+    todo = chosen(steps(tools), prefixes)
+    interpreters: dict[str, Path] = {}
+    for name in dict.fromkeys(step.environment for step in todo):
+        if python := find_python(PYTHONS[name]):
+            interpreters[name] = set_up(name, python)
+    results = run_steps([step for step in todo if step.environment in interpreters], interpreters)
+    for step in todo:
+        if step.environment not in interpreters:
+            remark = f"no Python {PYTHONS[step.environment]} was found"
+            results[step.name] = Result(failed=1, remark=remark) if need_all else Result(skipped=1, remark=remark)
+    return print_results(results)
+
+
+def run_steps(todo: Sequence[Step], interpreters: dict[str, Path]) -> dict[str, Result]:
+    """Results of steps by name."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    pool = ThreadPoolExecutor(AT_ONCE)
+    futures: dict[str, Future[Result]] = {}
+    try:
+        for step in todo:
+            # The step it comes after was handed in earlier, so waiting for it always ends.
+            futures[step.name] = pool.submit(run_step, step, interpreters[step.environment], futures.get(step.after))
+        return {name: future.result() for name, future in futures.items()}
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Result:
+    """Run a step; its output goes to a log, which is shown when the step fails."""
+    if before and before.result().failed:
+        return Result(failed=1, remark=f"not run, since {step.after} failed")
+    log, report = LOGS / f"{step.name}.log", LOGS / f"{step.name}.xml"
+    report.unlink(missing_ok=True)
+    counted = [f"--junit-xml={report}"] if "pytest" in step.arguments else []
+    started = time.monotonic()
+    with log.open("w", encoding="utf-8") as output:
+        try:
+            code = subprocess.run(
+                [interpreter, *step.arguments, *counted],
+                cwd=ROOT,
+                env=clean_environment(),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                timeout=MINUTES * 60,
+            ).returncode
+        except subprocess.TimeoutExpired:
+            code = f"none, stopped after {MINUTES} minutes"
+    result = count(report) if report.exists() else Result(passed=int(code == 0))
+    if code and not result.failed:
+        # Blender may crash after the last test.
+        result = Result(result.passed, 1, result.skipped, f"exit code {code}")
+    text = log.read_text(encoding="utf-8", errors="replace")
+    shown = f"{text}\n(this was {step.name})\n" if result.failed else ""
+    verdict = "failed" if result.failed else "passed"
+    print(f"{shown}{step.name:<20} {verdict}  {time.monotonic() - started:6.1f} s", flush=True)
+    return result
+
+
+def count(report: Path) -> Result:
+    """Numbers of tests in a report of pytest."""
+    total = dict.fromkeys(("tests", "failures", "errors", "skipped"), 0)
+    for suite in ElementTree.parse(report).iter("testsuite"):
+        total = {name: number + int(suite.get(name, 0)) for name, number in total.items()}
+    failed = total["failures"] + total["errors"]
+    return Result(total["tests"] - failed - total["skipped"], failed, total["skipped"])
+
+
+def print_results(results: dict[str, Result]) -> bool:
+    """Print what was not run, and one line with the sums; whether nothing failed."""
+    for name, result in results.items():
+        if result.remark:
+            print(f"{name}: {'failed' if result.failed else 'skipped'}, {result.remark}")
+    passed, failed, skipped = (
+        sum(getattr(r, kind) for r in results.values()) for kind in ("passed", "failed", "skipped")
+    )
+    print(f"{passed} passed, {failed} failed" + (f", {skipped} skipped" if skipped else ""))
+    return failed == 0

@@ -1,0 +1,61 @@
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import addon_utils
+import bpy
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def rig(installed: str, tmp_path: Path) -> Path:
+    """A saved file with the rig that one button makes, seen with few pixels."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.kiriko.add_rig()
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 96
+    render.resolution_percentage = 100
+    path = tmp_path / "rig.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def brightness(image: bpy.types.Image) -> np.ndarray:
+    """Sum of red, green and blue of each pixel."""
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(-1, image.channels)[:, :3].sum(axis=1)
+
+
+def test_installed_extension_breaks_no_policy(installed: str) -> None:
+    """Blender has no complaint about the installed extension."""
+    assert addon_utils._extensions_warnings_get() == {}
+
+
+def test_solve_from_the_zip(rig: Path) -> None:
+    """Two clicks after the install there is a source image that is not black, traced by the bundled embreex."""
+    before = set(bpy.data.images)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    (source,) = set(bpy.data.images) - before
+    assert np.isfinite(brightness(source)).all()
+    assert (brightness(source) > 0).mean() > 0.01  # the picture fills a good part of the display
+    assert Path(sys.modules["embreex"].__file__).is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
+
+
+def test_command_line(rig: Path, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path) -> None:
+    """`blender --background rig.blend --command kiriko solve --out DIR` writes files and ends with exit code 0."""
+    out = tmp_path / "out"
+    assert commands["kiriko"](["solve", "--out", str(out)]) == 0
+    assert [path for path in out.iterdir() if path.stat().st_size > 0]
+
+
+def test_command_line_without_a_file(
+    installed: str, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Without a .blend, as when the named one is missing, the command fails with one sentence on stderr."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    assert commands["kiriko"](["solve", "--out", str(tmp_path / "out")]) != 0
+    assert len(capfd.readouterr().err.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()

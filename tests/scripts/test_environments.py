@@ -1,0 +1,60 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+import environments
+
+RUNNING = Path(sys.executable)
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A checkout whose environment `tiny` needs no package."""
+    monkeypatch.setattr(environments, "ROOT", tmp_path)
+    monkeypatch.setattr(environments, "DEV", tmp_path / ".dev")
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "requirements-tiny.txt").write_text("# nothing\n")
+    return tmp_path
+
+
+def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alone(checkout: Path) -> None:
+    """An environment without its stamp is made anew; one with the stamp of its pins is not touched."""
+    interpreter = environments.set_up("tiny", RUNNING)
+    stamp, trace = checkout / ".dev" / "tiny" / "kiriko.stamp", checkout / ".dev" / "tiny" / "trace of an old install"
+    trace.touch()
+    assert environments.set_up("tiny", RUNNING) == interpreter
+    assert trace.exists()
+    stamp.unlink()
+    environments.set_up("tiny", RUNNING)
+    assert stamp.exists()
+    assert not trace.exists()
+
+
+def test_set_up_stamps_nothing_that_failed(checkout: Path) -> None:
+    """When pip fails there is one sentence, and no stamp says that the environment is ready."""
+    (checkout / "scripts" / "requirements-tiny.txt").write_text("-r requirements-broken.txt\n")
+    (checkout / "scripts" / "requirements-broken.txt").write_text("./no-such-folder\n")
+    with pytest.raises(environments.ToolError, match="pip install"):
+        environments.set_up("tiny", RUNNING)
+    assert not (checkout / ".dev" / "tiny" / "kiriko.stamp").exists()
+
+
+def test_pins_include_those_of_included_files(checkout: Path) -> None:
+    """A changed pin in an included file changes the pins of the one that includes it."""
+    (checkout / "scripts" / "requirements-tiny.txt").write_text("-r requirements-more.txt\nnumpy==2.0\n")
+    (checkout / "scripts" / "requirements-more.txt").write_text("pytest==9.0\n")
+    assert "pytest==9.0" in environments.pins(checkout / "scripts" / "requirements-tiny.txt")
+
+
+def test_a_machine_without_python_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no Python fits there is one sentence that names what to install."""
+    monkeypatch.setattr(environments, "BLENDERS", {"bpy-9.9": "9.9"})
+    with pytest.raises(environments.ToolError, match=r"^[^.]+ 3\.13 or 3\.11 .* install one, .*\.$"):
+        environments.newest_blender()
+
+
+def test_the_running_python_comes_first() -> None:
+    """A Python of the wanted version that is already running is the one that is taken."""
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    assert environments.find_python(version) == RUNNING
