@@ -1,0 +1,363 @@
+"""Reads the evaluated scene into a Rig: what Blender shows at this frame, in metres and float64.
+
+Modifiers, parents, constraints and instances have been applied by the depsgraph; this file sorts by role what it
+shows, and notes what it leaves out.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .blender_material import Texture, read_refraction, read_texture
+from .blender_mesh import column, flat_size, read_mesh
+from .blender_picture import read_pixels
+from .blender_viewer import read_viewer
+from .errors import RigError
+from .rig import Blocker, ConstantIndex, Display, Floats, Glass, Mesh, Mirror, Picture, Plate, Rig, Viewer
+
+DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
+
+
+@dataclass(frozen=True)
+class MaterialReading:
+    """What was read from one material of a glass object.
+
+    `source` is the shader that gave the index, 'override' or 'default'; `ignored` is in the material but not followed.
+    """
+
+    object_name: str
+    material_name: str
+    ior: float
+    source: str
+    ignored: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A scene as read. `display_size` is width and height in m of a flat display, over the whole UV square."""
+
+    rig: Rig
+    materials: tuple[MaterialReading, ...]
+    notes: tuple[str, ...]
+    display_size: tuple[float, float] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One mesh in the world with the object whose role it has; materials from the most to the least used."""
+
+    owner: bpy.types.Object
+    name: str
+    mesh: Mesh
+    materials: tuple[bpy.types.Material | None, ...] = ()
+    texture: Texture | None = None
+    n_dropped: int = 0
+
+    @property
+    def role(self) -> str:
+        return self.owner.kiriko.role
+
+
+def used_materials(shown: bpy.types.Object, mesh: bpy.types.Mesh) -> tuple[bpy.types.Material | None, ...]:
+    """Materials on the faces of an evaluated object, most faces first. A slot may override the mesh's material."""
+    counts = np.bincount(column(mesh.polygons, "material_index", 1, np.int32))
+    order = [int(k) for k in np.argsort(-counts, kind="stable") if counts[k]]
+    slots, own = shown.material_slots, mesh.materials
+    last = max(len(slots), len(own)) - 1
+    materials = []
+    for k in (min(k, last) for k in order):  # Blender clamps an index beyond the slots
+        is_overridden = 0 <= k < len(slots) and slots[k].link == "OBJECT"
+        materials.append(slots[k].material if is_overridden else own[k] if 0 <= k < len(own) else None)
+    return tuple(dict.fromkeys(materials))
+
+
+def rendered_objects(collection: bpy.types.Collection, flag: str = "hide_render") -> set[bpy.types.Object]:
+    """Objects that no collection below this one hides in renders, or by another flag."""
+    found = set(collection.objects)
+    for child in collection.children:
+        if not getattr(child, flag):
+            found |= rendered_objects(child, flag)
+    return found
+
+
+def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does Blender keep a camera's place up to date?
+
+    Always that of the scene's camera; of others not when they are disabled or left out of the view layer: the depsgraph
+    then has them with the place they had before, or at the origin, and does not say so.
+    """
+    scene, layer = depsgraph.scene, depsgraph.view_layer
+    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
+    is_enabled = not getattr(camera, flag) and camera in rendered_objects(scene.collection, flag)
+    return camera == scene.camera or (is_enabled and camera in set(layer.objects))
+
+
+def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
+    """The original object whose role an instance has: its own, else that of the collection or nodes that make it."""
+    own = instance.object.original
+    if own.kiriko.role != "NONE":
+        return own
+    maker = instance.parent
+    if not instance.is_instance or maker is None or instance.particle_system is not None:
+        return None
+    if maker.instance_type not in {"NONE", "COLLECTION"} or maker.original.kiriko.role == "NONE":
+        return None  # objects scattered over the vertices or faces of another are no part of it
+    return maker.original
+
+
+def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str]) -> str:
+    """Name of a part: that of its object, numbered for instances. Counts up."""
+    own = instance.object.original
+    # a curve, text or metaball shows its surface as an instance of itself
+    is_itself = not instance.is_instance or (own.type != "MESH" and not counts[own.name])
+    counts[own.name] += instance.is_instance
+    return own.name if is_itself else f"{own.name} (instance {counts[own.name]})"
+
+
+def read_part(
+    instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats
+) -> Part:
+    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
+    shown, role = instance.object, owner.kiriko.role
+    mesh = shown.to_mesh()
+    try:
+        materials = used_materials(shown, mesh)
+        textures = (read_texture(m) for m in materials) if role == "PICTURE" and owner.kiriko.image is None else ()
+        texture = next((t for t in textures if t is not None), None)
+        triangles, n_dropped = read_mesh(
+            mesh,
+            to_metres @ np.array(instance.matrix_world, dtype=float),
+            has_normals=role in {"GLASS", "MIRROR"},
+            has_uv=role in {"DISPLAY", "PICTURE"},
+            uv_map="" if texture is None else texture.uv_map,
+        )
+    finally:
+        shown.to_mesh_clear()
+    return Part(owner, name, triangles, materials, texture, n_dropped)
+
+
+def read_parts(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> tuple[list[Part], list[str]]:
+    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not."""
+    to_metres = np.diag([metres, metres, metres, 1.0])
+    in_scene, rendered = set(scene.objects), rendered_objects(scene.collection)
+    parts: list[Part] = []
+    met: set[bpy.types.Object] = set()
+    counts: Counter[str] = Counter()
+    for instance in depsgraph.object_instances:
+        owner = role_owner(instance)
+        if owner is None or not instance.show_self:
+            continue
+        own = instance.object.original
+        top = instance.parent.original if instance.is_instance and instance.parent is not None else own
+        if own.hide_render or top.hide_render or (top in in_scene and top not in rendered):
+            continue
+        met.add(owner)
+        if instance.object.type == "MESH":
+            parts.append(read_part(instance, owner, part_name(instance, counts), to_metres))
+    return without_hollows(parts, met), notes_on_parts(parts, met, scene)
+
+
+def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
+    """Parts with faces, and one empty part for each object that shows none at all, for the rig's check to name.
+
+    An object that only makes instances is no such object, nor is a metaball whose surface is that of its family.
+    """
+    full = [part for part in parts if len(part.mesh.triangles)]
+    empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
+    names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
+    owners = {o.name: o for o in met}
+    return full + [Part(owners[name], name, empty) for name in names]
+
+
+def role_label(owner: bpy.types.Object) -> str:
+    """The word the user sees for an object's role."""
+    return owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name
+
+
+def notes_on_parts(parts: list[Part], met: set[bpy.types.Object], scene: bpy.types.Scene) -> list[str]:
+    """What was left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
+    notes = [
+        f"'{o.name}' has the role {role_label(o)} but is hidden in the viewport or in renders: left out."
+        for o in scene.objects
+        if o.kiriko.role != "NONE" and o not in met
+    ]
+    full = {part.owner for part in parts if len(part.mesh.triangles)}
+    notes += [
+        f"The metaball '{o.name}' is part of another of the same name: give the role to the first of the family."
+        for o in scene.objects
+        if o in met - full and o.type == "META"
+    ]
+    notes += [
+        f"'{part.name}' has {part.n_dropped} triangle{'s' if part.n_dropped > 1 else ''} without area: left out."
+        for part in parts
+        if part.n_dropped
+    ]
+    return notes
+
+
+def read_glass(part: Part, settings: Any) -> tuple[Glass, list[MaterialReading], list[str]]:
+    """A glass with the index of its most used refractive material, or the override. `settings` are evaluated."""
+    name, notes = part.owner.name, []
+    readings = []
+    for material in part.materials:
+        found = read_refraction(material)
+        if found is None:
+            continue
+        notes += found.notes
+        if settings.use_ior:
+            readings.append(MaterialReading(name, material.name, settings.ior, "override", found.ignored))
+        else:
+            readings.append(MaterialReading(name, material.name, found.ior, found.source, found.ignored))
+    if not readings:
+        ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
+        material = next((m.name for m in part.materials if m is not None), "")
+        readings = [MaterialReading(name, material, ior, source)]
+        if source == "default":
+            notes.append(f"The glass '{name}' has no refractive material: using an index of refraction of {ior}.")
+    plain = sorted({m.name for m in part.materials if m is not None} - {r.material_name for r in readings})
+    if plain:
+        listed = ", ".join(f"'{material}'" for material in plain)
+        notes.append(f"The glass '{name}' has faces of {listed}, which does not refract: taken as glass all the same.")
+    others = {r.ior for r in readings} - {readings[0].ior}
+    if others:
+        listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
+        notes.append(
+            f"The glass '{name}' has materials of different index: using {readings[0].ior:.4g} of "
+            f"'{readings[0].material_name}' for all of it, not {listed}."
+        )
+    glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
+    return glass, readings, notes
+
+
+def read_picture(part: Part) -> tuple[Picture, list[str]]:
+    """The picture plane with the pixels of its image."""
+    image, notes = part.owner.kiriko.image, []
+    if image is None and part.texture is not None:
+        image, notes = part.texture.image, list(part.texture.notes)
+    if image is None:
+        raise RigError(
+            f"The picture '{part.owner.name}' shows no image: give its material an image texture, "
+            "or choose an image in its Kiriko settings."
+        )
+    return Picture(part.name, read_pixels(image, f"the picture '{part.owner.name}'"), part.mesh), notes + about(image)
+
+
+def read_picture_image(image: bpy.types.Image | None, viewer: Viewer | None) -> tuple[list[Picture], list[str]]:
+    """The picture in the viewer's own pixels, with a note when it has another shape than they."""
+    if image is None:
+        return [], []
+    pixels = read_pixels(image, "the scene's picture")
+    notes = about(image)
+    if viewer is not None:
+        height, width = pixels.shape[:2]
+        if abs(width * viewer.height - height * viewer.width) > max(viewer.width, viewer.height):
+            notes.append(
+                f"The picture image '{image.name}' has {width} x {height} pixels, the viewer {viewer.width} x "
+                f"{viewer.height}: it is stretched to fit."
+            )
+    return [Picture(image.name, pixels)], notes
+
+
+def about(image: bpy.types.Image) -> list[str]:
+    """Notes on an image of which only a part was read."""
+    what = {"SEQUENCE": "frame Blender has loaded", "MOVIE": "frame Blender has loaded", "TILED": "first tile"}
+    return [f"Of the image '{image.name}' only the {what[image.source]} is used."] if image.source in what else []
+
+
+def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Do modifiers make another shape in renders than in the viewport, whose shape is the one that is read?"""
+    return any(
+        m.show_viewport != m.show_render
+        or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
+        for m in owner.modifiers
+    ) or (scene.render.use_simplify and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers))
+
+
+def scene_notes(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, parts: list[Part], camera: bpy.types.Object | None
+) -> list[str]:
+    """Notes on what the scene asks for as a whole and Kiriko does not do."""
+    notes = []
+    if depsgraph.mode == "VIEWPORT":
+        notes += [
+            f"'{o.name}' has another shape in renders than in the viewport (modifiers): using the viewport's."
+            for o in dict.fromkeys(part.owner for part in parts)
+            if renders_differ(o, scene)
+        ]
+    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
+        notes.append(f"The viewer '{camera.name}' has depth of field: solved as a pinhole.")
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
+    if space != "Linear Rec.709":
+        notes.append(f"The file works in {space}: Kiriko takes linear colours as Rec.709.")
+    return notes
+
+
+def length_of_unit(scene: bpy.types.Scene) -> float:
+    """Metres in a Blender unit; the unit scale counts only where a unit system is chosen, as in Blender."""
+    units = scene.unit_settings
+    return 1.0 if units.system == "NONE" else float(units.scale_length)
+
+
+def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None) -> Reading:
+    """Read the rig of a scene as it stands at this frame.
+
+    Nothing is changed in the scene. What is wrong with the rig as a whole is left to `Rig.check`.
+
+    Parameters
+    ----------
+    source : the context, or a depsgraph of the scene
+    scene : whose settings count; the depsgraph's own when None
+
+    Raises
+    ------
+    RigError : the viewer's camera or the picture plane cannot be used
+    ImageError : the picture has no pixels
+    """
+    depsgraph = source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
+    scene = depsgraph.scene if scene is None else scene
+    metres = length_of_unit(scene)
+    parts, notes = read_parts(depsgraph, scene, metres)
+    camera = scene.kiriko.viewer or scene.camera
+    if camera is not None and not is_placed(camera, depsgraph):
+        raise RigError(
+            f"The viewer '{camera.name}' is disabled or left out of the view layer, so that its place is unknown: "
+            "enable it, or make it the scene's camera."
+        )
+    viewer = None if camera is None else read_viewer(camera, depsgraph, scene.render, metres)
+    by_role: dict[str, list[Part]] = {}
+    for part in parts:
+        by_role.setdefault(part.role, []).append(part)
+
+    glasses, materials = [], []
+    for part in by_role.get("GLASS", []):
+        glass, readings, remarks = read_glass(part, part.owner.evaluated_get(depsgraph).kiriko)
+        glasses.append(glass)
+        materials += readings
+        notes += remarks
+    if scene.kiriko.picture_source == "IMAGE":
+        pictures, remarks = read_picture_image(scene.kiriko.picture_image, viewer)
+        notes += remarks
+        unused = by_role.get("PICTURE", [])
+        notes += [f"The picture plane '{part.name}' is not used: the picture is an image." for part in unused]
+    else:
+        pictures = []
+        for part in by_role.get("PICTURE", []):
+            picture, remarks = read_picture(part)
+            pictures.append(picture)
+            notes += remarks
+    displays = [Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])]
+    notes += scene_notes(depsgraph, scene, parts, camera)
+    rig = Rig(
+        viewers=() if viewer is None else (viewer,),
+        glasses=tuple(glasses),
+        plates=tuple(Plate(p.name, p.mesh) for p in by_role.get("PLATE", [])),
+        displays=tuple(displays),
+        pictures=tuple(pictures),
+        mirrors=tuple(Mirror(p.name, p.mesh) for p in by_role.get("MIRROR", [])),
+        blockers=tuple(Blocker(p.name, p.mesh) for p in by_role.get("BLOCKER", [])),
+    )
+    size = flat_size(displays[0].mesh) if len(displays) == 1 else None
+    return Reading(rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size)

@@ -1,0 +1,206 @@
+"""What the user sets: roles on objects, settings and the last result on the scene."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    IntVectorProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+ROLES = (
+    ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
+    ("GLASS", "Glass", "Bends the light; closed surfaces, an inner one is a cavity", "MATSPHERE", 1),
+    ("PLATE", "Plate", "Flat imaging plate: sends light to the mirror image of where it came from", "MESH_GRID", 2),
+    ("MIRROR", "Mirror", "Reflects light on both sides", "MOD_MIRROR", 3),
+    ("DISPLAY", "Display", "Shows the source image on its front, laid out by its UV map", "RESTRICT_VIEW_OFF", 4),
+    ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
+    ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
+)
+PICTURE_SOURCES = (
+    ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
+    ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
+)
+EXPORT_FORMATS = (
+    ("PNG8", "PNG 8 bit", "Encoded for an sRGB display, 256 steps a channel"),
+    ("PNG16", "PNG 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
+    ("TIFF16", "TIFF 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
+    ("EXR_HALF", "OpenEXR half", "Linear light, 16-bit floating point"),
+    ("EXR_FLOAT", "OpenEXR float", "Linear light, 32-bit floating point"),
+)
+# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
+RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
+
+def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
+    """Only cameras can be the viewer."""
+    return candidate.type == "CAMERA"
+
+
+class KirikoObject(bpy.types.PropertyGroup):
+    """What an object is in the rig."""
+
+    role: EnumProperty(
+        name="Role",
+        description="What this object is in the rig",
+        items=ROLES,
+        default="NONE",
+    )
+    use_ior: BoolProperty(
+        name="Override IOR",
+        description="Bend light by the index below instead of the one in the material",
+        default=False,
+    )
+    ior: FloatProperty(
+        name="IOR",
+        description="Index of refraction: the higher, the more the glass bends the picture (acrylic 1.49, N-BK7 1.517)",
+        default=1.49,
+        min=0.1,
+        soft_min=1.0,
+        soft_max=2.5,
+        max=10.0,
+        precision=4,
+        step=1,
+    )
+    priority: IntProperty(
+        name="Priority",
+        description="Where two glass objects overlap, the higher number is the glass that is there; among equals the "
+        "smaller object",
+        default=0,
+        min=-1000,
+        max=1000,
+        soft_min=-10,
+        soft_max=10,
+    )
+    resolution: IntVectorProperty(
+        name="Resolution",
+        description="Width and height of the display in pixels: the size of the source image",
+        size=2,
+        default=(1024, 1024),
+        min=1,
+        max=32768,
+    )
+    image: PointerProperty(
+        name="Image",
+        description="Shown as the picture instead of the image texture in the plane's material",
+        type=bpy.types.Image,
+    )
+
+
+class KirikoResult(bpy.types.PropertyGroup):
+    """What the last solve found; written by the operator, shown by the panel."""
+
+    source: PointerProperty(
+        name="Source Image",
+        description="What the display has to show so that the viewer sees the picture undistorted",
+        type=bpy.types.Image,
+    )
+    summary: StringProperty(name="Summary", description="The last result in one sentence")
+    coverage: FloatProperty(
+        name="Coverage",
+        description="Share of the picture that the viewer gets to see from the display",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    details: StringProperty(name="Details", description="Numbers of the last result as JSON")
+    notes: StringProperty(name="Notes", description="What was read from the scene but not followed, one remark a line")
+
+
+class KirikoScene(bpy.types.PropertyGroup):
+    """How the scene's rig is solved and exported."""
+
+    # viewer: see `register`
+    picture_source: EnumProperty(
+        name="Picture",
+        description="Where the picture comes from that the viewer shall see",
+        items=PICTURE_SOURCES,
+        default="PLANE",
+    )
+    picture_image: PointerProperty(
+        name="Picture Image",
+        description="Picture in the viewer's own pixels: what the viewer shall see, over the whole camera frame",
+        type=bpy.types.Image,
+    )
+    max_events: IntProperty(
+        name="Max Events",
+        description="Surfaces a ray may meet before it counts as lost: more follow longer paths of total reflection",
+        default=32,
+        min=1,
+        max=10000,
+        soft_max=256,
+    )
+    only_through_glass: BoolProperty(
+        name="Only Through Glass",
+        description="Only rays that went through glass carry the picture: those beside it would draw ghost lines",
+        default=True,
+    )
+    brightness: BoolProperty(
+        name="Brightness",
+        description="Weigh light by what each surface lets through, so that dim parts of the picture are made brighter",
+        default=False,
+    )
+    margin: IntProperty(
+        name="Margin",
+        description="Display pixels by which the picture is grown beyond its border, so that none shows black there",
+        default=0,
+        min=0,
+        max=1024,
+        soft_max=64,
+        subtype="PIXEL",
+    )
+    export_path: StringProperty(
+        name="File",
+        description="Where the source image is written; the ending is set by the format",
+        default="//source.png",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    export_format: EnumProperty(
+        name="Format",
+        description="File format of the source image: 8 bit is what displays show, more keeps smooth gradients",
+        items=EXPORT_FORMATS,
+        default="PNG8",
+    )
+    export_overwrite: BoolProperty(
+        name="Overwrite",
+        description="Replace a file that is already there",
+        default=False,
+    )
+    result: PointerProperty(name="Result", description="What the last solve found", type=KirikoResult)
+
+
+classes = (KirikoObject, KirikoResult, KirikoScene)
+
+
+def register() -> None:
+    """Give objects and scenes their Kiriko settings."""
+    for cls in classes:
+        bpy.utils.register_class(cls)
+    # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has been unregistered;
+    # a property that is added and taken away by hand does not.
+    KirikoScene.viewer = PointerProperty(
+        name="Viewer",
+        description="Camera from which the picture shall look undistorted; the scene's camera when empty",
+        type=bpy.types.Object,
+        poll=is_camera,
+    )
+    bpy.types.Object.kiriko = PointerProperty(
+        name="Kiriko", description="What this object is in the rig", type=KirikoObject
+    )
+    bpy.types.Scene.kiriko = PointerProperty(
+        name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene
+    )
+
+
+def unregister() -> None:
+    """Take the settings away again."""
+    del bpy.types.Scene.kiriko
+    del bpy.types.Object.kiriko
+    del KirikoScene.viewer
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

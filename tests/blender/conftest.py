@@ -1,0 +1,39 @@
+"""The checkout as an enabled extension of a Blender with an empty profile."""
+
+import importlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+# Before anything named bl_ext, and after tests/conftest.py has set the profile.
+import bpy
+import pytest
+
+EXTENSION = "bl_ext.user_default.kiriko"
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+@pytest.fixture(scope="session")
+def blender() -> Iterator[ModuleType]:
+    """Module bpy, with Kiriko enabled."""
+    link = Path(os.environ["BLENDER_USER_RESOURCES"]) / "extensions" / "user_default" / "kiriko"
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(ROOT, target_is_directory=True)
+    bpy.ops.preferences.addon_enable(module=EXTENSION)
+    assert EXTENSION in bpy.context.preferences.addons, "Blender refused the extension, for the reason above"
+    yield bpy
+    bpy.ops.preferences.addon_disable(module=EXTENSION)
+
+
+@pytest.fixture
+def scene(blender: ModuleType) -> bpy.types.Scene:
+    """An empty scene in a new file with factory settings."""
+    blender.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return blender.context.scene
+
+
+@pytest.fixture
+def kiriko(blender: ModuleType) -> ModuleType:
+    """The package as Blender has it, not the one tests of core import."""
+    return importlib.import_module(EXTENSION)

@@ -1,0 +1,48 @@
+"""A small rig that solves in a fraction of a second: a cube, 64 pixels."""
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+SIDE = 0.05
+
+
+def cube(side: float = SIDE, turn: float = 0.0) -> bpy.types.Object:
+    """A selected cube of glass (no role yet), turned about z by `turn` rad."""
+    mesh, shape = bpy.data.meshes.new("Cube"), bmesh.new()
+    bmesh.ops.create_cube(shape, size=side)
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = bpy.data.objects.new("Cube", mesh)
+    thing.matrix_world = Matrix.Rotation(turn, 4, "Z")
+    bpy.context.scene.collection.objects.link(thing)
+    thing.select_set(True)
+    return thing
+
+
+def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Object]:
+    """A rig around a cube; the objects by role."""
+    glass = cube()
+    glass.kiriko.use_ior, glass.kiriko.ior = True, ior
+    bpy.ops.kiriko.add_rig(**{"viewer_resolution": 64, "display_resolution": (64, 64), "field": 0.04, **options})
+    return {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
+
+
+def pixels(image: bpy.types.Image) -> np.ndarray:
+    """Pixels (h, w, 4), row 0 at the top."""
+    flat = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(image.size[1], image.size[0], 4)[::-1]
+
+
+def linear_lattice() -> np.ndarray:
+    """The default picture (1024, 1024, 3), linear, row 0 at the top."""
+    encoded = pixels(bpy.data.images["Kiriko Lattice"])[..., :3]
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def inventory() -> dict[str, list[str]]:
+    """Names of all that a file holds, without Blender's own render result."""
+    groups = ("scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups", "worlds")
+    return {group: sorted(b.name for b in getattr(bpy.data, group) if b.name != "Render Result") for group in groups}

@@ -1,0 +1,273 @@
+import importlib
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+@pytest.fixture
+def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    return lambda: module.read(bpy.context, scene)
+
+
+def new_material(name: str = "stuff") -> tuple[bpy.types.Material, Any, Any]:
+    """A material with nothing but an output: itself, its tree, and the output node."""
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material, material.node_tree, material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+
+
+def glass_shader(tree: Any, kind: str = "Glass", ior: float = 1.6) -> Any:
+    """A perfectly clear refractive shader."""
+    node = tree.nodes.new({"Principled": "ShaderNodeBsdfPrincipled"}.get(kind, f"ShaderNodeBsdf{kind}"))
+    node.inputs["IOR"].default_value, node.inputs["Roughness"].default_value = ior, 0.0
+    node.inputs["Base Color" if kind == "Principled" else "Color"].default_value = WHITE
+    if kind == "Principled":
+        node.inputs["Transmission Weight"].default_value = 1.0
+    return node
+
+
+def clear_material(ior: float = 1.6, name: str = "stuff") -> bpy.types.Material:
+    material, tree, output = new_material(name)
+    tree.links.new(glass_shader(tree, ior=ior).outputs[0], output.inputs["Surface"])
+    return material
+
+
+def add_glass(*materials: bpy.types.Material) -> bpy.types.Object:
+    """A cube whose faces take the materials in turn."""
+    mesh, built = bpy.data.meshes.new("cube"), bmesh.new()
+    bmesh.ops.create_cube(built, size=1.0)
+    built.to_mesh(mesh)
+    built.free()
+    for material in materials:
+        mesh.materials.append(material)
+    mesh.polygons.foreach_set("material_index", np.arange(6, dtype=np.int32) % max(len(materials), 1))
+    stone = bpy.data.objects.new("stone", mesh)
+    stone.kiriko.role = "GLASS"
+    bpy.context.scene.collection.objects.link(stone)
+    return stone
+
+
+def index(reading: Any) -> float:
+    return reading.rig.glasses[0].ior(587.6e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "source"),
+    [("Glass", "Glass BSDF"), ("Refraction", "Refraction BSDF"), ("Principled", "Principled BSDF")],
+)
+def test_index_of_a_shader(read: Callable[[], Any], kind: str, source: str) -> None:
+    """The index is that of the material's refractive shader; a clear one leaves nothing out."""
+    material, tree, output = new_material()
+    tree.links.new(glass_shader(tree, kind, 1.73).outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    reading = read()
+    assert index(reading) == pytest.approx(1.73)
+    (found,) = reading.materials
+    assert (found.object_name, found.material_name, found.source) == ("stone", "stuff", source)
+    assert found.ior == index(reading)
+    assert found.ignored == ()
+    assert reading.notes == ()
+
+
+def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
+    """Groups, reroutes, muted nodes and Value nodes are looked through, in and out of nested groups."""
+    inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+    inner.interface.new_socket("Index", in_out="INPUT", socket_type="NodeSocketFloat")
+    inner.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    shader = glass_shader(inner)
+    inner.links.new(inner.nodes.new("NodeGroupInput").outputs["Index"], shader.inputs["IOR"])
+    inner.links.new(shader.outputs[0], inner.nodes.new("NodeGroupOutput").inputs["Shader"])
+    outer = bpy.data.node_groups.new("outer", "ShaderNodeTree")
+    outer.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    used, value, muted = (outer.nodes.new(f"ShaderNode{kind}") for kind in ("Group", "Value", "Math"))
+    used.node_tree, muted.mute, value.outputs[0].default_value = inner, True, 1.41
+    outer.links.new(value.outputs[0], muted.inputs[0])
+    outer.links.new(muted.outputs[0], used.inputs["Index"])
+    outer.links.new(used.outputs["Shader"], outer.nodes.new("NodeGroupOutput").inputs["Shader"])
+    material, tree, output = new_material()
+    group, reroute = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("NodeReroute")
+    group.node_tree = outer
+    tree.links.new(group.outputs["Shader"], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    reading = read()
+    assert index(reading) == pytest.approx(1.41)
+    assert reading.notes == ()
+
+
+def test_index_set_on_a_group_node(read: Callable[[], Any]) -> None:
+    """An index that a group offers as an input is the value on the group node, not the group's default."""
+    group = bpy.data.node_groups.new("group", "ShaderNodeTree")
+    group.interface.new_socket("Index", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 9.0
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    shader = glass_shader(group)
+    group.links.new(group.nodes.new("NodeGroupInput").outputs["Index"], shader.inputs["IOR"])
+    group.links.new(shader.outputs[0], group.nodes.new("NodeGroupOutput").inputs["Shader"])
+    material, tree, output = new_material()
+    used = tree.nodes.new("ShaderNodeGroup")
+    used.node_tree = group
+    used.inputs["Index"].default_value = 1.9
+    tree.links.new(used.outputs["Shader"], output.inputs["Surface"])
+    add_glass(material)
+    assert index(read()) == pytest.approx(1.9)
+
+
+def test_index_driven_by_nodes(read: Callable[[], Any]) -> None:
+    """Where nodes compute the index, the number in the socket is used and a note says so."""
+    material, tree, output = new_material()
+    shader = glass_shader(tree, ior=1.55)
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["IOR"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    reading = read()
+    assert index(reading) == pytest.approx(1.55)
+    assert reading.notes == ("The IOR of 'stuff' is driven by nodes: using 1.55.",)
+
+
+@pytest.mark.parametrize(("share", "ignored"), [(0.5, ("mixed with Transparent BSDF",)), (1.0, ())])
+def test_mixed_shaders(read: Callable[[], Any], share: float, ignored: tuple[str, ...]) -> None:
+    """The refractive one of mixed shaders counts; the other is named unless its share is nothing."""
+    material, tree, output = new_material()
+    mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix.inputs[0].default_value = share
+    tree.links.new(other.outputs[0], mix.inputs[1])
+    tree.links.new(glass_shader(tree, "Refraction", 1.37).outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    reading = read()
+    assert index(reading) == pytest.approx(1.37)
+    assert reading.materials[0].ignored == ignored
+
+
+def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
+    """Roughness, tint, thin film, coat, normal map, volume and displacement are listed by name."""
+    material, tree, output = new_material()
+    shader = glass_shader(tree, "Principled")
+    shader.inputs["Roughness"].default_value = 0.2
+    shader.inputs["Transmission Weight"].default_value = 0.75
+    shader.inputs["Thin Film Thickness"].default_value = 300.0
+    shader.inputs["Base Color"].default_value = (1.0, 0.5, 0.5, 1.0)
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Coat Weight"])
+    tree.links.new(tree.nodes.new("ShaderNodeBump").outputs[0], shader.inputs["Normal"])
+    tree.links.new(tree.nodes.new("ShaderNodeVolumeAbsorption").outputs[0], output.inputs["Volume"])
+    tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    add_glass(material)
+    assert set(read().materials[0].ignored) == {
+        "roughness 0.2", "transmission weight 0.75", "thin film thickness 300", "coat weight from nodes",
+        "colour tint", "normal map", "volume", "displacement",
+    }  # fmt: skip
+
+
+def test_override_wins(read: Callable[[], Any]) -> None:
+    """The object's own index goes before the material's, and what the material asks for is still named."""
+    material = clear_material(1.6)
+    material.node_tree.nodes["Glass BSDF"].inputs["Roughness"].default_value = 0.3
+    stone = add_glass(material)
+    stone.kiriko.use_ior, stone.kiriko.ior = True, 1.333
+    reading = read()
+    assert index(reading) == pytest.approx(1.333)
+    assert (reading.materials[0].source, reading.materials[0].ignored) == ("override", ("roughness 0.3",))
+
+
+@pytest.mark.parametrize("kind", ["none", "opaque", "no nodes"])
+def test_glass_without_refraction(read: Callable[[], Any], kind: str) -> None:
+    """Without a refractive material the index is that of acrylic, 1.49, and a note says so."""
+    if kind == "none":
+        add_glass()
+    else:
+        material, tree, output = new_material()
+        if kind == "opaque":
+            shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
+            tree.links.new(shader.outputs[0], output.inputs["Surface"])
+        add_glass(material)
+    reading = read()
+    assert index(reading) == 1.49
+    assert reading.materials[0].source == "default"
+    assert reading.notes == ("The glass 'stone' has no refractive material: using an index of refraction of 1.49.",)
+
+
+def test_materials_of_different_index(read: Callable[[], Any]) -> None:
+    """The material on most faces counts for the whole glass; all are listed, and a note names the difference."""
+    stone = add_glass(clear_material(1.5, "few"), clear_material(1.7, "many"), clear_material(1.9, "unused"))
+    stone.data.polygons.foreach_set("material_index", np.array([0, 0, 1, 1, 1, 1], np.int32))
+    reading = read()
+    assert index(reading) == pytest.approx(1.7)
+    assert [m.material_name for m in reading.materials] == ["many", "few"]
+    assert reading.notes == (
+        "The glass 'stone' has materials of different index: using 1.7 of 'many' for all of it, not 1.5.",
+    )
+
+
+def test_faces_that_do_not_refract(read: Callable[[], Any]) -> None:
+    """Faces of an opaque material on a glass are part of it, whatever their number, and a note names the material."""
+    stone = add_glass(new_material("label")[0], clear_material(1.7, "clear"))
+    stone.data.polygons.foreach_set("material_index", np.array([0, 0, 0, 0, 0, 1], np.int32))
+    reading = read()
+    assert index(reading) == pytest.approx(1.7)
+    assert reading.notes == (
+        "The glass 'stone' has faces of 'label', which does not refract: taken as glass all the same.",
+    )
+
+
+def test_material_of_the_object(read: Callable[[], Any]) -> None:
+    """A slot that holds the object's own material goes before the mesh's; an index beyond the slots is the last one."""
+    stone = add_glass(clear_material(1.5, "of the mesh"))
+    stone.material_slots[0].link = "OBJECT"
+    stone.material_slots[0].material = clear_material(1.8, "of the object")
+    stone.data.polygons.foreach_set("material_index", np.full(6, 5, np.int32))
+    reading = read()
+    assert index(reading) == pytest.approx(1.8)
+    assert reading.materials[0].material_name == "of the object"
+
+
+def test_material_set_by_geometry_nodes(read: Callable[[], Any]) -> None:
+    """A material that geometry nodes put on the evaluated mesh is the one that is read."""
+    stone = add_glass(clear_material(1.5, "before"))
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    setter = tree.nodes.new("GeometryNodeSetMaterial")
+    setter.inputs["Material"].default_value = clear_material(2.0, "after")
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], setter.inputs["Geometry"])
+    tree.links.new(setter.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    stone.modifiers.new("nodes", "NODES").node_group = tree
+    reading = read()
+    assert index(reading) == pytest.approx(2.0)
+    assert reading.materials[0].material_name == "after"
+
+
+def test_animated_index(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+    """A driven index in a material is read as it is at the current frame."""
+    material = clear_material()
+    socket = material.node_tree.nodes["Glass BSDF"].inputs["IOR"]
+    socket.driver_add("default_value").driver.expression = "1 + frame / 10"
+    add_glass(material)
+    for frame in (5, 7):
+        scene.frame_set(frame)
+        assert index(read()) == pytest.approx(1 + frame / 10)
+
+
+def test_settings_have_words_for_the_user(scene: bpy.types.Scene) -> None:
+    """Every setting has a label and one line without a full stop; what is out of range is brought back into it."""
+    stone = add_glass()
+    for settings in (stone.kiriko, scene.kiriko, scene.kiriko.result):
+        for prop in settings.bl_rna.properties:
+            if prop.identifier not in {"rna_type", "name"}:
+                assert prop.name, prop.identifier
+                assert prop.description, prop.identifier
+                assert not prop.description.endswith("."), prop.identifier
+    scene.kiriko.max_events = 0
+    stone.kiriko.resolution = (0, 100_000)
+    assert scene.kiriko.max_events == 1
+    assert tuple(stone.kiriko.resolution) == (1, 32768)

@@ -1,0 +1,368 @@
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+SIZE = (24, 16)  # pixels of the pictures here
+
+
+@pytest.fixture
+def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    return lambda: module.read(bpy.context, scene)
+
+
+@pytest.fixture
+def errors(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.core.errors")
+
+
+def new_material(name: str = "paper") -> tuple[bpy.types.Material, Any, Any]:
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material, material.node_tree, material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+
+
+def texture_material(image: bpy.types.Image | None) -> bpy.types.Material:
+    """A material that emits an image."""
+    material, tree, output = new_material()
+    texture, emission = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
+    texture.image, texture.interpolation = image, "Closest"
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def add_plane(material: bpy.types.Material | None, name: str = "poster") -> bpy.types.Object:
+    """A picture plane of the pictures' shape, in the xy plane, seen upright from above."""
+    mesh = bpy.data.meshes.new("plane")
+    width, height = SIZE[0] / 2, SIZE[1] / 2
+    mesh.from_pydata(
+        [(-width, -height, 0), (width, -height, 0), (width, height, 0), (-width, height, 0)], [], [range(4)]
+    )
+    mesh.uv_layers.new(name="first").uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
+    if material is not None:
+        mesh.materials.append(material)
+    plane = bpy.data.objects.new(name, mesh)
+    plane.kiriko.role = "PICTURE"
+    bpy.context.scene.collection.objects.link(plane)
+    return plane
+
+
+def random_pixels() -> np.ndarray:
+    """(h, w, 4) numbers 0..1, row 0 at the bottom as Blender has it; alpha from 0 to 1."""
+    return np.random.default_rng(3).random((SIZE[1], SIZE[0], 4)).astype(np.float32)
+
+
+def generated(name: str = "art", *, is_float: bool = False) -> bpy.types.Image:
+    image = bpy.data.images.new(name, *SIZE, alpha=True, float_buffer=is_float)
+    image.pixels.foreach_set(random_pixels().ravel())
+    return image
+
+
+def write(pixels: np.ndarray, path: Path) -> None:
+    """Write numbers as they are with OpenImageIO, row 0 of the array at the bottom."""
+    oiio = pytest.importorskip("OpenImageIO")
+    kind = {".png": "uint8", ".tif": "uint16", ".exr": "float"}[path.suffix]
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    spec["oiio:UnassociatedAlpha"] = 1  # no arithmetic on the way to the file
+    output = oiio.ImageOutput.create(str(path))
+    assert output.open(str(path), spec)
+    output.write_image(np.ascontiguousarray(pixels[::-1]))
+    output.close()
+
+
+def linear_from_srgb(encoded: np.ndarray) -> np.ndarray:
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def render(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
+    """Linear RGB (h, w, 3) of the plane in Cycles, one pixel for each of the picture's, row 0 at the top."""
+    camera = bpy.data.objects.new("eye", bpy.data.cameras.new("lens"))
+    camera.location, camera.data.type, camera.data.ortho_scale = (0.0, 0.0, 5.0), "ORTHO", float(SIZE[0])
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    settings = scene.render
+    settings.engine, scene.view_settings.view_transform = "CYCLES", "Raw"
+    settings.resolution_x, settings.resolution_y = SIZE
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    settings.image_settings.file_format, settings.image_settings.color_depth = "OPEN_EXR", "32"
+    settings.filepath = str(folder / "render.exr")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(settings.filepath)
+    pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3]
+
+
+def load(path: Path, space: str, alpha: str) -> bpy.types.Image:
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.name, image.alpha_mode = space, alpha
+    return image
+
+
+FILES = [
+    (".png", "sRGB"), (".png", "Non-Color"), (".png", "Linear Rec.709"),
+    (".tif", "sRGB"), (".tif", "Non-Color"), (".exr", "Linear Rec.709"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("ending", "space", "alpha"),
+    [
+        (*file, alpha)
+        for file in FILES
+        for alpha in ("CHANNEL_PACKED", "NONE", "STRAIGHT")
+        if alpha != "STRAIGHT" or file[1] == "Non-Color"  # elsewhere straight alpha is coverage
+    ],
+)
+def test_opaque_pixels_are_the_light_that_cycles_sends(
+    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str, alpha: str
+) -> None:
+    """Where alpha is no coverage, colours are those that Cycles renders from the texture, and the picture is opaque."""
+    path = tmp_path / f"art{ending}"
+    write(random_pixels(), path)
+    add_plane(texture_material(load(path, space, alpha)))
+    found = read().rig.picture.image
+    assert found.dtype == np.float32
+    assert found.shape == (SIZE[1], SIZE[0], 4)
+    assert (found[..., 3] == 1).all()
+    # 16-bit files become half floats in Cycles and go through a table in Blender; the others agree to 1e-6
+    assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < (1e-4 if ending == ".tif" else 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ending", "space", "alpha", "tolerance"),
+    [
+        # Cycles keeps the product of colour and alpha in 8 bits, of which the curve makes up to 2.3 as much
+        (".png", "sRGB", "STRAIGHT", 2.5 / 255),
+        (".png", "Linear Rec.709", "STRAIGHT", 1.0 / 255),
+        (".tif", "sRGB", "STRAIGHT", 1e-4),
+        (".exr", "Linear Rec.709", "PREMUL", 1e-6),
+    ],
+)
+def test_transparent_pixels_are_the_light_that_cycles_sends(
+    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str, alpha: str,
+    tolerance: float,
+) -> None:  # fmt: skip
+    """Premultiplied colours are those that Cycles renders over black where alpha makes the plane transparent."""
+    path = tmp_path / f"art{ending}"
+    write(random_pixels(), path)
+    material = texture_material(load(path, space, alpha))
+    nodes = {node.type: node for node in material.node_tree.nodes}
+    mix, clear = (material.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("MixShader", "BsdfTransparent"))
+    for start, end in (
+        (nodes["TEX_IMAGE"].outputs["Alpha"], mix.inputs[0]),
+        (clear.outputs[0], mix.inputs[1]),
+        (nodes["EMISSION"].outputs[0], mix.inputs[2]),
+        (mix.outputs[0], nodes["OUTPUT_MATERIAL"].inputs["Surface"]),
+    ):
+        material.node_tree.links.new(start, end)
+    add_plane(material)
+    found = read().rig.picture.image
+    assert np.abs(found[..., 3] - random_pixels()[::-1, :, 3]).max() < (0.6 / 255 if ending == ".png" else 1e-4)
+    assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < tolerance
+
+
+def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
+    """An 8-bit file of encoded colours times alpha gives linear colours times alpha, to the file's 8 bits."""
+    pixels = random_pixels().astype(float)
+    pixels[..., 3] = 0.5 + 0.5 * pixels[..., 3]
+    stored = pixels.copy()
+    stored[..., :3] *= stored[..., 3:]
+    write(stored.astype(np.float32), tmp_path / "art.png")
+    add_plane(texture_material(load(tmp_path / "art.png", "sRGB", "PREMUL")))
+    wanted = (linear_from_srgb(pixels[..., :3]) * pixels[..., 3:])[::-1]
+    # the file's half step doubles in the division by alpha, Blender rounds it to bytes again, and the slope is 2.3
+    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2.3 * 1.5 / 255
+
+
+def test_srgb_bytes_are_decoded_by_the_formula(read: Callable[[], Any], tmp_path: Path) -> None:
+    """An opaque 8-bit sRGB picture is the piecewise sRGB curve of its bytes, top row first."""
+    pixels = random_pixels().astype(float)
+    pixels[..., 3] = 1
+    write(pixels.astype(np.float32), tmp_path / "art.png")
+    add_plane(texture_material(bpy.data.images.load(str(tmp_path / "art.png"))))
+    wanted = linear_from_srgb(np.rint(pixels[::-1, :, :3] * 255) / 255)
+    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 1e-7  # float32 of numbers up to 1
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_pictures_with_fewer_channels(read: Callable[[], Any], tmp_path: Path, channels: int) -> None:
+    """A grey picture has three equal channels, one without alpha is opaque."""
+    pixels = random_pixels()[..., :channels]
+    write(pixels, tmp_path / "art.exr")
+    add_plane(texture_material(bpy.data.images.load(str(tmp_path / "art.exr"))))
+    found = read().rig.picture.image
+    assert np.array_equal(found[..., :3], np.broadcast_to(pixels[::-1], (SIZE[1], SIZE[0], 3)))
+    assert (found[..., 3] == 1).all()
+
+
+def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) -> None:
+    """Generated pictures are read from memory, a packed one when its file is gone."""
+    plane = add_plane(None)
+    pixels = random_pixels()[::-1]
+    plane.kiriko.image = generated("floats", is_float=True)
+    assert np.array_equal(read().rig.picture.image, pixels)
+    plane.kiriko.image = generated("bytes")
+    bytes_ = np.rint(pixels.astype(float) * 255) / 255
+    wanted = linear_from_srgb(bytes_[..., :3]) * bytes_[..., 3:]
+    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2e-7  # three roundings to float32
+    write(random_pixels(), tmp_path / "art.exr")
+    packed = bpy.data.images.load(str(tmp_path / "art.exr"))
+    packed.pack()
+    (tmp_path / "art.exr").unlink()
+    packed.reload()
+    plane.kiriko.image = packed
+    assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
+
+
+def test_image_of_the_object_goes_before_the_material(read: Callable[[], Any]) -> None:
+    """An image chosen on the object is the picture, whatever its material shows."""
+    plane = add_plane(texture_material(generated("material")))
+    own = generated("own", is_float=True)
+    own.pixels.foreach_set(np.full(SIZE[0] * SIZE[1] * 4, 0.25, np.float32))
+    plane.kiriko.image = own
+    assert (read().rig.picture.image == 0.25).all()
+
+
+def test_texture_behind_simple_nodes(read: Callable[[], Any]) -> None:
+    """The texture is found behind colour nodes, in a group, in a Principled shader; a note names the colour nodes."""
+    group = bpy.data.node_groups.new("group", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    texture, gamma = group.nodes.new("ShaderNodeTexImage"), group.nodes.new("ShaderNodeGamma")
+    texture.image = generated()
+    group.links.new(texture.outputs["Color"], gamma.inputs["Color"])
+    group.links.new(gamma.outputs[0], group.nodes.new("NodeGroupOutput").inputs["Color"])
+    material, tree, output = new_material()
+    used, shader = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeBsdfPrincipled")
+    used.node_tree = group
+    tree.links.new(used.outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    add_plane(material)
+    reading = read()
+    assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
+    assert reading.notes == ("The material 'paper' alters the colours of 'art': using the plain image.",)
+
+
+@pytest.mark.parametrize("way", ["named", "used in renders", "moved"])
+def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
+    """The picture's UV is the map its texture asks for, else the one used in renders; a Mapping node is noted."""
+    material = texture_material(generated())
+    tree = material.node_tree
+    texture = next(n for n in tree.nodes if n.type == "TEX_IMAGE")
+    plane = add_plane(material)
+    second = plane.data.uv_layers.new(name="second")
+    numbers = np.array([1, 0, 1, 1, 0, 1, 0, 0], np.float32)  # turned by a quarter
+    second.uv.foreach_set("vector", numbers)
+    if way == "named":
+        node = tree.nodes.new("ShaderNodeUVMap")
+        node.uv_map = "second"
+        tree.links.new(node.outputs[0], texture.inputs["Vector"])
+    elif way == "used in renders":
+        plane.data.uv_layers["second"].active_render = True
+    else:
+        tree.links.new(tree.nodes.new("ShaderNodeMapping").outputs[0], texture.inputs["Vector"])
+    reading = read()
+    mesh = reading.rig.picture.mesh
+    plain = mesh.vertices[:, :2] / SIZE + 0.5
+    if way == "moved":
+        assert np.array_equal(mesh.uv, plain[mesh.triangles])
+        assert reading.notes == ("The material 'paper' places 'art' by nodes: using the plane's UV map.",)
+    else:
+        corners = {(-1, -1): (1, 0), (1, -1): (1, 1), (1, 1): (0, 1), (-1, 1): (0, 0)}
+        wanted = np.array([corners[tuple(np.sign(v[:2]).astype(int))] for v in mesh.vertices], float)
+        assert np.array_equal(mesh.uv, wanted[mesh.triangles])
+        assert reading.notes == ()
+
+
+def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+    """An image chosen for the scene is the picture, without a plane; an unused plane and another shape are noted."""
+    add_plane(texture_material(generated("unused")))
+    camera = bpy.data.objects.new("eye", bpy.data.cameras.new("lens"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = 48, 32
+    scene.kiriko.picture_source = "IMAGE"
+    assert read().rig.pictures == ()
+    scene.kiriko.picture_image = generated("render")
+    reading = read()
+    assert reading.rig.picture.mesh is None
+    assert reading.rig.picture.name == "render"
+    assert reading.notes == ("The picture plane 'poster' is not used: the picture is an image.",)
+    scene.render.resolution_y = 64
+    assert any("'render' has 24 x 16 pixels, the viewer 48 x 64" in note for note in read().notes)
+
+
+def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -> None:
+    """A plane without material, without texture or with an empty texture is named, with what to do."""
+    plane = add_plane(None)
+    for material in (None, new_material()[0], texture_material(None)):
+        plane.data.materials.clear()
+        if material is not None:
+            plane.data.materials.append(material)
+        with pytest.raises(errors.RigError, match="The picture 'poster' shows no image: give its material"):
+            read()
+
+
+@pytest.mark.parametrize("how", ["missing", "broken"])
+def test_picture_file_that_cannot_be_read(
+    read: Callable[[], Any], errors: ModuleType, tmp_path: Path, how: str
+) -> None:
+    """A missing or broken file is named together with its object."""
+    path = tmp_path / "art.png"
+    if how == "broken":
+        path.write_bytes(b"\x89PNG\r\n\x1a\n and then nonsense")
+    image = bpy.data.images.new("art", 1, 1)
+    image.source, image.filepath = "FILE", str(path)
+    add_plane(texture_material(image))
+    with pytest.raises(
+        errors.ImageError, match=r"'art' of the picture 'poster' cannot be read from the file .*art\.png"
+    ):
+        read()
+
+
+def test_pictures_without_pixels(
+    read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, tmp_path: Path
+) -> None:
+    """A render result, an unknown colour space and numbers that are not finite are refused with what to do."""
+    plane = add_plane(None)
+    render(scene, tmp_path)
+    plane.kiriko.image = bpy.data.images["Render Result"]
+    with pytest.raises(errors.ImageError, match="save it to a file"):
+        read()
+    plane.kiriko.image = log = generated("log")
+    log.colorspace_settings.name = "Filmic Log"
+    with pytest.raises(errors.ImageError, match="colour space Filmic Log"):
+        read()
+    plane.kiriko.image = hot = generated("hot", is_float=True)
+    pixels = random_pixels()
+    pixels[3, 4, 1] = np.nan
+    hot.pixels.foreach_set(pixels.ravel())
+    with pytest.raises(errors.ImageError, match="'hot' of the picture 'poster' has pixels that are not finite"):
+        read()
+
+
+def test_tiled_picture(read: Callable[[], Any]) -> None:
+    """Of a picture in several tiles the first is read, and a note says so."""
+    plane = add_plane(None)
+    plane.kiriko.image = bpy.data.images.new("tiles", *SIZE, tiled=True)
+    reading = read()
+    assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
+    assert reading.notes == ("Of the image 'tiles' only the first tile is used.",)
+
+
+def test_two_pictures_are_for_the_check(read: Callable[[], Any]) -> None:
+    """Two picture planes are both read, so that the rig's check can name them."""
+    image = generated()
+    add_plane(texture_material(image), "one")
+    add_plane(texture_material(image), "two")
+    assert sorted(p.name for p in read().rig.pictures) == ["one", "two"]
