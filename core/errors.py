@@ -15,7 +15,3 @@ class MeshError(KirikoError):
 
 class ImageError(KirikoError):
     """An image cannot be read or written."""
-
-
-class Cancelled(KirikoError):
-    """The user stopped the work."""

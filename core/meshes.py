@@ -310,7 +310,7 @@ class Layer:
         """Few triangles need no ray engine."""
         return self.n_triangles > FEW_TRIANGLES
 
-    def _build(self, corners: Floats):  # noqa: ANN202 - embreex has no types
+    def _build(self, corners: Floats):
         from embreex import rtcore_scene  # late: a rig of few flat faces needs no ray engine
         from embreex.mesh_construction import TriangleMesh
 

@@ -142,7 +142,7 @@ class Pyramid:
     """A picture at full, half, quarter ... size, so that a footprint of any size is read at its own size."""
 
     def __init__(self, image: NDArray[np.float32]) -> None:
-        """image : (h, w, 4) linear, premultiplied"""
+        """Build all levels of an image (h, w, 4), linear, premultiplied."""
         if image.ndim != 3 or min(image.shape[:2]) < 1:
             raise RigError("The picture has no pixels: choose another image.")
         self.levels = [np.asarray(image[..., :3], np.float64)]
@@ -206,7 +206,7 @@ def ideal_image(picture: Picture, viewer: Viewer, pyramid: Pyramid | None = None
         total = np.zeros((len(pixels), 3))
         for dx in offsets:
             for dy in offsets:
-                points = picture_from_view(picture, viewer, corner + [dx, dy], SUBPIXELS**-2)
+                points = picture_from_view(picture, viewer, corner + np.array([dx, dy]), SUBPIXELS**-2)
                 total += pyramid.sample(points)
         image[pixels] = total / SUBPIXELS**2
     return image.reshape(h, w, 3)

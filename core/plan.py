@@ -49,7 +49,8 @@ class Kind(IntEnum):
 class DisplayPlane:
     """A display that is one flat rectangle under its whole image: pixels are one affine map of its plane.
 
-    corner (3,) m; normal (3,) unit, to the front; pixels (2, 3) px / m and origin (2,) px: xy = pixels (p - corner) + origin
+    corner (3,) m; normal (3,) unit, to the front; pixels (2, 3) px / m and origin (2,) px, so that a point p of the
+    plane is at pixel xy = pixels (p - corner) + origin; patch: the label its landings have
     """
 
     corner: Floats
@@ -64,10 +65,11 @@ class Plan:
     """A rig made ready to be traced: all triangles in one numbering, in layers.
 
     Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_smooth (t,), patch (t,), part (t,).
-    Parts p: kind (p,), is_closed (p,), bit (p,) uint64 of a solid in its cluster's mask (0 for no solid), index_row (p,) start of its
-    cluster in `indices`, which holds 1.0 (air) and then the indices of the cluster's solids by rising priority.
-    layers: ray engines; layer_triangles: the triangles of each, in its own order; layer_bits: bits of its closed solids,
-    which what is inside has to leave.
+    Parts p: kind (p,), is_closed (p,), bit (p,) uint64 of a solid in its cluster's mask (0 for no solid),
+    index_row (p,) start of its cluster in `indices`, which holds 1.0 (air) and then the indices of the cluster's
+    solids by rising priority.
+    Layers: layer_triangles, the triangles of each, in its own order; layer_bits, those of its closed solids, which
+    what is inside has to leave.
     """
 
     rig: Rig
@@ -155,9 +157,7 @@ def clusters_of(touch: np.ndarray) -> list[list[int]]:
 def plane_of(name: str, mesh: Mesh) -> tuple[Floats, Floats]:
     """Point and unit normal of a flat mesh; RigError when it is not flat."""
     surface = make_surface(mesh)
-    normal = np.cross(
-        surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0]
-    )
+    normal = np.cross(surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0])
     normal *= np.sign(dot(normal, normal[np.argmax(dot(normal, normal))]))[:, None]
     normal = normal.sum(axis=0)
     length = np.linalg.norm(normal)
@@ -208,7 +208,12 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
             kinds.append(Kind.GLASS)
             glass_of.append(glass)
     n_solids = len(surfaces)
-    others = ((Kind.PLATE, rig.plates), (Kind.MIRROR, rig.mirrors), (Kind.BLOCKER, rig.blockers), (Kind.DISPLAY, rig.displays))
+    others = (
+        (Kind.PLATE, rig.plates),
+        (Kind.MIRROR, rig.mirrors),
+        (Kind.BLOCKER, rig.blockers),
+        (Kind.DISPLAY, rig.displays),
+    )
     for kind, group in others:
         for part in group:
             surface = make_surface(part.mesh)
@@ -260,7 +265,9 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
     used, left_out = ["ideal plate"], []
     (used if n_engines else left_out).append("ray engine" if n_engines else "ray engine (few flat faces)")
     (used if any(smooth) else left_out).append("smooth normals")
-    (used if n_masks else left_out).append("overlapping media" if n_masks else "overlapping media (solids are disjoint)")
+    (used if n_masks else left_out).append(
+        "overlapping media" if n_masks else "overlapping media (solids are disjoint)"
+    )
     (used if settings.brightness else left_out).append("Fresnel")
     return Plan(
         rig,
@@ -316,13 +323,19 @@ def _display_plane(display: Display, surface: Surface, first_patch: int) -> Disp
     fit, *_ = np.linalg.lstsq(np.column_stack([across, np.ones(len(across))]), uv, rcond=None)
     a, b, c = np.moveaxis(display.mesh.uv, 1, 0)
     covered = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
-    is_affine = np.abs(across @ fit[:2] + fit[2] - uv).max() < FLAT and np.abs((corners - corner) @ normal).max() < FLAT * size
-    is_whole = np.abs(uv.min(axis=0)).max() < FLAT and np.abs(uv.max(axis=0) - 1).max() < FLAT and abs(covered - 1) < FLAT
+    is_affine = (
+        np.abs(across @ fit[:2] + fit[2] - uv).max() < FLAT and np.abs((corners - corner) @ normal).max() < FLAT * size
+    )
+    is_whole = (
+        np.abs(uv.min(axis=0)).max() < FLAT and np.abs(uv.max(axis=0) - 1).max() < FLAT and abs(covered - 1) < FLAT
+    )
     if not (is_affine and is_whole):
         return None
     scale = np.array([display.width, -display.height])
     origin = np.array([0, display.height]) + scale * fit[2]
-    return DisplayPlane(corner, normal, scale[:, None] * (fit[:2].T @ axes), origin, first_patch + int(surface.patch[0]))
+    return DisplayPlane(
+        corner, normal, scale[:, None] * (fit[:2].T @ axes), origin, first_patch + int(surface.patch[0])
+    )
 
 
 def _media(
@@ -337,7 +350,8 @@ def _media(
         if len(group) > MOST_OVERLAPPING:
             name = glass_of[group[0]].name
             raise RigError(
-                f"{len(group)} glass solids around '{name}' overlap or nest: join them or keep at most {MOST_OVERLAPPING}."
+                f"{len(group)} glass solids around '{name}' overlap or nest:"
+                f" join them or keep at most {MOST_OVERLAPPING}."
             )
         n_masks += len(group) > 1
         by_priority = sorted(group, key=lambda i: (glass_of[i].priority, -volumes[i]))

@@ -78,9 +78,7 @@ def _is_near_display(xy: Floats, width: int, height: int) -> np.ndarray:
     return ((high > 0) & (low < size)).all(axis=1) | lost
 
 
-def _trace_points(
-    plan: Plan, points: Floats, start: float, stop: float
-) -> Generator[float, None, Landings]:
+def _trace_points(plan: Plan, points: Floats, start: float, stop: float) -> Generator[float, None, Landings]:
     parts = []
     for first in range(0, max(len(points), 1), CHUNK):
         parts.append(trace(plan, *plan.rig.viewer.rays(points[first : first + CHUNK])))
@@ -170,7 +168,7 @@ def _groups(plan: Plan, corners: Floats, cells: Ints, branch: np.ndarray) -> Gen
 def _bisect(
     plan: Plan, corners: Floats, landings: Landings, near: Ints, far: Ints
 ) -> Generator[float, None, tuple[Floats, Floats, Floats, int]]:
-    """The last points on the branch of corners `near` on the way to corners `far`: viewer px, display px, throughput."""
+    """Last points on the branch of corners `near` towards corners `far`: viewer px, display px, throughput, rays."""
     wanted = landings.branch[near]
     low, high = np.zeros(len(near)), np.ones(len(near))
     xy, throughput = landings.xy[near].copy(), landings.throughput[near].copy()

@@ -65,7 +65,9 @@ def rig(glass, *, distance=0.15, pixels=512, field=0.05, picture=0.03, display=0
     """The bench of docs/optics.md around the origin: viewer on -y, plate at 45 degrees on +y, display below it."""
     x, y, z = np.eye(3)
     half = field / 2 / (viewer_distance if projection == "perspective" else 1)
-    viewer = Viewer("viewer", projection, -viewer_distance * y, np.stack([x, z, y]), (-half, half, -half, half), pixels, pixels)
+    viewer = Viewer(
+        "viewer", projection, -viewer_distance * y, np.stack([x, z, y]), (-half, half, -half, half), pixels, pixels
+    )
     glasses = glass if isinstance(glass, tuple) else (Glass("glass", glass, ConstantIndex(ior)),)
     return Rig(
         (viewer,),

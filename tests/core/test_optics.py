@@ -21,7 +21,7 @@ def random_pairs(n, seed=1):
 
 @pytest.mark.parametrize(("n1", "n2"), [(1.0, 1.49), (1.49, 1.0), (1.0, 1 + 1e-9), (1.33, 1.5), (4.0, 1.0)])
 def test_refraction_agrees_with_fifty_digits(n1, n2):
-    """The refracted direction is within 4 eps / sqrt(k) of the one mpmath gets, and TIR is the same where |k| > 1e-14."""
+    """The refracted direction is within 4 eps / sqrt(k) of mpmath's, and TIR is the same where |k| > 1e-14."""
     directions, normals = random_pairs(300)
     out, is_tir, _ = refract(directions, normals, np.full(len(directions), n1 / n2))
     with mpmath.workdps(50):

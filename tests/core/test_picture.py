@@ -13,7 +13,9 @@ def viewer(projection, shift=0.0):
     a = np.radians(20)
     axes = np.array([[np.cos(a), np.sin(a), 0], [0, 0, 1], [-np.sin(a), np.cos(a), 0]])
     half = 0.05 if projection == "perspective" else 0.06
-    return Viewer("v", projection, np.array([0.02, 0, 0.06]) - axes[2], axes, (-half + shift, half + shift, -half, half), 40, 30)
+    return Viewer(
+        "v", projection, np.array([0.02, 0, 0.06]) - axes[2], axes, (-half + shift, half + shift, -half, half), 40, 30
+    )
 
 
 def ramp(h=8, w=16):

@@ -7,7 +7,8 @@ import pytest
 from reference_rigs import ball_rig, box, lattice_image, rectangle, rig
 from work import drain, solve
 
-from kiriko.core import meshes, session as session_module
+from kiriko.core import meshes
+from kiriko.core import session as session_module
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.plan import Settings
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
@@ -41,7 +42,7 @@ def test_a_moved_viewer_builds_no_engine_and_a_moved_glass_does(monkeypatch):
     original = meshes.Layer._build
     monkeypatch.setattr(meshes.Layer, "_build", lambda self, corners: built.append(1) or original(self, corners))
     v = a_rig.viewer
-    moved = replace(a_rig, viewers=(replace(v, position=v.position + [0.01, 0, 0]),))
+    moved = replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),))
     assert np.array_equal(solve(moved, kept).source, solve(moved).source)
     assert len(built) == 1  # by the solve from scratch
     solve(rig(replace_vertices(a_rig.glasses[0].mesh, 0.001), pixels=48, display_pixels=48), kept)

@@ -24,8 +24,8 @@ def ramp(size=64):
 @pytest.mark.parametrize(("pixels", "display_pixels"), [(64, 512), (512, 64), (64, 64), (50, 333)])
 def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels):
     """Index 1, a picture as large as the display: each display pixel shows the ramp's value at its own centre."""
-    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels, display=0.03, image=ramp(),
-                projection="orthographic", field=0.036)  # fmt: skip
+    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels, display=0.03,
+                image=ramp(), projection="orthographic", field=0.036)  # fmt: skip
     solution = solve(a_rig)
     # the mirror image of the picture's top is the display's bottom
     y, x = (np.mgrid[:display_pixels, :display_pixels] + 0.5) / display_pixels
@@ -38,7 +38,7 @@ def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels
 
 
 def test_no_pinholes_and_no_ghost_lines_in_the_ball():
-    """Where the display is covered it is covered whole, and neighbours differ by no more than a smooth map lets them."""
+    """Inside the covered area every pixel is covered, and white shows as white."""
     solution = solve(ball_rig(4, pixels=128, display_pixels=512, image=np.ones((4, 4, 4), np.float32)))
     covered = solution.display_coverage
     inside = covered > 0

@@ -1,4 +1,4 @@
-"""Landings against closed forms: no glass, slab, ball, ellipsoid, total internal reflection, nested and touching solids."""
+"""Landings against closed forms: no glass, slab, ball, ellipsoid, total reflection, nested and touching solids."""
 
 import closed_forms
 import numpy as np
@@ -98,7 +98,9 @@ def test_a_landing_traced_back_returns_to_its_pixel(make):
     display = a_rig.display
     # the way back: the display's place is taken by a large one at the viewer, which looks at the plate from the display
     viewer_plane = rectangle(a_rig.viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 10, 10)
-    back = Rig(a_rig.viewers, a_rig.glasses, a_rig.plates, (type(display)("eye", viewer_plane, 10, 10),), a_rig.pictures)
+    back = Rig(
+        a_rig.viewers, a_rig.glasses, a_rig.plates, (type(display)("eye", viewer_plane, 10, 10),), a_rig.pictures
+    )
     start, away = landings.positions[found], -landings.directions[found]
     returned = trace_all(make_plan(back, Settings()), start, away)
     same = returned.has_arrived & (returned.n_events == landings.n_events[found])
@@ -190,10 +192,14 @@ def test_every_ray_keeps_its_reason():
     slab_rig = rig(box([0.3, 0.02, 0.3]), display=0.1)
     assert (reasons(slab_rig) == Reason.ARRIVED).all()
     assert (reasons(rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)) == Reason.MISSED_GLASS).all()
-    assert (reasons(rig(box([0.3, 0.02, 0.3]), plate=1e-6), only_through_glass=True) == Reason.MISSED_PLATE).mean() > 0.9
+    assert (
+        reasons(rig(box([0.3, 0.02, 0.3]), plate=1e-6), only_through_glass=True) == Reason.MISSED_PLATE
+    ).mean() > 0.9
     assert (reasons(rig(box([0.3, 0.02, 0.3]), display=1e-6)) == Reason.MISSED_DISPLAY).mean() > 0.9
     board = Blocker("board", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1))
-    blocked = Rig(slab_rig.viewers, slab_rig.glasses, slab_rig.plates, slab_rig.displays, slab_rig.pictures, (), (board,))
+    blocked = Rig(
+        slab_rig.viewers, slab_rig.glasses, slab_rig.plates, slab_rig.displays, slab_rig.pictures, (), (board,)
+    )
     assert (reasons(blocked) == Reason.BLOCKED).all()
     beside = rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)
     assert (reasons(beside, only_through_glass=False) == Reason.ARRIVED).all()

@@ -49,7 +49,7 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
     square = corners @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + 25
     exact = rasterise((50, 50), (50, 50), square[None], square[None])
     expected = np.bincount(exact.display_index, exact.display_area, 2500).reshape(50, 50)
-    # a border is known to 2^-14 px on each edge; within a pixel it is taken straight, so a corner's pixel loses a little
+    # a border is known to 2^-14 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
     error = np.abs(coverage(found) - expected)
     assert np.sort(error.ravel())[-5] < 2e-3
     assert error.max() < 0.2
@@ -77,7 +77,9 @@ def test_pieces_and_misses_make_up_the_image():
 def test_a_saddle_pixel_is_not_covered_twice():
     """Two rods that meet at a corner inside a pixel: the pixel's coverage is their area, not their overlap's."""
     s = 0.02
-    boxes = tuple(Glass(n, box([s, 0.02, s], (x * s / 2 + 3e-4, 0, x * s / 2 + 4e-4))) for n, x in (("a", -1), ("b", 1)))
+    boxes = tuple(
+        Glass(n, box([s, 0.02, s], (x * s / 2 + 3e-4, 0, x * s / 2 + 4e-4))) for n, x in (("a", -1), ("b", 1))
+    )
     found = view_map(rig(boxes, projection="orthographic", pixels=50, field=0.05, display=0.06))
     covered = coverage(found)
     assert covered.max() < 1 + 1e-9

@@ -1,0 +1,329 @@
+"""Renders the rig in Cycles, an independent judge of what Kiriko computes, without touching anything of the user's.
+
+A temporary scene links the user's own objects; those with a role are copied as they are evaluated, with materials
+that obey the same laws. Cycles knows one relative index of refraction an interface, so nested solids get the ratio of
+the two media; where that is ambiguous the result says that the preview is not comparable.
+"""
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from . import blender_shaders as shaders
+from .blender_image import image_from_pixels, pixels_from_image
+from .blender_media import Interface, interfaces
+from .blender_scene import Reading, part_name, rendered_objects, role_owner
+from .errors import ImageError, RigError
+
+TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
+BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
+
+
+class Preview:
+    """A temporary scene that shows the rig to Cycles; use as a context manager, it leaves nothing behind.
+
+    Parameters
+    ----------
+    scene : the user's scene, with settings in `scene.kiriko`
+    reading : what `blender_scene.read` made of it: the rig, whose indices of refraction are used
+    source : image datablock the display shows; None: the display shows its own coordinates (u, v, 1)
+    size : width and height of the whole frame in pixels; None: the scene's
+    percentage : of that size; None: the scene's
+    border : left, right, bottom, top of the part to render, 0..1 of the frame; None: all of it
+    samples : per pixel
+    fresnel : glass splits light as real glass does (noise); else it refracts all of it, black at total reflection
+    surroundings : objects without a role and the world are there too
+    filter_width : None: each pixel is the mean over its square; else pixels, of a Blackman-Harris filter
+
+    Attributes
+    ----------
+    notes : reasons why the render cannot be compared with what Kiriko computes
+    path : where the render is written, linear OpenEXR
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        reading: Reading,
+        source: bpy.types.Image | None,
+        *,
+        size: tuple[int, int] | None = None,
+        percentage: int | None = None,
+        border: tuple[float, float, float, float] | None = None,
+        samples: int = 16,
+        fresnel: bool = True,
+        surroundings: bool = False,
+        filter_width: float | None = None,
+    ) -> None:
+        self.notes: list[str] = []
+        self._made: list[bpy.types.ID] = []
+        self._source = source
+        self._fresnel = fresnel
+        self._folder = tempfile.TemporaryDirectory(prefix="kiriko-")
+        self.path = Path(self._folder.name) / "preview.exr"
+        remove_leftovers()
+        try:
+            self.scene = self._mark(bpy.data.scenes.new("Kiriko Preview"))
+            self._fill(scene, reading, surroundings)
+            self._set_render(scene, size, percentage, border)
+            self._set_cycles(scene, samples, filter_width)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "Preview":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove the temporary scene and all that was made for it."""
+        remove_leftovers()
+        self._folder.cleanup()
+
+    @property
+    def is_rendered(self) -> bool:
+        return self.path.exists()
+
+    def render(self) -> np.ndarray:
+        """Render now, wait for it, and return the pixels."""
+        bpy.ops.render.render(scene=self.scene.name, write_still=True)
+        return self.pixels()
+
+    def pixels(self) -> np.ndarray:
+        """The render (h, w, 4) float32, linear, row 0 at the top; only the border's part where one was given."""
+        if not self.is_rendered:
+            raise ImageError("Cycles wrote no preview: look in the console for its reason.")
+        image = self._mark(bpy.data.images.load(str(self.path), check_existing=False))
+        pixels = pixels_from_image(image)
+        bpy.data.images.remove(image)
+        return pixels
+
+    def _mark(self, block: Any) -> Any:
+        block[TEMPORARY] = True
+        return block
+
+    def _material(self, role: str, interface: Interface | None) -> bpy.types.Material:
+        """A new material for a role; `interface` is that of glass."""
+        material = self._mark(bpy.data.materials.new(f"Kiriko Preview {role.title()}"))
+        if role == "GLASS":
+            shaders.be_glass(material, interface.index, self._fresnel)
+        elif role == "DISPLAY" and self._source is None:
+            shaders.show_coordinates(material)
+        elif role == "DISPLAY":
+            shaders.show_image(material, self._source)
+        else:
+            {"PLATE": shaders.be_plate, "MIRROR": shaders.be_mirror, "BLOCKER": shaders.be_blocker}[role](material)
+        return material
+
+    def _fill(self, scene: bpy.types.Scene, reading: Reading, surroundings: bool) -> None:
+        view_layer = bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
+        view_layer.update()
+        depsgraph = view_layer.depsgraph
+        found, notes = interfaces(reading.rig.glasses)
+        self.notes += notes
+        glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
+        copies: dict[tuple[int, str, Interface | None], bpy.types.Mesh] = {}
+        taken = set()  # the user's objects whose place a copy takes, or that make instances of such
+        for instance, owner, name in parts_of(depsgraph, scene):
+            role, interface = owner.kiriko.role, None
+            taken |= {owner, instance.object.original}
+            if instance.is_instance:
+                taken.add(instance.parent.original)
+            if role == "GLASS":
+                interface = glasses.get(name)  # none where the mesh has no faces
+            if role == "PICTURE" or (role == "GLASS" and (interface is None or interface.index is None)):
+                continue
+            key = instance.object.data.as_pointer(), role, interface
+            if key not in copies:
+                copies[key] = self._copy(instance.object, self._material(role, interface))
+                if interface is not None and interface.is_inside_out:
+                    copies[key].flip_normals()  # Cycles tells inside from outside by them
+            thing = self._mark(bpy.data.objects.new(f"Kiriko Preview {name}", copies[key]))
+            thing.matrix_world = instance.matrix_world
+            self.scene.collection.objects.link(thing)
+        if surroundings:
+            self.scene.world = scene.world
+            for thing in _seen_in_render(view_layer.layer_collection):
+                if thing.kiriko.role == "NONE" and thing not in taken:
+                    self.scene.collection.objects.link(thing)
+        self._add_camera(scene, depsgraph)
+
+    def _copy(self, shown: bpy.types.Object, material: bpy.types.Material) -> bpy.types.Mesh:
+        """The evaluated mesh of an object, in one material."""
+        mesh = self._mark(bpy.data.meshes.new_from_object(shown))
+        mesh.materials.clear()
+        mesh.materials.append(material)
+        mesh.polygons.foreach_set("material_index", np.zeros(len(mesh.polygons), np.int32))
+        return mesh
+
+    def _add_camera(self, scene: bpy.types.Scene, depsgraph: Any) -> None:
+        viewer = scene.kiriko.viewer or scene.camera
+        if viewer is None or viewer.type != "CAMERA":
+            raise RigError("The rig has no viewer: add a camera and make it the viewer.")
+        evaluated = viewer.evaluated_get(depsgraph)
+        camera = self._mark(evaluated.data.original.copy())
+        camera.animation_data_clear()
+        for name in ("lens", "ortho_scale", "shift_x", "shift_y", "sensor_width", "sensor_height"):
+            setattr(camera, name, getattr(evaluated.data, name))  # as evaluated: it may be animated or driven
+        camera.dof.use_dof = False
+        camera.clip_start = min(camera.clip_start, 1e-4)
+        thing = self._mark(bpy.data.objects.new("Kiriko Preview Viewer", camera))
+        thing.matrix_world = Matrix(evaluated.matrix_world)
+        self.scene.collection.objects.link(thing)
+        self.scene.camera = thing
+
+    def _set_render(
+        self,
+        scene: bpy.types.Scene,
+        size: tuple[int, int] | None,
+        percentage: int | None,
+        border: tuple[float, float, float, float] | None,
+    ) -> None:
+        render, theirs = self.scene.render, scene.render
+        engines = {item.identifier for item in render.bl_rna.properties["engine"].enum_items}
+        try:
+            render.engine = "CYCLES"
+        except TypeError:
+            raise RigError(
+                f"The preview needs Cycles, but only {', '.join(sorted(engines))} is there: enable it."
+            ) from None
+        render.resolution_x, render.resolution_y = size or (theirs.resolution_x, theirs.resolution_y)
+        render.resolution_percentage = percentage or (100 if size else theirs.resolution_percentage)
+        render.pixel_aspect_x, render.pixel_aspect_y = theirs.pixel_aspect_x, theirs.pixel_aspect_y
+        if border is not None:
+            render.use_border = render.use_crop_to_border = True
+            render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = border
+        render.use_compositing = render.use_sequencer = False
+        render.use_motion_blur = False
+        render.film_transparent = False
+        render.use_simplify, render.use_persistent_data = False, False
+        render.filepath, render.use_file_extension = str(self.path), False
+        render.image_settings.file_format = "OPEN_EXR"
+        render.image_settings.color_mode, render.image_settings.color_depth = "RGBA", "32"
+        render.image_settings.exr_codec = "ZIP"
+        transforms = self.scene.view_settings.bl_rna.properties["view_transform"].enum_items
+        if "Standard" in {item.identifier for item in transforms}:
+            self.scene.view_settings.view_transform = "Standard"
+        self.scene.frame_current, self.scene.frame_subframe = scene.frame_current, scene.frame_subframe
+
+    def _set_cycles(self, scene: bpy.types.Scene, samples: int, filter_width: float | None) -> None:
+        """Everything a path needs to reach the display, and nothing that clamps, guesses or blurs what it carries."""
+        cycles = self.scene.cycles
+        cycles.device = scene.cycles.device
+        cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
+        cycles.time_limit = 0.0
+        for name in ("max", "diffuse", "glossy", "transmission"):
+            setattr(cycles, f"{name}_bounces", BOUNCES)
+        cycles.diffuse_bounces = 4
+        cycles.transparent_max_bounces = BOUNCES  # a Ray Portal counts as one of these
+        cycles.min_light_bounces = cycles.min_transparent_bounces = BOUNCES  # no path ends by chance
+        cycles.caustics_reflective = cycles.caustics_refractive = True
+        cycles.blur_glossy = 0.0
+        cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+        cycles.film_exposure = 1.0
+        if filter_width is None:
+            cycles.pixel_filter_type = "BOX"
+        else:
+            cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", filter_width
+
+
+def parts_of(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object, str]]:
+    """Instances with a role, the objects they have it from, and their names in the rig, as blender_scene reads them."""
+    in_scene, rendered = set(scene.objects), rendered_objects(scene.collection)
+    counts: Counter[str] = Counter()
+    for instance in depsgraph.object_instances:
+        owner = role_owner(instance)
+        if owner is None or not instance.show_self or instance.object.type != "MESH":
+            continue
+        own = instance.object.original
+        top = instance.parent.original if instance.is_instance and instance.parent is not None else own
+        if not (own.hide_render or top.hide_render or (top in in_scene and top not in rendered)):
+            yield instance, owner, part_name(instance, counts)
+
+
+def _seen_in_render(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:
+    """Objects of a view layer that its scene would render, each once."""
+    seen = set()
+    todo = [layer]
+    while todo:
+        layer = todo.pop()
+        if layer.exclude or layer.collection.hide_render:
+            continue
+        todo.extend(layer.children)
+        for thing in layer.collection.objects:
+            if thing not in seen and thing.type != "CAMERA":
+                seen.add(thing)
+                yield thing
+
+
+def remove_leftovers() -> None:
+    """Remove everything a preview made, also of one that was cut short."""
+    for group in ("scenes", "objects", "cameras", "meshes", "materials", "images"):
+        blocks = [block for block in getattr(bpy.data, group) if block.get(TEMPORARY)]
+        if blocks:
+            bpy.data.batch_remove(blocks)
+
+
+def render_preview(
+    scene: bpy.types.Scene,
+    reading: Reading,
+    source_image: np.ndarray | bpy.types.Image,
+    *,
+    size: tuple[int, int] | None = None,
+    percentage: int | None = None,
+    border: tuple[float, float, float, float] | None = None,
+    samples: int = 16,
+    fresnel: bool = True,
+    surroundings: bool = False,
+) -> np.ndarray:
+    """What the viewer sees of a source image, rendered by Cycles.
+
+    Parameters
+    ----------
+    source_image : (H, W, 3) float, linear, row 0 at the top; or an image datablock
+    others : see Preview
+
+    Returns
+    -------
+    (h, w, 4) float32, linear, row 0 at the top
+    """
+    options = {"size": size, "percentage": percentage, "border": border, "samples": samples}
+    made = None
+    if not isinstance(source_image, bpy.types.Image):
+        made = source_image = image_from_pixels("Kiriko Preview Source", source_image)
+    try:
+        with Preview(scene, reading, source_image, **options, fresnel=fresnel, surroundings=surroundings) as preview:
+            return preview.render()
+    finally:
+        if made is not None:
+            bpy.data.images.remove(made)
+
+
+def render_map(
+    scene: bpy.types.Scene,
+    reading: Reading,
+    *,
+    size: tuple[int, int] | None = None,
+    percentage: int | None = None,
+    border: tuple[float, float, float, float] | None = None,
+) -> np.ndarray:
+    """Where on the display the middle of each viewer pixel lands, traced by Cycles with one sample a pixel.
+
+    Returns
+    -------
+    (h, w, 3) float32: u and v of the display (origin bottom left), and 1 where the path arrived, else 0;
+    row 0 at the top. Good to about 0.002 display pixels of 512. Paths with total reflection do not arrive.
+    """
+    options = {"size": size, "percentage": percentage, "border": border}
+    with Preview(scene, reading, None, **options, samples=1, fresnel=False, filter_width=0.01) as preview:
+        return preview.render()[..., :3]

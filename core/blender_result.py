@@ -1,0 +1,111 @@
+"""Writes a solution to Blender: the image, the display's material, the numbers. All of it, or nothing."""
+
+import json
+from dataclasses import asdict
+
+import bpy
+import numpy as np
+
+from . import blender_shaders as shaders
+from .blender_image import image_from_pixels, pack
+from .blender_preview import render_map, render_preview
+from .blender_scene import Reading
+from .session import Solution
+
+__all__ = ["put_on_display", "render_map", "render_preview", "summary", "write_solution"]
+
+SOURCE = "Kiriko Source"
+OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
+
+
+def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed float image with these pixels (linear, row 0 at the top) that takes the place and name of an old one."""
+    image = image_from_pixels(f"{name} (new)", pixels)
+    pack(image, name)
+    if old is not None:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = name
+    return image
+
+
+def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
+    """Make a display emit an image, by a material of its own in place of the user's.
+
+    The material is linked to the object, so that other users of the mesh keep theirs; the user's own material stays
+    in the mesh and in the file. Returns one sentence for each material that gave way.
+    """
+    if not display.is_editable:
+        return [f"The display '{display.name}' is linked from another file: give it the image '{image.name}' there."]
+    if not display.material_slots:
+        display.data.materials.append(None)
+    ours = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
+    if ours is None or ours.users > len(display.material_slots):
+        ours = bpy.data.materials.new(f"{display.name} Source")
+        ours[OURS] = True
+    shaders.show_image(ours, image)
+    notes = []
+    for slot in display.material_slots:
+        theirs = slot.material
+        if theirs is not None and not theirs.get(OURS):
+            theirs.use_fake_user = True
+            notes.append(f"The material '{theirs.name}' of the display '{display.name}' gave way to '{ours.name}'.")
+        slot.link = "OBJECT"
+        slot.material = ours
+    return notes
+
+
+def percent(share: float) -> str:
+    """A share as people read it; what is not nothing does not read as nothing, nor what is not all as all."""
+    value = 100 * round(share, 6)  # less is rounding, not light
+    for digits in (0, 1, 2):
+        text = f"{value:.{digits}f}"
+        if not ((float(text) == 0 and value > 0) or (float(text) == 100 and value < 100)):
+            return f"{text} %"
+    return "under 0.01 %" if value < 50 else "over 99.99 %"
+
+
+def listed(misses: dict[str, float]) -> str:
+    """Shares by reason, the largest first."""
+    by_size = sorted(misses.items(), key=lambda miss: -miss[1])
+    return ", ".join(f"{percent(share)} {word}" for word, share in by_size if share > 0)
+
+
+def summary(coverage: float, misses: dict[str, float]) -> str:
+    """One sentence on how much of the picture the viewer gets to see, and what happens to the rest."""
+    lost = listed(misses)
+    return f"The display shows {percent(coverage)} of the picture" + (f"; {lost}" if lost else "") + "."
+
+
+def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
+    """Write a solution to the scene's result, image and display, and return it in one sentence.
+
+    Parameters
+    ----------
+    reading : what `blender_scene.read` made of the scene: materials, notes, display size
+    solution : core.session.Solution
+    """
+    result = scene.kiriko.result
+    coverage = float(min(max(solution.picture_coverage, 0.0), 1.0))
+    text = summary(coverage, solution.misses)
+    image = replace_image(result.source, SOURCE, solution.source)
+    notes = [*reading.notes, *solution.notes]
+    display = bpy.data.objects.get(reading.rig.display.name.partition(" (instance")[0])
+    if display is not None:
+        notes += put_on_display(display, image)
+    details = {
+        "materials": [asdict(material) for material in reading.materials],
+        "picture_coverage": coverage,
+        "misses": solution.misses,
+        "view_coverage": float(solution.view_coverage.mean()),
+        "display_coverage": float(solution.display_coverage.mean()),
+        "seconds": solution.seconds,
+        "rays": solution.n_rays,
+        "used": list(solution.used),
+        "left_out": list(solution.left_out),
+        "display_size_m": None if reading.display_size is None else list(reading.display_size),
+        "resolution": [reading.rig.display.width, reading.rig.display.height],
+    }
+    result.source, result.summary, result.coverage = image, text, coverage
+    result.details, result.notes = json.dumps(details), "\n".join(notes)
+    return text

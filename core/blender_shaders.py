@@ -1,0 +1,120 @@
+"""Materials that let Cycles obey the same laws as Kiriko's tracer."""
+
+from typing import Any
+
+import bpy
+
+
+def _cleared(material: bpy.types.Material) -> tuple[Any, Any]:
+    """Empty node tree of a material, and its new output node."""
+    if bpy.app.version < (5, 0, 0):  # always on, and deprecated, from 5.0
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    return tree, tree.nodes.new("ShaderNodeOutputMaterial")
+
+
+def _black(tree: Any) -> Any:
+    """A shader that neither emits nor reflects."""
+    node = tree.nodes.new("ShaderNodeEmission")
+    node.inputs["Strength"].default_value = 0.0
+    return node
+
+
+def _front_only(tree: Any, output: Any, shader: Any) -> None:
+    """Show `shader` on the front of the surface and black on its back."""
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(shader.outputs[0], mix.inputs[1])
+    tree.links.new(_black(tree).outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    for column, node in enumerate((geometry, shader, mix, output)):
+        node.location = (220 * column - 440, 0)
+
+
+def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Make a material emit the texels of an image, as the pixels of a screen: square, sharp, on the front only."""
+    tree, output = _cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image, texture.interpolation, texture.extension = image, "Closest", "CLIP"
+    uv = tree.nodes.new("ShaderNodeUVMap")  # unnamed: the map used in renders, which is the one Kiriko reads
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    _front_only(tree, output, emission)
+    texture.location, uv.location = (-520, -220), (-740, -220)
+    material.cycles.emission_sampling = "NONE"  # light reaches the viewer along mirror paths only
+
+
+def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Make a material show an image as it is, unlit, on both sides."""
+    tree, output = _cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image, texture.extension = image, "CLIP"
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    texture.location, emission.location = (-520, 0), (-220, 0)
+    tree.nodes.active = texture  # what solid view shows as the object's texture
+
+
+def show_coordinates(material: bpy.types.Material) -> None:
+    """Make a material emit (u, v, 1): a renderer then says where on the display each viewer pixel lands."""
+    tree, output = _cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    combine = tree.nodes.new("ShaderNodeCombineXYZ")
+    split = tree.nodes.new("ShaderNodeSeparateXYZ")
+    uv = tree.nodes.new("ShaderNodeUVMap")  # unnamed: the map used in renders, which is the one Kiriko reads
+    combine.inputs["Z"].default_value = 1.0
+    tree.links.new(uv.outputs["UV"], split.inputs[0])
+    tree.links.new(split.outputs["X"], combine.inputs["X"])
+    tree.links.new(split.outputs["Y"], combine.inputs["Y"])
+    tree.links.new(combine.outputs[0], emission.inputs["Color"])
+    _front_only(tree, output, emission)
+    material.cycles.emission_sampling = "NONE"
+
+
+def be_plate(material: bpy.types.Material) -> None:
+    """Ideal plane-symmetric plate: light leaves along o = -i + 2 (i.n) n (Kiuchi & Koizumi 2021, eq. 3).
+
+    Cycles' Incoming is -i, so the law is its reflection about the normal.
+    """
+    tree, output = _cleared(material)
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    reflect = tree.nodes.new("ShaderNodeVectorMath")
+    portal = tree.nodes.new("ShaderNodeBsdfRayPortal")
+    reflect.operation = "REFLECT"
+    tree.links.new(geometry.outputs["Incoming"], reflect.inputs[0])
+    tree.links.new(geometry.outputs["True Normal"], reflect.inputs[1])
+    tree.links.new(reflect.outputs["Vector"], portal.inputs["Direction"])
+    tree.links.new(geometry.outputs["Position"], portal.inputs["Position"])
+    tree.links.new(portal.outputs[0], output.inputs["Surface"])
+    for column, node in enumerate((geometry, reflect, portal, output)):
+        node.location = (220 * column - 440, 0)
+
+
+def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
+    """Smooth clear glass; without Fresnel it refracts everything, has no noise, and is black at total reflection."""
+    tree, output = _cleared(material)
+    glass = tree.nodes.new("ShaderNodeBsdfGlass" if fresnel else "ShaderNodeBsdfRefraction")
+    glass.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    glass.inputs["Roughness"].default_value = 0.0
+    glass.inputs["IOR"].default_value = ior
+    tree.links.new(glass.outputs[0], output.inputs["Surface"])
+    glass.location = (-220, 0)
+
+
+def be_mirror(material: bpy.types.Material) -> None:
+    """A mirror without loss."""
+    tree, output = _cleared(material)
+    glossy = tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    glossy.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    glossy.inputs["Roughness"].default_value = 0.0
+    tree.links.new(glossy.outputs[0], output.inputs["Surface"])
+
+
+def be_blocker(material: bpy.types.Material) -> None:
+    """Black on both sides."""
+    tree, output = _cleared(material)
+    tree.links.new(_black(tree).outputs[0], output.inputs["Surface"])

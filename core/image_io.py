@@ -1,0 +1,184 @@
+"""Reads and writes image files; the one file that imports OpenImageIO."""
+
+import importlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import ImageError
+
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities: red, green, blue, white
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of image file: its suffix, type of number, and whether its numbers are linear light or sRGB-encoded."""
+
+    suffix: str
+    number: str
+    is_linear: bool
+
+
+FORMATS = {
+    "PNG8": Format(".png", "uint8", False),
+    "PNG16": Format(".png", "uint16", False),
+    "TIFF16": Format(".tif", "uint16", False),
+    "EXR_HALF": Format(".exr", "half", True),
+    "EXR_FLOAT": Format(".exr", "float", True),
+}
+
+
+SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
+
+
+def named_for(path: Path | str, form: str) -> Path:
+    """The path with the suffix of a format, in place of another format's if it has one."""
+    path, suffix = Path(path), FORMATS[form].suffix
+    if path.suffix.lower().startswith(suffix):  # .tiff is .tif too
+        return path
+    return path.with_suffix(suffix) if path.suffix.lower() in SUFFIXES else path.with_name(path.name + suffix)
+
+
+def openimageio() -> Any:
+    """The module, or ImageError where this Python has none."""
+    try:
+        return importlib.import_module("OpenImageIO")  # late: only who writes files needs it
+    except ImportError:
+        raise ImageError(
+            "This Blender's Python has no OpenImageIO, which reads and writes the files: "
+            "install it (in Debian python3-openimageio) or take Blender from blender.org."
+        ) from None
+
+
+def encode(linear: ArrayLike) -> np.ndarray:
+    """sRGB-encoded values 0..1 of linear ones (IEC 61966-2-1), clipped to 0..1, float64."""
+    linear = np.clip(np.nan_to_num(np.asarray(linear, float)), 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def _quantised(pixels: np.ndarray, form: Format) -> np.ndarray:
+    if form.is_linear:
+        return np.ascontiguousarray(pixels, np.float32)
+    top = np.iinfo(form.number).max
+    return np.ascontiguousarray(np.rint(encode(pixels) * top).astype(form.number))
+
+
+def _spec(oiio: Any, form: Format, shape: tuple[int, int, int], size: tuple[float, float] | None, title: str) -> Any:
+    height, width, channels = shape
+    spec = oiio.ImageSpec(width, height, channels, form.number)
+    spec.attribute("oiio:ColorSpace", "lin_rec709" if form.is_linear else "sRGB")
+    spec.attribute("Software", "Kiriko")
+    about = [title, "linear Rec.709" if form.is_linear else "sRGB"]
+    if form.suffix == ".exr":
+        spec.attribute("chromaticities", "float[8]", REC709)
+        spec.attribute("compression", "zip")
+    if size is not None:
+        # inches everywhere: OpenImageIO turns pixels per cm into pixels per inch the wrong way round for EXR
+        across, down = (0.0254 * n / side for n, side in zip((width, height), size, strict=True))
+        spec.attribute("XResolution", across)
+        spec.attribute("YResolution", down)
+        spec.attribute("ResolutionUnit", "in")
+        spec.attribute("PixelAspectRatio", down / across)
+        for name, side in zip(("kiriko:width_mm", "kiriko:height_mm"), size, strict=True):
+            spec.attribute(name, 1000.0 * side)  # PNG and TIFF keep names of their own only, hence the text as well
+            about.append(f"{name}={1000.0 * side:.6g}")
+    spec.attribute("ImageDescription", "; ".join(about))
+    return spec
+
+
+@contextmanager
+def _part(path: Path) -> Iterator[Path]:
+    """A file beside `path` to write to; it takes the place of `path` when all went well, else it is removed."""
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        part.touch()
+    except OSError as reason:
+        why = reason.strerror
+        raise ImageError(f"The folder '{path.parent}' cannot be written ({why}): choose another one.") from None
+    try:
+        yield part
+        part.replace(path)
+    except OSError as reason:
+        raise ImageError(f"The file '{path}' cannot be written ({reason.strerror}): choose another name.") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write(
+    path: Path | str,
+    pixels: ArrayLike,
+    form: str,
+    *,
+    size: tuple[float, float] | None = None,
+    title: str = "Kiriko source image",
+    overwrite: bool = False,
+) -> Path:
+    """Write an image file, whole or not at all.
+
+    Parameters
+    ----------
+    path : the file; its suffix is set by the format
+    pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0 at the top; sRGB-encoded for formats not linear
+    form : a key of FORMATS
+    size : width and height in m of what the image covers, for the metadata
+    title : first words of the description in the metadata
+    overwrite : replace an existing file
+
+    Returns
+    -------
+    The path written.
+
+    Raises
+    ------
+    ImageError
+        The file exists, or cannot be written.
+    """
+    kind = FORMATS[form]
+    path = named_for(path, form)
+    if path.exists() and not overwrite:
+        raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
+    oiio = openimageio()
+    pixels = np.asarray(pixels)
+    pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
+    with _part(path) as part:
+        out = oiio.ImageOutput.create(str(part))
+        is_written = out is not None and out.open(str(part), _spec(oiio, kind, pixels.shape, size, title))
+        is_written = is_written and out.write_image(pixels) and out.close()
+        if not is_written:
+            reason = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
+            raise ImageError(f"The file '{path}' cannot be written ({reason}): check the disk.")
+    return path
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all; an existing one is replaced. ImageError when it cannot be written."""
+    with _part(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
+    """Numbers of an image file as they stand (h, w, c) float32, integers as 0..1, row 0 at the top; and its metadata.
+
+    Raises
+    ------
+    ImageError
+        The file is missing or broken.
+    """
+    oiio = openimageio()
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise ImageError(f"The image '{path}' cannot be read ({oiio.geterror().strip()}): choose another file.")
+    try:
+        spec = source.spec()
+        pixels = source.read_image(format="float")
+        if pixels is None:
+            raise ImageError(f"The image '{path}' is broken ({source.geterror().strip()}): choose another file.")
+    finally:
+        source.close()
+    return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
