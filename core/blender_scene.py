@@ -198,8 +198,13 @@ def notes_on_parts(parts: list[Part], met: set[bpy.types.Object], scene: bpy.typ
     return notes
 
 
-def read_glass(part: Part, settings: Any) -> tuple[Glass, list[MaterialReading], list[str]]:
-    """A glass with the index of its most used refractive material, or the override. `settings` are evaluated."""
+def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
+    """A glass with the index of its most used refractive material, or the override.
+
+    The settings are the original object's: drivers and keys are written to them too, while the evaluated copy does
+    not hear of what a script sets.
+    """
+    settings = part.owner.kiriko
     name, notes = part.owner.name, []
     readings = []
     for material in part.materials:
@@ -333,7 +338,7 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
 
     glasses, materials = [], []
     for part in by_role.get("GLASS", []):
-        glass, readings, remarks = read_glass(part, part.owner.evaluated_get(depsgraph).kiriko)
+        glass, readings, remarks = read_glass(part)
         glasses.append(glass)
         materials += readings
         notes += remarks

@@ -72,22 +72,24 @@ def geometric_normals(corners: Floats) -> Floats:
     return normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
+def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
+    """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its second triangle."""
+    i, j = edges.corner_first, edges.corner_second
+    next_i, next_j = (i + 1) % 3, (j + 1) % 3
+    # the second triangle runs along the edge the other way, if both are wound alike
+    start, end = np.where(edges.is_same_way, j, next_j), np.where(edges.is_same_way, next_j, j)
+    first = np.stack([values[edges.first, i], values[edges.first, next_i]], axis=1)
+    return first, np.stack([values[edges.second, start], values[edges.second, end]], axis=1)
+
+
 def find_patches(normals: Floats, edges: Edges) -> Ints:
     """Label (t,) of the patch of each triangle: faces joined where the corner normals agree at both ends of an edge.
 
     normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
     """
-    a, b = edges.first, edges.second
-    i, j = edges.corner_first, edges.corner_second
-    next_i, next_j = (i + 1) % 3, (j + 1) % 3
-    # corners of the second triangle at the start and end of the edge as the first one runs along it
-    start_j, end_j = np.where(edges.is_same_way, j, next_j), np.where(edges.is_same_way, next_j, j)
-    apart = np.maximum(
-        np.abs(normals[a, i] - normals[b, start_j]).max(axis=1),
-        np.abs(normals[a, next_i] - normals[b, end_j]).max(axis=1),
-    )
-    joined = apart < SAME_NORMAL
-    return components(len(normals), a[joined], b[joined])
+    first, second = edge_corners(normals, edges)
+    joined = np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL
+    return components(len(normals), edges.first[joined], edges.second[joined])
 
 
 @dataclass(frozen=True, eq=False)

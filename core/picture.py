@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .display import uv_area
 from .errors import RigError
 from .meshes import Layer, interpolate, make_surface
 from .rig import Bools, Floats, Mesh, Picture, Viewer
@@ -80,8 +81,7 @@ def _homography(mesh: Mesh, viewer: Viewer) -> tuple[Floats, tuple[Floats, Float
     low, high = uv.min(axis=0), uv.max(axis=0)
     if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
         return None
-    a, b, c = np.moveaxis(mesh.uv, 1, 0)
-    covered = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum()
+    covered = uv_area(mesh.uv)
     if abs(covered - np.prod(high - low)) > IS_AFFINE * covered:
         return None
     normal = axes[2]

@@ -194,7 +194,7 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
     beside, t = beside[ahead], t[ahead]
     at = rays.positions[beside] + t[:, None] * rays.directions[beside] - plane.corner
     rays.xy[beside] = at @ plane.pixels.T + plane.origin
-    rays.add_to_branch(beside, np.full(len(beside), plane.patch), _LAND)
+    rays.add_to_branch(beside, np.full(len(beside), plan.patch[-1]), _LAND)
 
 
 def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
@@ -223,8 +223,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
         same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
         after[same_place] ^= plan.bit[plan.part[other.triangle[same_place]]]
-    row = plan.index_row[part]
-    n1, n2 = plan.indices[row + _highest_bit(before)], plan.indices[row + _highest_bit(after)]
+    n1, n2 = plan.media.index(part, before), plan.media.index(part, after)
     rays.has_met_glass[i] = True
     bends = n1 != n2
     if not bends.all():
@@ -245,11 +244,6 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
     rays.add_to_branch(i, plan.patch[hits.triangle], np.where(is_tir, _TIR, _PASS))
-
-
-def _highest_bit(mask: np.ndarray) -> Ints:
-    """1 + position of the highest bit set, 0 for none; exact below 2^53."""
-    return np.frexp(mask.astype(float))[1].astype(np.int64)
 
 
 def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
@@ -283,7 +277,7 @@ def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[H
     )
     rays.reason[i] = reason
     rays.add_to_branch(i, plan.patch[hits.triangle], _LAND)
-    u, v = interpolate(plan.display_uv[hits.triangle - plan.display_start], hits.u, hits.v).T
+    u, v = interpolate(plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v).T
     xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
     rays.xy[i] = np.where((reason == Reason.ARRIVED)[:, None], xy, np.nan)
 

@@ -247,6 +247,16 @@ def test_material_set_by_geometry_nodes(read: Callable[[], Any]) -> None:
     assert reading.materials[0].material_name == "after"
 
 
+def test_settings_from_a_script_count_at_once(read: Callable[[], Any]) -> None:
+    """Override and priority set after the scene was evaluated are read as they are now."""
+    stone = add_glass()
+    read()
+    stone.kiriko.use_ior, stone.kiriko.ior, stone.kiriko.priority = True, 1.75, 3
+    reading = read()
+    assert index(reading) == pytest.approx(1.75)
+    assert reading.rig.glasses[0].priority == 3
+
+
 def test_animated_index(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
     """A driven index in a material is read as it is at the current frame."""
     material = clear_material()

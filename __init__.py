@@ -1,0 +1,19 @@
+"""Kiriko: images inside glass. Imports nothing before `register`, so that `core` loads without Blender."""
+
+
+def register() -> None:
+    """Called by Blender when the extension is enabled."""
+    from . import operators, panels
+
+    panels.settings.register()  # operators and panels ask for the settings
+    operators.register()
+    panels.register()
+
+
+def unregister() -> None:
+    """Called by Blender when the extension is disabled: everything goes, in reverse."""
+    from . import operators, panels
+
+    panels.unregister()
+    operators.unregister()
+    panels.settings.unregister()

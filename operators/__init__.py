@@ -1,0 +1,29 @@
+"""What Kiriko does: one verb a file."""
+
+import bpy
+
+from . import add_rig, command_line, export, preview, solve, work
+
+CLASSES = (
+    add_rig.KIRIKO_OT_add_rig,
+    solve.KIRIKO_OT_solve,
+    preview.KIRIKO_OT_preview,
+    export.KIRIKO_OT_export,
+)
+_commands: list[object] = []
+
+
+def register() -> None:
+    """Make the operators and the command known to Blender."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
+
+
+def unregister() -> None:
+    """Take them back, and drop what the session keeps."""
+    while _commands:
+        bpy.utils.unregister_cli_command(_commands.pop())
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    work.forget()

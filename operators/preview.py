@@ -1,0 +1,155 @@
+"""Preview: let Cycles, an independent renderer, show what the viewer sees."""
+
+from pathlib import Path
+
+import bpy
+
+from ..core import image_io
+from ..core.blender_preview import Preview
+from ..core.blender_result import replace_image
+from ..core.errors import ImageError, KirikoError
+from . import work
+from .export import use_bundled_modules
+
+NAME = "Kiriko Preview"
+
+
+class KIRIKO_OT_preview(bpy.types.Operator):
+    """Render what the viewer sees in Cycles, in a scene of its own, and show it as the image Kiriko Preview"""
+
+    bl_idname = "kiriko.preview"
+    bl_label = "Preview"
+    bl_options = {"REGISTER"}
+
+    samples: bpy.props.IntProperty(
+        name="Samples",
+        description="Rays a pixel; more make reflections in the glass smoother",
+        default=16,
+        min=1,
+        max=65536,
+    )
+    percentage: bpy.props.IntProperty(
+        name="Resolution",
+        description="Size of the preview, of the viewer's",
+        subtype="PERCENTAGE",
+        default=100,
+        min=1,
+        max=400,
+    )
+    border: bpy.props.FloatVectorProperty(
+        name="Border",
+        description="Part to render: left, right, bottom, top of the frame",
+        size=4,
+        default=(0, 1, 0, 1),
+        min=0,
+        max=1,
+    )
+    reflections: bpy.props.BoolProperty(
+        name="Reflections",
+        description="Glass reflects a part of the light; without, there is no noise, and total reflection is black",
+        default=True,
+    )
+    surroundings: bpy.props.BoolProperty(
+        name="Surroundings", description="The world, lights and objects without a role are there too", default=True
+    )
+    filepath: bpy.props.StringProperty(
+        name="File",
+        description="Write the preview there too (.png or .exr)",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = work.lacking(context.scene)
+        if context.scene.kiriko.result.source is None:
+            reasons.insert(0, "There is no source image yet: solve first")
+        if not hasattr(context.scene, "cycles"):
+            reasons.insert(0, "The preview needs Cycles: enable the add-on Cycles Render Engine")
+        if bpy.app.is_job_running("RENDER"):
+            reasons.insert(0, "A render is running: wait for it or stop it")
+        if reasons:
+            cls.poll_message_set(f"{reasons[0]}.")
+        return not reasons
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            with self._prepare(context) as preview:
+                preview.render()
+                self._finish(context, preview)
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        try:
+            self._preview = self._prepare(context)
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        # Blender renders in a job of its own and puts no setting back after Esc; a temporary scene needs none put back
+        self._preview.scene.render.use_lock_interface = True
+        self._timer = context.window_manager.event_timer_add(work.TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        bpy.ops.render.render("INVOKE_DEFAULT", scene=self._preview.scene.name, write_still=True)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
+            return {"PASS_THROUGH"}
+        try:
+            if not self._preview.is_rendered:
+                self.report({"INFO"}, "Stopped; the scene is as it was.")
+                return {"CANCELLED"}
+            self._finish(context, self._preview)
+            return {"FINISHED"}
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        finally:
+            self.cancel(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Remove all that was made; Blender calls this too when it closes or loads another file meanwhile."""
+        context.window_manager.event_timer_remove(self._timer)
+        self._preview.close()
+
+    def _prepare(self, context: bpy.types.Context) -> Preview:
+        scene = context.scene
+        if self.filepath and not self.overwrite and Path(bpy.path.abspath(self.filepath)).exists():
+            raise ImageError(f"The file '{self.filepath}' exists already: choose another name or allow overwriting.")
+        whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
+        return Preview(
+            scene,
+            work.read(context),
+            scene.kiriko.result.source,
+            percentage=max(1, scene.render.resolution_percentage * self.percentage // 100),
+            border=None if whole else tuple(self.border),
+            samples=self.samples,
+            fresnel=self.reflections,
+            surroundings=self.surroundings,
+        )
+
+    def _finish(self, context: bpy.types.Context, preview: Preview) -> None:
+        pixels = preview.pixels()
+        if self.filepath:
+            use_bundled_modules()
+            path = Path(bpy.path.abspath(self.filepath))
+            form = "EXR_FLOAT" if path.suffix.lower() == ".exr" else "PNG8"
+            image_io.write(path, pixels[..., :3], form, title=NAME, overwrite=self.overwrite)
+        image = replace_image(bpy.data.images.get(NAME), NAME, pixels)
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                space = area.spaces.active
+                if area.type == "IMAGE_EDITOR" and space.image and space.image.type == "RENDER_RESULT":
+                    space.image = image
+        if preview.notes:
+            self.report({"WARNING"}, " ".join(preview.notes))
+        else:
+            self.report({"INFO"}, f"The image '{NAME}' shows what the viewer sees.")

@@ -1,0 +1,159 @@
+"""What the operators share: reading the scene, the session, and work that takes its time."""
+
+from collections.abc import Generator
+from time import perf_counter
+from typing import Any
+
+import bpy
+
+from ..core import blender_scene
+from ..core.errors import KirikoError
+from ..core.plan import Settings
+from ..core.session import Session
+
+TICK = 0.02  # s between two turns of work in the interface
+TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
+
+_sessions: list[Session] = []
+
+NEEDED = {
+    "GLASS": "No glass: set an object's role to Glass",
+    "PLATE": "No plate: set a plane's role to Plate",
+    "DISPLAY": "No display: set a plane's role to Display",
+    "PICTURE": "No picture: set a textured plane's role to Picture, or choose an image",
+    "VIEWER": "No viewer: choose a camera",
+}
+
+
+def session() -> Session:
+    """The one session; it keeps what need not be computed again from click to click."""
+    if not _sessions:
+        _sessions.append(Session())
+    return _sessions[0]
+
+
+def forget() -> None:
+    """Drop the session and what it keeps."""
+    _sessions.clear()
+
+
+def read(context: bpy.types.Context) -> Any:
+    """The scene, evaluated as it is now, as blender_scene.Reading."""
+    context.view_layer.update()
+    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene)
+
+
+def settings_of(scene: bpy.types.Scene) -> Settings:
+    """How the scene wants to be solved."""
+    ours = scene.kiriko
+    return Settings(
+        max_events=ours.max_events,
+        only_through_glass=ours.only_through_glass,
+        brightness=ours.brightness,
+        margin=ours.margin,
+    )
+
+
+def parts(scene: bpy.types.Scene) -> dict[str, list[bpy.types.Object]]:
+    """Objects of the scene by role, those in instanced collections too."""
+    found: dict[str, list[bpy.types.Object]] = {}
+    seen = set()
+    todo = list(scene.objects)
+    while todo:
+        thing = todo.pop()
+        if thing in seen:
+            continue
+        seen.add(thing)
+        if thing.kiriko.role != "NONE":
+            found.setdefault(thing.kiriko.role, []).append(thing)
+        if thing.instance_collection is not None:
+            todo.extend(thing.instance_collection.all_objects)
+    return found
+
+
+def missing(scene: bpy.types.Scene) -> list[str]:
+    """One phrase for each part that the rig still lacks."""
+    found = set(parts(scene))
+    if scene.kiriko.viewer or scene.camera:
+        found.add("VIEWER")
+    if scene.kiriko.picture_source == "IMAGE" and scene.kiriko.picture_image:
+        found.add("PICTURE")
+    return [phrase for part, phrase in NEEDED.items() if part not in found]
+
+
+def lacking(scene: bpy.types.Scene) -> list[str]:
+    """Of what is missing, what no object in the whole file can be: modifiers may instance what is not in the scene."""
+    roles = {thing.kiriko.role for thing in bpy.data.objects}
+    return [phrase for phrase in missing(scene) if not any(NEEDED[r] == phrase for r in roles if r in NEEDED)]
+
+
+class LongWork:
+    """Mix-in for an operator whose work is a generator: stepped with Esc in the interface, drained elsewhere.
+
+    `steps` yields progress 0..1 and returns the sentence to report; it changes nothing before its last step.
+    """
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        work = self.steps(context)
+        try:
+            while True:
+                next(work)
+        except StopIteration as done:
+            self.report({"INFO"}, done.value)
+            return {"FINISHED"}
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        self._work = self.steps(context)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(TICK, window=context.window)
+        manager.progress_begin(0, 100)
+        self._show(context, 0.0)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self.cancel(context)
+            self.report({"INFO"}, "Stopped; the scene is as it was.")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            # no other key or button may change what is being worked on
+            return {"PASS_THROUGH"} if event.type in {"MOUSEMOVE", "WINDOW_DEACTIVATE"} else {"RUNNING_MODAL"}
+        end = perf_counter() + TURN
+        try:
+            while perf_counter() < end:
+                progress = next(self._work)
+            self._show(context, progress)
+        except StopIteration as done:
+            self._end(context)
+            self.report({"INFO"}, done.value)
+            return {"FINISHED"}
+        except KirikoError as error:
+            self._end(context)
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop; Blender calls this too when it closes or loads another file meanwhile."""
+        self._work.close()
+        self._end(context)
+
+    def _show(self, context: bpy.types.Context, progress: float) -> None:
+        context.window_manager.progress_update(round(100 * progress))
+        context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   (Esc stops)")
+
+    def _end(self, context: bpy.types.Context) -> None:
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        for area in context.screen.areas:
+            area.tag_redraw()

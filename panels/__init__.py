@@ -1,0 +1,31 @@
+"""What the artist sees: the tab Kiriko in the 3D viewport's sidebar, and the Add menu."""
+
+import bpy
+
+from . import add_menu, export, result, rig, settings, solve
+
+__all__ = ["settings"]
+
+CLASSES = (
+    rig.VIEW3D_PT_kiriko_rig,
+    solve.VIEW3D_PT_kiriko_solve,
+    solve.VIEW3D_PT_kiriko_preview,
+    result.VIEW3D_PT_kiriko_result,
+    result.VIEW3D_PT_kiriko_details,
+    export.VIEW3D_PT_kiriko_export,
+    add_menu.VIEW3D_MT_kiriko_add,
+)
+
+
+def register() -> None:
+    """Show them."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_add.append(add_menu.draw)
+
+
+def unregister() -> None:
+    """Take them away."""
+    bpy.types.VIEW3D_MT_add.remove(add_menu.draw)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,18 @@
+"""Add > Kiriko."""
+
+import bpy
+
+
+class VIEW3D_MT_kiriko_add(bpy.types.Menu):
+    """What Kiriko adds to a scene."""
+
+    bl_label = "Kiriko"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.operator("kiriko.add_rig", text="Rig", icon="MATSPHERE")
+
+
+def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """One line in the Add menu."""
+    if context.mode == "OBJECT":
+        menu.layout.menu("VIEW3D_MT_kiriko_add", icon="MATSPHERE")

@@ -1,0 +1,60 @@
+"""The last result: how much arrives, what was read, what was not followed."""
+
+import json
+
+import bpy
+
+from .words import sentence
+
+
+class VIEW3D_PT_kiriko_result(bpy.types.Panel):
+    """What the last solve found."""
+
+    bl_label = "Result"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Kiriko"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        result = context.scene.kiriko.result
+        if not result.summary:
+            layout.label(text="Not solved yet.")
+            return
+        sentence(layout, context, result.summary)
+        if result.source is not None:
+            layout.progress(factor=result.coverage, text=f"{result.coverage:.1%} of the picture")
+            layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
+        for note in result.notes.splitlines():
+            sentence(layout, context, note, icon="INFO")
+
+
+class VIEW3D_PT_kiriko_details(bpy.types.Panel):
+    """Its numbers."""
+
+    bl_label = "Details"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Kiriko"
+    bl_parent_id = "VIEW3D_PT_kiriko_result"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.kiriko.result.details)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        details = json.loads(context.scene.kiriko.result.details)
+        for read in details["materials"]:
+            ignored = f"; not followed: {', '.join(read['ignored'])}" if read["ignored"] else ""
+            where = f" of '{read['material_name']}'" if read["source"] != "default" else ""
+            text = f"{read['object_name']}: index {read['ior']:.4f} ({read['source']}{where}){ignored}"
+            sentence(layout, context, text, icon="MATERIAL")
+        column = layout.column(align=True)
+        column.scale_y = 0.8
+        for part, seconds in details["seconds"].items():
+            column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
+        column.label(text=f"Rays: {details['rays']}")
+        sentence(layout, context, f"Used: {', '.join(details['used'])}.")
+        sentence(layout, context, f"Left out: {', '.join(details['left_out'])}.")

@@ -1,0 +1,46 @@
+"""Solve and preview."""
+
+import bpy
+
+
+class VIEW3D_PT_kiriko_solve(bpy.types.Panel):
+    """How to solve, and the buttons that do it."""
+
+    bl_label = "Solve"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Kiriko"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko
+        column = layout.column()
+        column.prop(ours, "only_through_glass")
+        column.prop(ours, "brightness")
+        column.prop(ours, "margin")
+        column.prop(ours, "max_events")
+        buttons = layout.column(align=True)
+        buttons.scale_y = 1.3
+        buttons.operator("kiriko.solve", icon="LIGHT_SUN")
+        buttons.operator("kiriko.preview", icon="RENDER_STILL")
+
+
+class VIEW3D_PT_kiriko_preview(bpy.types.Panel):
+    """How the next preview is rendered: what the operator remembers from call to call."""
+
+    bl_label = "Preview Settings"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Kiriko"
+    bl_parent_id = "VIEW3D_PT_kiriko_solve"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        remembered = context.window_manager.operator_properties_last("kiriko.preview")
+        for name in ("samples", "percentage", "reflections", "surroundings"):
+            layout.prop(remembered, name)

@@ -1,0 +1,99 @@
+import importlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import pytest
+from small_rigs import small_rig
+
+
+@pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    """The function that Blender calls for `--command kiriko`."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+@pytest.fixture
+def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+    """A small rig, saved; the folder for results beside it."""
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    return tmp_path / "out"
+
+
+def test_solve_writes_everything_and_tells_its_progress(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Exit code 0, progress on stdout, nothing on stderr; all files are there and the report is that of this rig."""
+    assert run("solve", "--out", saved, "--preview", "--samples", 1) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert "%" in told.out
+    names = {"source.png", "source.exr", "ideal.png", "seen.png", "coverage.png", "preview.png", "report.json"}
+    assert {path.name for path in saved.iterdir()} == names
+    report = json.loads((saved / "report.json").read_text())
+    assert report["file"] == "rig.blend"
+    assert report["picture_coverage"] > 0.99
+    assert report["resolution"] == [64, 64]
+
+
+def refusal(capsys: pytest.CaptureFixture) -> str:
+    """The one line on stderr."""
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kiriko: ")
+    assert line.endswith(".")
+    return line
+
+
+def test_missing_file_is_refused(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """With no .blend loaded, as when its name was wrong, nothing is solved or written."""
+    small_rig()
+    assert run("solve", "--out", tmp_path / "out") == 1
+    assert "No .blend file" in refusal(capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_are_replaced_only_when_told(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A folder with results is refused before any work, and accepted with --overwrite."""
+    saved.mkdir()
+    (saved / "ideal.png").write_bytes(b"mine")
+    assert run("solve", "--out", saved) == 1
+    assert "ideal.png already" in refusal(capsys)
+    assert [path.name for path in saved.iterdir()] == ["ideal.png"]
+    assert run("solve", "--out", saved, "--overwrite") == 0
+    assert (saved / "ideal.png").read_bytes() != b"mine"
+
+
+def test_broken_rig_is_one_sentence(run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture) -> None:
+    """A rig without a plate fails with the sentence of the panel, not with a traceback."""
+    bpy.data.objects["Kiriko Plate"].kiriko.role = "NONE"
+    assert run("solve", "--out", saved) == 1
+    assert "The rig has no plate" in refusal(capsys)
+    assert not any(saved.iterdir())
+
+
+def test_folder_that_cannot_be_written_is_one_sentence(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A folder below a file is refused with its name."""
+    saved.write_bytes(b"")
+    assert run("solve", "--out", saved / "below") == 1
+    assert f"'{saved / 'below'}' cannot be written" in refusal(capsys)
+
+
+@pytest.mark.parametrize("argv", [(), ("dance",), ("solve",), ("solve", "--out", "x", "--format", "GIF")])
+def test_mistyped_command_is_one_sentence(run: Callable[..., int], argv: tuple, capsys: pytest.CaptureFixture) -> None:
+    """A command line that cannot be understood gives exit code 2."""
+    assert run(*argv) == 2
+    assert "--help" in refusal(capsys)
+
+
+def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixture) -> None:
+    """--help explains on stdout, exit code 0."""
+    assert run("solve", "--help") == 0
+    assert "--out DIR" in capsys.readouterr().out

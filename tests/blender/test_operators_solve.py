@@ -1,0 +1,111 @@
+import json
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import inventory, linear_lattice, pixels, small_rig
+
+
+def numbers(scene: bpy.types.Scene) -> dict:
+    return json.loads(scene.kiriko.result.details)
+
+
+def test_source_is_the_picture_when_nothing_refracts(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """With an index of 1 a display as large as the picture shows the picture itself, upright and unmirrored."""
+    small_rig(ior=1.0, picture_size=0.03, display_size=0.03, field=0.03)
+    bpy.ops.kiriko.solve()
+    shown = pixels(scene.kiriko.result.source)[..., :3]
+    picture = linear_lattice()
+    expected = picture.reshape(64, 16, 64, 16, 3).mean(axis=(1, 3))
+    # dots are 4 px wide and lose some sharpness at their edges; a mirrored one has another colour all over
+    error = np.abs(shown - expected).mean()
+    assert error < 0.004
+    for turned in (expected[::-1], expected[:, ::-1]):
+        assert error < 0.25 * np.abs(shown - turned).mean()
+
+
+def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
+    """After a solve the scene holds image, coverage, a sentence, and the index with the place it comes from."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    result = scene.kiriko.result
+    assert tuple(result.source.size) == (64, 64)
+    assert result.source.packed_file is not None
+    assert result.source.is_float
+    assert 0.99 < result.coverage <= 1
+    assert result.summary.startswith("The display shows")
+    read = numbers(scene)["materials"][0]
+    assert (read["object_name"], read["source"], round(read["ior"], 4)) == ("Cube", "override", 1.49)
+
+
+def test_source_is_saved_with_the_file(scene: bpy.types.Scene, tmp_path) -> None:
+    """Every number of the source image is the same after saving and loading."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    before = pixels(scene.kiriko.result.source).copy()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert np.array_equal(before, pixels(bpy.context.scene.kiriko.result.source))
+
+
+def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> None:
+    """The display emits the source; the user's own material stays in the mesh and the file, and the notes name it."""
+    display = small_rig()["DISPLAY"]
+    mine = bpy.data.materials.new("Mine")
+    display.data.materials.append(mine)
+    bpy.ops.kiriko.solve()
+    assert display.data.materials[0] == mine
+    assert mine.use_fake_user
+    assert display.material_slots[0].material != mine
+    assert "'Mine'" in scene.kiriko.result.notes
+    images = {n.image for n in display.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"}
+    assert images == {scene.kiriko.result.source}
+
+
+def test_solving_again_leaves_no_litter(scene: bpy.types.Scene) -> None:
+    """A second solve replaces image and material of the first, also when the display's resolution changes."""
+    display = small_rig()["DISPLAY"]
+    bpy.ops.kiriko.solve()
+    before = inventory()
+    bpy.ops.kiriko.solve()
+    display.kiriko.resolution = (32, 32)
+    bpy.ops.kiriko.solve()
+    assert inventory() == before
+    assert tuple(scene.kiriko.result.source.size) == (32, 32)
+
+
+def test_new_picture_costs_no_tracing(scene: bpy.types.Scene) -> None:
+    """When only the picture changed, no ray is traced; undo in between does not matter."""
+    rig = small_rig()
+    bpy.ops.ed.undo_push(message="rig")
+    bpy.ops.kiriko.solve()
+    assert numbers(scene)["rays"] > 0
+    bpy.ops.ed.undo_push(message="Solve")
+    bpy.ops.ed.undo()
+    rig = {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
+    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
+    bpy.ops.kiriko.solve()
+    assert numbers(bpy.context.scene)["rays"] == 0
+
+
+@pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
+def test_button_is_grey_and_says_what_is_missing(scene: bpy.types.Scene, role: str) -> None:
+    """Without one of the parts the operator refuses, and names the part."""
+    small_rig()[role].kiriko.role = "NONE"
+    assert not bpy.ops.kiriko.solve.poll()
+    with pytest.raises(RuntimeError, match=f"No {role.lower()}"):
+        bpy.ops.kiriko.solve()
+
+
+def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> None:
+    """A plate that no ray reaches is one sentence; the earlier result and its image stay."""
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    before, shown, summary = inventory(), pixels(scene.kiriko.result.source).copy(), scene.kiriko.result.summary
+    rig["PLATE"].location.x += 10
+    with pytest.raises(RuntimeError, match="no ray reaches the plate: move or enlarge it"):
+        bpy.ops.kiriko.solve()
+    assert inventory() == before
+    assert np.array_equal(shown, pixels(scene.kiriko.result.source))
+    assert scene.kiriko.result.summary == summary

@@ -1,0 +1,245 @@
+import importlib
+from types import ModuleType, SimpleNamespace
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from small_rigs import cube, inventory, linear_lattice, small_rig
+
+# Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over a display of 0.05 m, times the lever of the bending
+SINGLE = 2e-5  # of the display's width: 0.01 px of 512
+
+
+@pytest.fixture
+def core(kiriko: ModuleType, scene: bpy.types.Scene) -> SimpleNamespace:
+    names = ("blender_preview", "blender_media", "blender_scene", "plan", "trace", "errors")
+    return SimpleNamespace(**{name: importlib.import_module(f"{kiriko.__name__}.core.{name}") for name in names})
+
+
+def solid(make: str, name: str = "Solid", at: tuple[float, ...] = (0, 0, 0), **sizes: float) -> bpy.types.Object:
+    """A glass object of a bmesh primitive, with a role and an index."""
+    mesh, shape = bpy.data.meshes.new(name), bmesh.new()
+    getattr(bmesh.ops, f"create_{make}")(shape, **sizes)
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = bpy.data.objects.new(name, mesh)
+    thing.location = at
+    bpy.context.scene.collection.objects.link(thing)
+    thing.kiriko.role, thing.kiriko.use_ior = "GLASS", True
+    return thing
+
+
+def maps(core: SimpleNamespace) -> tuple[np.ndarray, np.ndarray]:
+    """Where each viewer pixel lands, u and v (h, w, 2): by Cycles, and by Kiriko; NaN where it does not."""
+    scene = bpy.context.scene
+    reading = core.blender_scene.read(bpy.context)
+    by_cycles = core.blender_preview.render_map(scene, reading)
+    cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
+    plan = core.plan.make_plan(reading.rig, core.plan.Settings(only_through_glass=False))
+    viewer, display = reading.rig.viewer, reading.rig.display
+    x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
+    landings = core.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+    xy = landings.xy.reshape(viewer.height, viewer.width, 2) / (display.width, display.height)
+    return cycles, np.stack([xy[..., 0], 1 - xy[..., 1]], axis=2)
+
+
+def assert_agree(core: SimpleNamespace, share: float = 0.5, tolerance: float = SINGLE) -> None:
+    """Where a path arrives in Cycles (there those with total reflection do not), Kiriko lands on the same point."""
+    cycles, ours = maps(core)
+    both = np.isfinite(cycles).all(axis=2) & np.isfinite(ours).all(axis=2)
+    assert both.mean() > share
+    assert (np.isfinite(cycles) & ~np.isfinite(ours)).mean() < 0.01
+    apart = np.abs(cycles - ours)[both].max(axis=1)
+    # a pixel centre on a border between two branches may go either way in float32
+    assert np.quantile(apart, 0.995) < tolerance
+
+
+def test_plain_picture_appears_in_mid_air(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+    """With no glass at all the viewer sees the display's pixels in the picture's place, upright and unmirrored."""
+    rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
+    bpy.data.objects.remove(rig["GLASS"])
+    reading = core.blender_scene.read(bpy.context)
+    source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
+    seen = core.blender_preview.render_preview(scene, reading, source, samples=4)[..., :3]
+    # viewer and display pixels coincide, so only samples on their edges may take the neighbour's colour
+    assert np.abs(seen - source).mean() < 1e-3
+
+
+def test_map_without_glass_is_the_mirror_image(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+    """Cycles lands at the mirror image of the point on the aerial plane: u, v run with the viewer's image."""
+    rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
+    bpy.data.objects.remove(rig["GLASS"])
+    found = core.blender_preview.render_map(scene, core.blender_scene.read(bpy.context))
+    middle = (np.arange(64) + 0.5) / 64
+    assert np.abs(found[..., 0] - middle).max() < SINGLE
+    assert np.abs(found[..., 1] - (1 - middle)[:, None]).max() < SINGLE
+    assert (found[..., 2] == 1).all()
+
+
+def test_cycles_agrees_on_a_turned_cube(core: SimpleNamespace) -> None:
+    """Through flat faces, Cycles and Kiriko's tracer land on the same point."""
+    small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
+    assert_agree(core)
+
+
+def test_cycles_agrees_on_a_smooth_ball(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+    """Through smooth-shaded faces, too; a ball is a strong lens, which makes more of a float32 normal's error."""
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3)
+    assert_agree(core, share=0.4, tolerance=5 * SINGLE)
+
+
+def test_cycles_agrees_on_a_solid_within_another(core: SimpleNamespace) -> None:
+    """A solid wholly inside another has the ratio of the two indices in Cycles, and the tracers agree."""
+    small_rig(display_size=0.2)
+    inner = solid("cube", size=0.02)
+    inner.kiriko.ior = 1.8
+    inner.rotation_euler = (0.2, 0.1, 0.4)
+    bpy.context.view_layer.update()
+    found, notes = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    assert sorted(interface.index for interface in found) == pytest.approx([1.8 / 1.49, 1.49], rel=1e-6)
+    assert notes == []
+    assert_agree(core)
+
+
+def test_solid_hidden_by_priority_is_left_out(core: SimpleNamespace) -> None:
+    """An inner solid of lower priority changes nothing: the outer one is the glass that is there."""
+    small_rig(display_size=0.2)
+    inner = solid("cube", size=0.02)
+    inner.kiriko.ior, inner.kiriko.priority = 1.8, -1
+    bpy.context.view_layer.update()
+    found, _ = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    assert sorted(interface.index or 0 for interface in found) == pytest.approx([0, 1.49], rel=1e-6)
+    assert_agree(core)
+
+
+def test_cycles_agrees_on_a_hollow_glass(core: SimpleNamespace) -> None:
+    """A shell inside a shell is a cavity; its faces are drawn to look into it."""
+    glass = small_rig(display_size=0.2)["GLASS"]
+    shape = bmesh.new()
+    shape.from_mesh(glass.data)
+    hole = bmesh.ops.create_cube(shape, size=0.02, matrix=Matrix.Rotation(0.4, 4, (1, 1, 1)))
+    bmesh.ops.reverse_faces(shape, faces=list({f for v in hole["verts"] for f in v.link_faces}))
+    shape.to_mesh(glass.data)
+    shape.free()
+    assert_agree(core)
+
+
+@pytest.mark.parametrize("way", ["inside out", "mirrored"])
+def test_winding_of_the_glass_does_not_matter(core: SimpleNamespace, way: str) -> None:
+    """A mesh drawn inside out, or mirrored by its scale, is the same glass to both."""
+    glass = small_rig(display_size=0.2)["GLASS"]
+    glass.rotation_euler.z = np.radians(15.8)
+    if way == "inside out":
+        glass.data.flip_normals()
+    else:
+        glass.scale = (-1, 1, 1)
+    assert_agree(core)
+
+
+def test_instances_of_a_collection_are_there(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+    """Glass that stands in the scene only as an instance is in the preview, once."""
+    glass = small_rig(display_size=0.2)["GLASS"]
+    box = bpy.data.collections.new("box")
+    box.objects.link(glass)
+    scene.collection.objects.unlink(glass)
+    maker = bpy.data.objects.new("maker", None)
+    maker.instance_type, maker.instance_collection = "COLLECTION", box
+    maker.rotation_euler.z = np.radians(15.8)
+    scene.collection.objects.link(maker)
+    assert_agree(core)
+
+
+@pytest.mark.parametrize(("gap", "is_noted"), [(-0.01, True), (0.0, True), (0.001, False)])
+def test_touching_solids_are_said_to_be_not_comparable(core: SimpleNamespace, gap: float, is_noted: bool) -> None:
+    """Solids that overlap or share a face make a note that names both; a gap of a millimetre makes none."""
+    small_rig()
+    solid("cube", "Block", at=(0.05 + gap, 0, 0), size=0.05)
+    bpy.context.view_layer.update()
+    _, notes = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    assert bool(notes) == is_noted
+    assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
+
+
+def test_preview_shows_the_picture(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+    """What Cycles shows of the source image is closer to the ideal image than what it shows of the plain picture."""
+    small_rig(display_resolution=(256, 256), viewer_resolution=128)
+    bpy.ops.kiriko.solve()
+    reading = core.blender_scene.read(bpy.context)
+    lattice = linear_lattice()
+    width = 0.05 * 0.6 / 0.04 * 128  # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
+    at = ((np.arange(128 * 8) + 0.5) / 8 - (128 - width) / 2) / width * 1024
+    inside = (at >= 0) & (at < 1024)
+    fine = np.zeros((128 * 8, 128 * 8, 3))
+    index = at[inside].astype(int)
+    fine[np.ix_(inside, inside)] = lattice[np.ix_(index, index)]
+    ideal = fine.reshape(128, 8, 128, 8, 3).mean(axis=(1, 3))
+    errors = []
+    for source in (scene.kiriko.result.source, lattice[2::4, 2::4]):
+        seen = core.blender_preview.render_preview(scene, reading, source, samples=16, fresnel=False)
+        errors.append(np.abs(seen[..., :3] - ideal).mean())
+    assert errors[0] < errors[1] / 3
+
+
+def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
+    """After a preview the file holds one image more; engine, samples, colours, materials and scene are as before."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    display = bpy.data.objects["Kiriko Display"]
+
+    def state() -> tuple:
+        render, cycles = scene.render, scene.cycles
+        return (
+            render.engine, render.filepath, render.use_border, render.image_settings.file_format, cycles.samples,
+            cycles.max_bounces, cycles.transparent_max_bounces, scene.view_settings.view_transform, scene.camera,
+            bpy.context.scene, bpy.context.window.scene, display.material_slots[0].material, display.users,
+        )  # fmt: skip
+
+    before, held = state(), inventory()
+    assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
+    assert state() == before
+    held["images"] = sorted([*held["images"], "Kiriko Preview"])
+    assert inventory() == held
+    bpy.ops.kiriko.preview(samples=1, border=(0, 0.5, 0.5, 1))
+    assert inventory() == held
+    assert tuple(bpy.data.images["Kiriko Preview"].size) == (32, 32)
+
+
+def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_path) -> None:
+    """When its file cannot be written the preview is refused, and the temporary scene is gone all the same."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    before = inventory()
+    with pytest.raises(RuntimeError, match="cannot be written"):
+        bpy.ops.kiriko.preview(samples=1, filepath=str(tmp_path / "nowhere" / "preview.png"))
+    assert inventory() == before
+
+
+def test_preview_cut_short_is_cleaned_up_by_the_next(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+    """What a preview left that never came to its end goes with the next one."""
+    small_rig()
+    before = inventory()
+    reading = core.blender_scene.read(bpy.context)
+    core.blender_preview.Preview(scene, reading, None)
+    assert inventory() != before
+    core.blender_preview.render_map(scene, reading)
+    assert inventory() == before
+
+
+def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+    """An object without a role hides the glass when the surroundings are shown; Kiriko's own view leaves it out."""
+    small_rig(display_size=0.2)
+    wall = bpy.data.objects.new("wall", cube(0.2).data)
+    wall.location.y = -0.5
+    bpy.data.objects.remove(bpy.data.objects["Cube.001"])
+    scene.collection.objects.link(wall)
+    reading = core.blender_scene.read(bpy.context)
+    white = np.ones((4, 4, 3))
+    options = {"samples": 1, "fresnel": False}
+    shown = [
+        core.blender_preview.render_preview(scene, reading, white, surroundings=s, **options)[..., :3].mean()
+        for s in (False, True)
+    ]
+    assert shown[0] > 0.4
+    assert shown[1] == 0

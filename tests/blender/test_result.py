@@ -1,0 +1,61 @@
+import importlib
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import pixels
+
+
+@pytest.fixture
+def result(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.core.blender_result")
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        *((0.0, "0 %"), (1.0, "100 %"), (1e-9, "0 %"), (1 - 1e-9, "100 %"), (0.5, "50 %")),
+        *((0.004, "0.4 %"), (0.9996, "99.96 %"), (1e-5, "under 0.01 %"), (1 - 1e-5, "over 99.99 %")),
+    ],
+)
+def test_a_share_reads_as_nothing_or_all_only_when_it_is(result: ModuleType, share: float, text: str) -> None:
+    """0 % and 100 % are exact to rounding; a share close to them gets more digits."""
+    assert result.percent(share) == text
+
+
+def test_summary_names_the_losses_largest_first(result: ModuleType) -> None:
+    """One sentence: what is shown, then what is lost and why."""
+    text = result.summary(0.9, {"blocked": 0.02, "missed the plate": 0.08, "lost inside the glass": 0.0})
+    assert text == "The display shows 90 % of the picture; 8 % missed the plate, 2 % blocked."
+
+
+def test_image_keeps_every_number(result: ModuleType) -> None:
+    """Pixels written to a datablock come back bit for bit, row 0 at the top, also above 1 and below 0."""
+    numbers = np.random.default_rng(1).normal(0, 10, (5, 7, 3)).astype(np.float32)
+    image = result.replace_image(None, "numbers", numbers)
+    assert np.array_equal(pixels(image)[..., :3], numbers)
+    assert image.colorspace_settings.name.startswith("Linear")
+
+
+def test_new_image_takes_the_place_of_the_old(result: ModuleType) -> None:
+    """Whoever used the old image uses the new one, under the same name."""
+    old = result.replace_image(None, "picture", np.zeros((2, 2, 3)))
+    bpy.context.scene.kiriko.picture_image = old
+    new = result.replace_image(old, "picture", np.ones((3, 3, 3)))
+    assert bpy.context.scene.kiriko.picture_image == new
+    assert [image.name for image in bpy.data.images] == ["picture"]
+
+
+def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType) -> None:
+    """The source goes on the display only, not on another object with the same mesh."""
+    mesh = bpy.data.meshes.new("sheet")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    mine = bpy.data.materials.new("Mine")
+    mesh.materials.append(mine)
+    display, other = (bpy.data.objects.new(name, mesh) for name in ("display", "other"))
+    notes = result.put_on_display(display, result.replace_image(None, "source", np.zeros((2, 2, 3))))
+    assert other.material_slots[0].material == mine
+    assert display.material_slots[0].material != mine
+    assert len(notes) == 1
+    assert "'Mine'" in notes[0]
