@@ -6,7 +6,6 @@ shows, and notes what it leaves out.
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 import numpy as np
