@@ -32,10 +32,20 @@ def setup(arguments: argparse.Namespace) -> None:
 
 def demo(arguments: argparse.Namespace) -> None:
     """Run the main job on the reference rigs, into out/ (further options go to scripts/demo.py)."""
+    run_in_blender("demo.py", arguments.rest)
+
+
+def pictures(arguments: argparse.Namespace) -> None:
+    """Render the README's pictures into docs/pictures/."""
+    run_in_blender("pictures.py", arguments.rest)
+
+
+def run_in_blender(script: str, rest: list[str]) -> None:
+    """Run a script beside this one in the newest Blender, and leave with its exit code."""
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
         variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=str(link_package()))
-        sys.exit(subprocess.run([interpreter, ROOT / "scripts" / "demo.py", *arguments.rest], env=variables).returncode)
+        sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
 
 def bench(arguments: argparse.Namespace) -> None:
@@ -65,13 +75,13 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, lint, build, setup):
+    for verb in (demo, test, bench, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {"demo", "bench"}:
+    if rest and arguments.verb not in {"demo", "bench", "pictures"}:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

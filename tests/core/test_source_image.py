@@ -1,5 +1,7 @@
 """What the display shows: exact where it can be computed by hand, and the limit of the brute-force splat."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference_rigs import ball_rig, box, cube_rig, rig
@@ -90,3 +92,14 @@ def test_margin_grows_the_covered_area_by_its_neighbours():
     assert (grown[2:7, 2:7] == image[4, 4]).all()
     assert grown.sum() == pytest.approx(25 * image.sum())
     assert (grow(image, covered, 0) == image).all()
+
+
+def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
+    """An image without a mesh covers the viewer's frame: the seen image is that image, pixel by pixel, where covered."""
+    a_rig = rig(box([0.3, 0.02, 0.3]), pixels=64, display_pixels=512, display=0.06, image=waves(64))
+    a_rig = replace(a_rig, pictures=(replace(a_rig.picture, mesh=None),))
+    solution = solve(a_rig)
+    np.testing.assert_allclose(solution.ideal(), a_rig.picture.image[..., :3], atol=2e-3)  # a pixel's mean of it
+    whole = solution.view_coverage > 0.9999
+    assert whole.mean() > 0.9
+    assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
