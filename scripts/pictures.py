@@ -1,4 +1,4 @@
-"""The README's pictures, rendered in Cycles: what the viewer sees, warped and corrected. Started by `dev.py pictures`."""
+"""The README's pictures: what the viewer sees, warped and corrected, in Cycles. Started by `dev.py pictures`."""
 
 from __future__ import annotations
 

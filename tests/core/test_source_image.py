@@ -95,11 +95,12 @@ def test_margin_grows_the_covered_area_by_its_neighbours():
 
 
 def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
-    """An image without a mesh covers the viewer's frame: the seen image is that image, pixel by pixel, where covered."""
+    """An image without a mesh covers the viewer's frame: the seen image is that image, pixel by pixel."""
     a_rig = rig(box([0.3, 0.02, 0.3]), pixels=64, display_pixels=512, display=0.06, image=waves(64))
     a_rig = replace(a_rig, pictures=(replace(a_rig.picture, mesh=None),))
     solution = solve(a_rig)
-    np.testing.assert_allclose(solution.ideal(), a_rig.picture.image[..., :3], atol=2e-3)  # a pixel's mean of it
+    inner = (slice(1, -1), slice(1, -1))  # the image is extended beyond its edge
+    np.testing.assert_allclose(solution.ideal()[inner], a_rig.picture.image[inner][..., :3], atol=2e-3)
     whole = solution.view_coverage > 0.9999
     assert whole.mean() > 0.9
     assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
