@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .plan import Plan
-from .rig import Floats, Ints
-from .trace import CHUNK, Landings, join, trace
+from .rig import Bools, Floats, Ints
+from .trace import CHUNK, trace
 
 BISECTIONS = 14  # a border is known to 2^-14 of a viewer pixel
 
@@ -39,51 +39,75 @@ class ViewMap:
     n_rays: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """What is kept of traced points: viewer px (n, 2), landings on the display (n, 2), branch, reason, throughput."""
+
+    view: Floats
+    xy: Floats
+    branch: np.ndarray
+    reason: np.ndarray
+    throughput: Floats
+
+
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
     """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
     viewer, display = plan.rig.viewer, plan.rig.display
     w, h = viewer.width, viewer.height
     x, y = np.meshgrid(np.arange(w + 1.0), np.arange(h + 1.0))
-    corners = np.stack([x.ravel(), y.ravel()], axis=1)
-    landings = yield from _trace_points(plan, corners, 0.0, 0.8)
-    c = np.arange(w * h) // w * (w + 1) + np.arange(w * h) % w
-    cells = np.stack([c, c + 1, c + w + 2, c + w + 1], axis=1)
-    branch = landings.branch[cells]
-    is_whole = (branch != 0).all(axis=1) & (branch == branch[:, :1]).all(axis=1)
-    near = _is_near_display(landings.xy[cells], display.width, display.height)
-    is_whole &= near
-    is_mixed = (branch != 0).any(axis=1) & ~(branch == branch[:, :1]).all(axis=1) & near
-    cut = yield from _cut(plan, corners, landings, cells[is_mixed], branch[is_mixed])
+    points = yield from _trace_points(plan, np.stack([x.ravel(), y.ravel()], axis=1), 0.0, 0.8)
+    whole, mixed = _sort_cells(points, w, h, np.array([display.width, display.height]))
+    cut = yield from _cut(plan, points, mixed)
     return ViewMap(
         (w, h),
         (display.width, display.height),
-        np.concatenate([corners, cut.view_points]),
-        np.concatenate([landings.xy, cut.display_points]),
-        np.concatenate([landings.throughput, cut.throughput]),
-        cells[is_whole],
+        np.concatenate([points.view, cut.view_points]),
+        np.concatenate([points.xy, cut.display_points]),
+        np.concatenate([points.throughput, cut.throughput]),
+        whole,
         cut.triangles,
-        landings.reason.reshape(h + 1, w + 1),
-        len(corners) + cut.n_rays,
+        points.reason.reshape(h + 1, w + 1),
+        len(points.view) + cut.n_rays,
     )
 
 
-def _is_near_display(xy: Floats, width: int, height: int) -> np.ndarray:
+def _sort_cells(points: _Points, w: int, h: int, display_size: Ints) -> tuple[Ints, Ints]:
+    """Cells (m, 4) of the viewer's pixels that lie on one branch whole, and those that lie on it in part."""
+    whole, mixed = [], []
+    rows = max(1, CHUNK // w)  # a few rows at a time: a large viewer has more cells than fit in memory several times
+    for first in range(0, h, rows):
+        corner = np.arange(first * w, min(first + rows, h) * w, dtype=np.int32)
+        corner += corner // w  # the corners of a row are one more than its pixels
+        cells = np.stack([corner, corner + 1, corner + w + 2, corner + w + 1], axis=1)
+        branch = points.branch[cells]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        is_near = _is_near_display(points.xy[cells], display_size)
+        whole.append(cells[is_one & (branch[:, 0] != 0) & is_near])
+        mixed.append(cells[~is_one & is_near])
+    return np.concatenate(whole), np.concatenate(mixed)
+
+
+def _is_near_display(xy: Floats, size: Ints) -> Bools:
     """Can cells with corners on display pixels (m, 4, 2), NaN without a landing, reach the display's image?
 
     The border of a cell with a corner lost may lie further out than its corners: it counts as near.
     """
-    size = np.array([width, height])
     lost = np.isnan(xy).any(axis=(1, 2))
     low, high = np.fmin.reduce(xy, axis=1), np.fmax.reduce(xy, axis=1)
     return ((high > 0) & (low < size)).all(axis=1) | lost
 
 
-def _trace_points(plan: Plan, points: Floats, start: float, stop: float) -> Generator[float, None, Landings]:
-    parts = []
-    for first in range(0, max(len(points), 1), CHUNK):
-        parts.append(trace(plan, *plan.rig.viewer.rays(points[first : first + CHUNK])))
-        yield start + (stop - start) * min(1.0, (first + CHUNK) / max(len(points), 1))
-    return join(parts)
+def _trace_points(plan: Plan, view: Floats, start: float, stop: float) -> Generator[float, None, _Points]:
+    """Trace viewer points (n, 2) in chunks; yields progress from start to stop."""
+    n = len(view)
+    points = _Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
+    for first in range(0, n, CHUNK):
+        some = slice(first, first + CHUNK)
+        landings = trace(plan, *plan.rig.viewer.rays(view[some]))
+        for name in ("xy", "branch", "reason", "throughput"):
+            getattr(points, name)[some] = getattr(landings, name)
+        yield start + (stop - start) * min(1.0, (first + CHUNK) / n)
+    return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +119,8 @@ class _Cut:
     n_rays: int
 
 
-def _cut(
-    plan: Plan, corners: Floats, landings: Landings, cells: Ints, branch: np.ndarray
-) -> Generator[float, None, _Cut]:
-    """Cut the cells (m, 4) whose corners have branches (m, 4) along the borders between them.
+def _cut(plan: Plan, points: _Points, cells: Ints) -> Generator[float, None, _Cut]:
+    """Cut the cells (m, 4) whose corners lie on several branches along the borders between them.
 
     A cell's outline has twelve places: each corner, then for the edge that follows it the last point on the
     corner's own branch and the first on the next corner's. The places on one branch, in order, are a convex piece.
@@ -106,6 +128,8 @@ def _cut(
     m = len(cells)
     if not m:
         return _Cut(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty((0, 3), np.int64), 0)
+    cells = cells.astype(np.int64)
+    branch, n = points.branch[cells], len(points.view)
     following = np.roll(cells, -1, axis=1)
     differs = branch != np.roll(branch, -1, axis=1)
     # each border is looked for once, from each of its two sides that has a landing
@@ -113,17 +137,16 @@ def _cut(
         np.stack([cells, following], axis=2)[differs & (branch != 0)],
         np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
     ])  # fmt: skip
-    key, inverse = np.unique(sides[:, 0] * (len(corners) + 1) + sides[:, 1], return_inverse=True)
-    near, far = key // (len(corners) + 1), key % (len(corners) + 1)
-    border = yield from _bisect(plan, corners, landings, near, far)
+    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    border = yield from _bisect(plan, points, key // n, key % n)
     # places: 0 where there is none, else 1 + index of the point
     places = np.zeros((m, 4, 3), np.int64)
     places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
     n_from_corner = int((differs & (branch != 0)).sum())
-    number = inverse.ravel() + len(corners) + 1
+    number = inverse.ravel() + n + 1
     places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
     places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
-    group = yield from _groups(plan, corners, cells, branch)
+    group = yield from _groups(plan, points, cells)
     place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 12)
     places = places.reshape(m, 12)
     triangles = [
@@ -145,11 +168,12 @@ def _fans(places: Ints, is_member: np.ndarray) -> Ints:
     return np.concatenate(fans)
 
 
-def _groups(plan: Plan, corners: Floats, cells: Ints, branch: np.ndarray) -> Generator[float, None, Ints]:
+def _groups(plan: Plan, points: _Points, cells: Ints) -> Generator[float, None, Ints]:
     """For each corner (m, 4) the first corner whose piece it belongs to; -1 without a landing.
 
     Opposite corners on one branch between two that are not belong together only when the middle is on it too.
     """
+    branch = points.branch[cells]
     same = branch[:, :, None] == branch[:, None, :]
     opposite = np.zeros((4, 4), bool)
     opposite[[0, 1, 2, 3], [2, 3, 0, 1]] = True
@@ -157,22 +181,21 @@ def _groups(plan: Plan, corners: Floats, cells: Ints, branch: np.ndarray) -> Gen
     alone = ~beside.any(axis=2)
     saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
     if saddle.any():
-        middle = corners[cells[saddle]].mean(axis=1)
-        landings = yield from _trace_points(plan, middle, 0.98, 1.0)
-        holds = landings.branch[:, None] == branch[saddle]
+        middle = yield from _trace_points(plan, points.view[cells[saddle]].mean(axis=1), 0.98, 1.0)
+        holds = middle.branch[:, None] == branch[saddle]
         split = alone[saddle] & ~holds
         same[saddle] &= ~(opposite[None] & split[:, :, None])
     return np.where(branch != 0, same.argmax(axis=2), -1)
 
 
 def _bisect(
-    plan: Plan, corners: Floats, landings: Landings, near: Ints, far: Ints
+    plan: Plan, points: _Points, near: Ints, far: Ints
 ) -> Generator[float, None, tuple[Floats, Floats, Floats, int]]:
-    """Last points on the branch of corners `near` towards corners `far`: viewer px, display px, throughput, rays."""
-    wanted = landings.branch[near]
+    """Last points on the branch of points `near` towards points `far`: viewer px, display px, throughput, rays."""
+    wanted = points.branch[near]
     low, high = np.zeros(len(near)), np.ones(len(near))
-    xy, throughput = landings.xy[near].copy(), landings.throughput[near].copy()
-    a, b = corners[near], corners[far]
+    xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
+    a, b = points.view[near], points.view[far]
     for k in range(BISECTIONS):
         middle = 0.5 * (low + high)
         share = 0.18 / BISECTIONS
