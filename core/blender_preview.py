@@ -18,7 +18,7 @@ from mathutils import Matrix
 from . import blender_shaders as shaders
 from .blender_image import image_from_pixels, pixels_from_image
 from .blender_media import Interface, interfaces
-from .blender_scene import Reading, part_name, rendered_objects, role_owner
+from .blender_scene import Reading, part_name, shown_parts
 from .errors import ImageError, RigError
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
@@ -132,7 +132,11 @@ class Preview:
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
         copies: dict[tuple[int, str, Interface | None], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
-        for instance, owner, name in parts_of(depsgraph, scene):
+        counts: Counter[str] = Counter()
+        for instance, owner in shown_parts(depsgraph, scene):
+            if instance.object.type != "MESH":
+                continue
+            name = part_name(instance, counts)
             role, interface = owner.kiriko.role, None
             taken |= {owner, instance.object.original}
             if instance.is_instance:
@@ -233,22 +237,6 @@ class Preview:
             cycles.pixel_filter_type = "BOX"
         else:
             cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", filter_width
-
-
-def parts_of(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
-) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object, str]]:
-    """Instances with a role, the objects they have it from, and their names in the rig, as blender_scene reads them."""
-    in_scene, rendered = set(scene.objects), rendered_objects(scene.collection)
-    counts: Counter[str] = Counter()
-    for instance in depsgraph.object_instances:
-        owner = role_owner(instance)
-        if owner is None or not instance.show_self or instance.object.type != "MESH":
-            continue
-        own = instance.object.original
-        top = instance.parent.original if instance.is_instance and instance.parent is not None else own
-        if not (own.hide_render or top.hide_render or (top in in_scene and top not in rendered)):
-            yield instance, owner, part_name(instance, counts)
 
 
 def _seen_in_render(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:

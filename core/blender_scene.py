@@ -5,6 +5,7 @@ shows, and notes what it leaves out.
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bpy
@@ -138,21 +139,28 @@ def read_part(
     return Part(owner, name, triangles, materials, texture, n_dropped)
 
 
-def read_parts(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> tuple[list[Part], list[str]]:
-    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not."""
-    to_metres = np.diag([metres, metres, metres, 1.0])
+def shown_parts(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
+    """Instances with a role that are seen both in the viewport and in renders, and the objects they have it from."""
     in_scene, rendered = set(scene.objects), rendered_objects(scene.collection)
-    parts: list[Part] = []
-    met: set[bpy.types.Object] = set()
-    counts: Counter[str] = Counter()
     for instance in depsgraph.object_instances:
         owner = role_owner(instance)
         if owner is None or not instance.show_self:
             continue
         own = instance.object.original
         top = instance.parent.original if instance.is_instance and instance.parent is not None else own
-        if own.hide_render or top.hide_render or (top in in_scene and top not in rendered):
-            continue
+        if not (own.hide_render or top.hide_render or (top in in_scene and top not in rendered)):
+            yield instance, owner
+
+
+def read_parts(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> tuple[list[Part], list[str]]:
+    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not."""
+    to_metres = np.diag([metres, metres, metres, 1.0])
+    parts: list[Part] = []
+    met: set[bpy.types.Object] = set()
+    counts: Counter[str] = Counter()
+    for instance, owner in shown_parts(depsgraph, scene):
         met.add(owner)
         if instance.object.type == "MESH":
             parts.append(read_part(instance, owner, part_name(instance, counts), to_metres))

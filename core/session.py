@@ -68,6 +68,15 @@ class Solution:
         return seen_image(self.shares, self.source if source is None else source)
 
 
+def finish(steps: Generator[float, None, Solution]) -> Solution:
+    """Run a solve to its end and return its solution."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
 def without_glass(rig: Rig) -> Rig:
     """The same rig with glass that does not refract: what it paints is the plain, uncompensated picture."""
     return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))

@@ -2,14 +2,13 @@
 
 import bpy
 
+from .words import Sidebar
 
-class VIEW3D_PT_kiriko_export(bpy.types.Panel):
+
+class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
     """The file the source image goes to."""
 
     bl_label = "Export"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

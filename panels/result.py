@@ -4,16 +4,13 @@ import json
 
 import bpy
 
-from .words import sentence
+from .words import Sidebar, sentence
 
 
-class VIEW3D_PT_kiriko_result(bpy.types.Panel):
+class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
     """What the last solve found."""
 
     bl_label = "Result"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -29,13 +26,10 @@ class VIEW3D_PT_kiriko_result(bpy.types.Panel):
             sentence(layout, context, note, icon="INFO")
 
 
-class VIEW3D_PT_kiriko_details(bpy.types.Panel):
+class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
     """Its numbers."""
 
     bl_label = "Details"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
     bl_parent_id = "VIEW3D_PT_kiriko_result"
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -4,16 +4,13 @@ import bpy
 
 from ..operators import work
 from .settings import ROLES
-from .words import sentence
+from .words import Sidebar, sentence
 
 
-class VIEW3D_PT_kiriko_rig(bpy.types.Panel):
+class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
     """What each object is in the rig, and what the rig still lacks."""
 
     bl_label = "Rig"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -2,14 +2,13 @@
 
 import bpy
 
+from .words import Sidebar
 
-class VIEW3D_PT_kiriko_solve(bpy.types.Panel):
+
+class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
     """How to solve, and the buttons that do it."""
 
     bl_label = "Solve"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -27,13 +26,10 @@ class VIEW3D_PT_kiriko_solve(bpy.types.Panel):
         buttons.operator("kiriko.preview", icon="RENDER_STILL")
 
 
-class VIEW3D_PT_kiriko_preview(bpy.types.Panel):
+class VIEW3D_PT_kiriko_preview(Sidebar, bpy.types.Panel):
     """How the next preview is rendered: what the operator remembers from call to call."""
 
     bl_label = "Preview Settings"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Kiriko"
     bl_parent_id = "VIEW3D_PT_kiriko_solve"
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -1,4 +1,4 @@
-"""Sentences in a panel: broken into lines as wide as the sidebar."""
+"""What the panels share: their place, and sentences broken into lines as wide as the sidebar."""
 
 import textwrap
 
@@ -6,6 +6,14 @@ import bpy
 
 LETTER = 6.2  # px at a scale of 1, a little more than the mean of Blender's font
 MARGIN = 60  # px beside the text: borders, icon
+
+
+class Sidebar:
+    """Where all of Kiriko's panels are."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Kiriko"
 
 
 def sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:

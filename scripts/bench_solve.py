@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from reference_rigs import ball_rig, box, cube_rig, lattice_image, rig
 
-from kiriko.core.session import Session
+from kiriko.core.session import Session, finish
 
 PICTURE = 1024
 CASES = {
@@ -26,15 +26,6 @@ CASES = {
 }
 
 
-def drain(steps):
-    """Run a generator to its end and return what it returns."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def measure(name: str, runs: int) -> dict[str, object]:
     """Solve from scratch `runs` times, then paint another picture as often."""
     a_rig = CASES[name]()
@@ -42,12 +33,12 @@ def measure(name: str, runs: int) -> dict[str, object]:
     for _ in range(runs):
         session = Session()
         started = perf_counter()
-        solution = drain(session.solve(a_rig))
+        solution = finish(session.solve(a_rig))
         whole.append(perf_counter() - started)
         parts.append(solution.seconds)
         a_rig.picture.image[:] = np.flip(a_rig.picture.image, 0).copy()
         started = perf_counter()
-        drain(session.solve(a_rig))
+        finish(session.solve(a_rig))
         again.append(perf_counter() - started)
     return {
         "solve": statistics.median(whole),

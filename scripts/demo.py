@@ -21,7 +21,7 @@ kiriko.register()
 from kiriko.core import image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.plan import Settings  # noqa: E402
 from kiriko.core.seen_image import LatticeShift, lattice_shift  # noqa: E402
-from kiriko.core.session import Session, without_glass  # noqa: E402
+from kiriko.core.session import Session, finish, without_glass  # noqa: E402
 from kiriko.operators import work  # noqa: E402
 
 
@@ -49,15 +49,6 @@ def add_cube() -> None:
 RIGS = {"ball": add_ball, "cube": add_cube}
 
 
-def drain(steps):
-    """Run a generator to its end and return what it returns."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def numbers(shift: LatticeShift) -> dict[str, object]:
     """A displacement for the report."""
     dx, dy = shift.mean_xy
@@ -81,8 +72,8 @@ def run(name: str, out: Path) -> list[str]:
     solve_seconds = perf_counter() - solve_started
 
     reading = work.read(context)
-    solution = drain(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = drain(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
+    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
     ideal, seen, uncompensated = solution.ideal(), solution.seen(), solution.seen(plain)
     in_core = {"before": lattice_shift(uncompensated, ideal), "after": lattice_shift(seen, ideal)}
     in_cycles = {

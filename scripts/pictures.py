@@ -7,13 +7,13 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from demo import RIGS, drain
+from demo import RIGS
 
 import kiriko
 from kiriko.core import image_io
 from kiriko.core.blender_preview import render_preview
 from kiriko.core.plan import Settings
-from kiriko.core.session import Session, without_glass
+from kiriko.core.session import Session, finish, without_glass
 from kiriko.operators import work
 
 PIXELS = 480
@@ -68,8 +68,8 @@ def run(name: str, folder: Path) -> None:
     display.kiriko.resolution = (2048, 2048)
     bpy.ops.kiriko.solve()
     reading = work.read(bpy.context)
-    solution = drain(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = drain(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
+    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
     light_the_glass()
     for what, source in (("warped", plain), ("corrected", solution.source)):
         seen = render_preview(scene, reading, source, size=(PIXELS, PIXELS), samples=SAMPLES, surroundings=True)

@@ -22,22 +22,15 @@ def solved(kiriko, scene, **options):
     """Solve what add_rig makes; returns reading, solution and the plain source image."""
     from kiriko.core import blender_scene
     from kiriko.core.plan import Settings
-    from kiriko.core.session import Session, without_glass
+    from kiriko.core.session import Session, finish, without_glass
 
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     bpy.context.view_layer.update()
     reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
 
-    def drain(steps):
-        while True:
-            try:
-                next(steps)
-            except StopIteration as end:
-                return end.value
-
-    solution = drain(Session().solve(reading.rig))
-    plain = drain(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    solution = finish(Session().solve(reading.rig))
+    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
     return reading, solution, plain
 
 

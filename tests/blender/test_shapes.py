@@ -89,12 +89,7 @@ def test_previews(kiriko, scene, make):
     shown = np.array(image.pixels).reshape(128, 128, 4)[::-1, :, 0]
     work = kiriko.operators.work
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            seen = end.value.seen()[..., 0]
-            break
+    seen = kiriko.core.session.finish(steps).seen()[..., 0]
     dots = seen > 0.5
     assert dots.sum() > 20
     assert np.median(shown[dots] / seen[dots]) > 0.6  # two to six surfaces, each takes 4 % of the light or more
