@@ -202,8 +202,8 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
     sheets = read_sheets(rig)
     surfaces = solids + [surface for _, surface in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
-    # vertices are float32: faces that are closer than its rounding touch
-    touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
+    # vertices are float32: faces of glass that are closer than its rounding touch
+    touching = FLOAT32 * float(np.ptp(boxes[: len(solids)].reshape(-1, 3), axis=0).max())
     media = make_media(solids, glass_of, touching, settings.wavelength)
     bit = np.concatenate([media.bit, np.zeros(len(sheets), np.uint64)])
     is_closed = np.array([surface.n_open == 0 for surface in surfaces])

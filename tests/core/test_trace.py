@@ -1,5 +1,7 @@
 """Landings against closed forms: no glass, slab, ball, ellipsoid, total reflection, nested and touching solids."""
 
+from dataclasses import replace
+
 import closed_forms
 import numpy as np
 import pytest
@@ -251,3 +253,43 @@ def test_viewer_inside_the_glass_is_refused():
     """One sentence that names viewer and glass."""
     with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
         make_plan(rig(box([3, 3, 3])), Settings())
+
+
+def moved(a_rig, scale, shift):
+    """The whole rig scaled about the origin and moved."""
+
+    def mesh(m):
+        return replace(m, vertices=m.vertices * scale + shift)
+
+    viewer = replace(a_rig.viewer, position=a_rig.viewer.position * scale + shift)
+    parts = {
+        name: tuple(replace(part, mesh=mesh(part.mesh)) for part in getattr(a_rig, name))
+        for name in ("glasses", "plates", "displays", "pictures")
+    }
+    return replace(a_rig, viewers=(viewer,), **parts)
+
+
+@pytest.mark.parametrize("make", [cube_rig, lambda: ball_rig(4)], ids=["cube", "ball"])
+@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0), (1e3, 0), (1.0, 1e4), (1e-3, 10.0), (1e3, -1e6)])
+def test_landings_do_not_depend_on_scale_and_place(make, scale, shift):
+    """The same rig scaled by 1e-3 to 1e3 or moved by 1e4 of its size lands on the same display pixels to 1e-6."""
+    a_rig = make()
+    _, _, here = traced(a_rig)
+    _, _, there = traced(moved(a_rig, scale, np.array([shift, -shift, 0.5 * shift])))
+    same = here.branch == there.branch
+    assert same.mean() > 0.998  # a ray through an edge may fall to its other side
+    assert np.nanmax(np.abs(here.xy - there.xy)[same & here.has_arrived]) < 1e-6
+
+
+def test_touching_solids_far_from_the_origin_stay_apart_by_their_gap():
+    """Two slabs 1 mm apart, 1e4 m from the origin: the gap is air, as it is at the origin."""
+    n = ConstantIndex(1.49)
+    slabs = (
+        Glass("front", box([0.3, 0.01, 0.3], (0, -0.0055, 0), 20), n),
+        Glass("back", box([0.3, 0.01, 0.3], (0, 0.0055, 0), 20), n),
+    )
+    a_rig = rig(slabs, display=0.1)
+    _, _, here = traced(a_rig)
+    _, _, there = traced(moved(a_rig, 1.0, np.array([1e4, 1e4, 0])))
+    assert here.has_arrived.mean() > 0.9
+    assert np.nanmax(np.abs(here.xy - there.xy)) < 1e-6
