@@ -45,7 +45,7 @@ def has_area(vertices: Floats, triangles: Ints) -> Bools:
     with np.errstate(invalid="ignore", over="ignore"):
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         longest = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (b - a, c - b, a - c)])
-        return ~(twice <= NO_AREA * longest)
+        return ~(twice <= NO_AREA * longest) | ~np.isfinite(longest)
 
 
 def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
@@ -102,7 +102,9 @@ def read_mesh(
 
 def flat_size(mesh: Mesh) -> tuple[float, float] | None:
     """Width and height in m of the UV square on a flat rectangle; None where the UV map is bent, skewed or missing."""
-    if mesh.uv is None or not len(mesh.triangles) or not np.isfinite(mesh.vertices).all():
+    if mesh.uv is None or not len(mesh.triangles):
+        return None
+    if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uv).all()):
         return None
     points, uv = mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2)
     origin, place = points.mean(axis=0), uv.mean(axis=0)

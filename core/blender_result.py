@@ -35,6 +35,8 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     The material is linked to the object, so that other users of the mesh keep theirs; the user's own material stays
     in the mesh and in the file. Returns one sentence for each material that gave way.
     """
+    if display.data is None or not hasattr(display.data, "materials"):
+        return [f"The display '{display.name}' has no material: give the image '{image.name}' to what it shows."]
     if not display.is_editable:
         return [f"The display '{display.name}' is linked from another file: give it the image '{image.name}' there."]
     if not display.material_slots:
@@ -90,7 +92,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     text = summary(coverage, solution.misses)
     image = replace_image(result.source, SOURCE, solution.source)
     notes = [*reading.notes, *solution.notes]
-    display = bpy.data.objects.get(reading.rig.display.name.partition(" (instance")[0])
+    display = bpy.data.objects.get(reading.display_object)
     if display is not None:
         notes += put_on_display(display, image)
     details = {

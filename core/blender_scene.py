@@ -37,12 +37,17 @@ class MaterialReading:
 
 @dataclass(frozen=True)
 class Reading:
-    """A scene as read. `display_size` is width and height in m of a flat display, over the whole UV square."""
+    """A scene as read.
+
+    display_size : width and height in m of a flat display, over the whole UV square
+    display_object : name of the object that is the display, or makes it as an instance
+    """
 
     rig: Rig
     materials: tuple[MaterialReading, ...]
     notes: tuple[str, ...]
     display_size: tuple[float, float] | None
+    display_object: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,4 +377,5 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
         blockers=tuple(Blocker(p.name, p.mesh) for p in by_role.get("BLOCKER", [])),
     )
     size = flat_size(displays[0].mesh) if len(displays) == 1 else None
-    return Reading(rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size)
+    shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
+    return Reading(rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)

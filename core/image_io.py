@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ FORMATS = {
 }
 
 
+PLAIN = {"PNG8", "TIFF16", "EXR_FLOAT"}  # what a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
@@ -43,6 +45,14 @@ def named_for(path: Path | str, form: str) -> Path:
     if path.suffix.lower().startswith(suffix):  # .tiff is .tif too
         return path
     return path.with_suffix(suffix) if path.suffix.lower() in SUFFIXES else path.with_name(path.name + suffix)
+
+
+def format_for(path: Path | str, form: str) -> str:
+    """The format that a path's suffix asks for: `form` where that fits or there is no such suffix."""
+    suffix = Path(path).suffix.lower().replace(".tiff", ".tif")
+    if suffix == FORMATS[form].suffix:
+        return form
+    return next((name for name, kind in FORMATS.items() if kind.suffix == suffix and name in PLAIN), form)
 
 
 def openimageio() -> Any:
@@ -110,6 +120,24 @@ def _part(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+def is_there(path: Path) -> bool:
+    """Does a file or folder exist? ImageError where there can be none of that name."""
+    try:
+        return path.exists()
+    except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
+        why = getattr(reason, "strerror", None) or reason
+        raise ImageError(f"The path '{path.parent}' has no room for such a name ({why}): choose another.") from None
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ImageError when no file can be made in a folder."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as reason:
+        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+
+
 def write(
     path: Path | str,
     pixels: ArrayLike,
@@ -141,7 +169,7 @@ def write(
     """
     kind = FORMATS[form]
     path = named_for(path, form)
-    if path.exists() and not overwrite:
+    if is_there(path) and not overwrite:
         raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
     oiio = openimageio()
     pixels = np.asarray(pixels)

@@ -17,12 +17,13 @@ MOST_OVERLAPPING = 52  # solids in one cluster: their mask has to be exact as a 
 
 @dataclass(frozen=True, eq=False)
 class Media:
-    """Solids s: bit (s,) uint64, and row (s,) at which the indices of its cluster begin in `indices`.
+    """Solids s: cluster (s,), bit (s,) uint64 in its mask, and row (s,) at which its indices begin in `indices`.
 
-    A cluster's indices are 1.0 (air) and then those of its solids by rising priority. n_overlapping: clusters of more
-    than one solid.
+    A cluster's indices are 1.0 (air) and then those of its solids by rising priority. A ray is in solids of one
+    cluster at a time, so bits are used again from cluster to cluster. n_overlapping: clusters of more than one solid.
     """
 
+    cluster: Ints
     bit: np.ndarray
     row: Ints
     indices: Floats
@@ -54,10 +55,11 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
     RigError
         More solids hang together than a mask can tell apart.
     """
-    bit, row = np.zeros(len(solids), np.uint64), np.zeros(len(solids), np.int64)
+    member, row = np.zeros(len(solids), np.int64), np.zeros(len(solids), np.int64)
+    bit = np.zeros(len(solids), np.uint64)
     indices: list[float] = []
     clusters = clusters_of(boxes_touch(np.stack([solid.bounds for solid in solids]), slack))
-    for cluster in clusters:
+    for number, cluster in enumerate(clusters):
         if len(cluster) > MOST_OVERLAPPING:
             raise RigError(
                 f"{len(cluster)} glass solids around '{glass_of[cluster[0]].name}' overlap or nest:"
@@ -65,6 +67,6 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
             )
         by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))
         bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)
-        row[by_priority] = len(indices)
+        row[by_priority], member[by_priority] = len(indices), number
         indices += [1.0, *(float(glass_of[i].ior(wavelength)) for i in by_priority)]
-    return Media(bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))
+    return Media(member, bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))

@@ -13,6 +13,7 @@ from .meshes import FEW_TRIANGLES, FLOAT32, Layer, Surface, contains, make_surfa
 from .optics import dot
 from .rig import Bools, Floats, Glass, Ints, Plate, Rig
 
+VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 
 
@@ -51,9 +52,11 @@ class Plan:
     """A rig made ready to be traced: all triangles in one numbering, in layers.
 
     Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_smooth (t,), patch (t,), part (t,).
-    Parts p, solids first: kind (p,), is_closed (p,), bit (p,) uint64 of a solid in its cluster's mask, 0 for no solid.
-    Layers: layer_triangles, the triangles of each, in its own order; layer_bits, those of its closed solids, which
-    what is inside has to leave. The display's triangles are the last, from display_start on.
+    Parts p, solids first: kind (p,), is_closed (p,), cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask;
+    -1 and 0 for no solid. The display's triangles are the last, from display_start on.
+    n_open: open edges of each glass of the rig.
+    Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
+    solids, which what is inside has to leave.
     """
 
     rig: Rig
@@ -65,28 +68,33 @@ class Plan:
     part: Ints
     kind: Ints
     is_closed: Bools
+    cluster: Ints
     bit: np.ndarray
     media: Media
     layers: tuple[Layer, ...]
     layer_triangles: tuple[Ints, ...]
-    layer_bits: tuple[np.uint64, ...]
+    layer_bits: tuple[np.ndarray, ...]
     display_start: int
     display_plane: DisplayPlane | None
     merge_distance: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]
-    notes: tuple[str, ...]
+    n_open: tuple[int, ...]
 
 
 def fingerprint(*things: object) -> str:
-    """Hash of the content of dataclasses, arrays, tuples and plain values: equal content, equal fingerprint."""
+    """Hash of the content of dataclasses, arrays, tuples and plain values: equal content, equal fingerprint.
+
+    Names do not count: an object may be called otherwise after undo or a file load.
+    """
     digest = hashlib.blake2b(digest_size=16)
 
     def add(thing: object) -> None:
         if is_dataclass(thing):
             digest.update(type(thing).__name__.encode())
             for f in fields(thing):
-                add(getattr(thing, f.name))
+                if f.name != "name":
+                    add(getattr(thing, f.name))
         elif isinstance(thing, np.ndarray):
             digest.update(f"{thing.dtype}{thing.shape}".encode())
             digest.update(np.ascontiguousarray(thing).data)
@@ -104,9 +112,10 @@ def fingerprint(*things: object) -> str:
 
 
 def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
-    """Raise RigError when the viewer stands inside a solid."""
+    """Raise RigError when the viewer, or a part of an orthographic viewer's plane, is inside a solid."""
     viewer = rig.viewer
-    at, _ = viewer.rays(np.array([[0, 0], [viewer.width, 0], [0, viewer.height], [viewer.width, viewer.height]]))
+    x, y = np.meshgrid(np.linspace(0, viewer.width, VIEWER_POINTS), np.linspace(0, viewer.height, VIEWER_POINTS))
+    at, _ = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     at = at[:1] if viewer.projection == "perspective" else at
     low, high = solid.bounds
     at = at[((at >= low) & (at <= high)).all(axis=1)]
@@ -133,21 +142,19 @@ def plate_surface(plate: Plate) -> Surface:
                    patch=np.zeros(n, np.int64))  # fmt: skip
 
 
-def read_solids(rig: Rig) -> tuple[list[Surface], list[Glass], list[str]]:
-    """All solids of a rig, the glass each is of, and what the user should know of them."""
+def read_solids(rig: Rig) -> tuple[list[Surface], list[Glass], list[int]]:
+    """All solids of a rig, the glass each is of, and the number of open edges of each glass."""
     solids: list[Surface] = []
     glass_of: list[Glass] = []
-    notes = []
+    n_open = []
     for glass in rig.glasses:
         own = solids_from_mesh(glass.mesh)
         for solid in own:
             check_viewer_outside(rig, glass, solid)
-        n_open = sum(solid.n_open for solid in own)
-        if n_open:
-            notes.append(f"The glass '{glass.name}' is not closed ({n_open} open edges): close it.")
+        n_open.append(sum(solid.n_open for solid in own))
         solids += own
         glass_of += [glass] * len(own)
-    return solids, glass_of, notes
+    return solids, glass_of, n_open
 
 
 def read_sheets(rig: Rig) -> list[tuple[Kind, Surface]]:
@@ -198,14 +205,15 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         One sentence on what makes the rig unsolvable.
     """
     rig.check()
-    solids, glass_of, notes = read_solids(rig)
+    solids, glass_of, n_open = read_solids(rig)
     sheets = read_sheets(rig)
     surfaces = solids + [surface for _, surface in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
-    # vertices are float32: faces of glass that are closer than its rounding touch
-    touching = FLOAT32 * float(np.ptp(boxes[: len(solids)].reshape(-1, 3), axis=0).max())
+    # vertices and places are float32: faces of glass that are closer than their rounding touch
+    touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
     media = make_media(solids, glass_of, touching, settings.wavelength)
     bit = np.concatenate([media.bit, np.zeros(len(sheets), np.uint64)])
+    cluster = np.concatenate([media.cluster, np.full(len(sheets), -1)])
     is_closed = np.array([surface.n_open == 0 for surface in surfaces])
 
     starts = np.cumsum([0] + [len(surface.corners) for surface in surfaces])
@@ -217,7 +225,10 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         layers.append(known.get(key) or Layer(corners))
         kept[key] = layers[-1]
         layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
-        layer_bits.append(np.bitwise_or.reduce(bit[group] * is_closed[group], initial=np.uint64(0)))
+        bits = np.zeros(media.cluster.max() + 1, np.uint64)
+        solid = [i for i in group if i < len(solids)]
+        np.bitwise_or.at(bits, cluster[solid], bit[solid] * is_closed[solid])
+        layer_bits.append(bits)
     if engines is not None:
         engines.clear()
         engines.update(kept)
@@ -241,6 +252,7 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         part=np.repeat(np.arange(len(surfaces)), np.diff(starts)),
         kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, _ in sheets]),
         is_closed=is_closed,
+        cluster=cluster,
         bit=bit,
         media=media,
         layers=tuple(layers),
@@ -251,5 +263,5 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=tuple(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
-        notes=tuple(notes),
+        n_open=tuple(n_open),
     )  # fmt: skip

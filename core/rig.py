@@ -49,9 +49,18 @@ class Mesh:
     def check(self, owner: str) -> None:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
         if len(self.triangles) == 0:
-            raise MeshError(f"{owner} has no faces: give it some, or set its role to None.")
+            raise MeshError(f"{owner} has no faces with an area: give it some, or set its role to None.")
         if not np.isfinite(self.vertices).all():
             raise MeshError(f"{owner} has vertices that are not finite numbers: repair or remove them.")
+
+    def check_uv(self, owner: str) -> None:
+        """Raise MeshError when there is no UV map that an image can be put on."""
+        if self.uv is None:
+            raise MeshError(f"{owner} has no UV map: unwrap it, so that pixels have a place.")
+        if not np.isfinite(self.uv).all():
+            raise MeshError(f"{owner} has a UV map with numbers that are not finite: unwrap it again.")
+        if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
+            raise MeshError(f"{owner} has a UV map without area: unwrap it again.")
 
 
 @dataclass(frozen=True)
@@ -242,7 +251,6 @@ class Rig:
             kind = "display" if isinstance(part, Display) else "picture"
             if part.mesh is not None:
                 part.mesh.check(f"The {kind} '{part.name}'")
-                if part.mesh.uv is None:
-                    raise MeshError(f"The {kind} '{part.name}' has no UV map: unwrap it, so that pixels have a place.")
+                part.mesh.check_uv(f"The {kind} '{part.name}'")
         if min(self.display.width, self.display.height) < 1:
             raise RigError(f"The display '{self.display.name}' has no pixels: set its resolution.")

@@ -151,8 +151,25 @@ class Session:
             n_rays,
             plan.used,
             plan.left_out + tuple(left_out),
-            plan.notes,
+            _notes(rig, plan, source),
         )
+
+
+def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> tuple[str, ...]:
+    """What the user should know of a solution."""
+    notes = [
+        f"The glass '{glass.name}' is not closed ({n} open edges): close it."
+        for glass, n in zip(rig.glasses, plan.n_open, strict=True)
+        if n
+    ]
+    lit = source.max(axis=2) > 0
+    bright = (source.max(axis=2) > 1 + 1e-6).sum() / max(lit.sum(), 1)
+    if bright > 0:
+        notes.append(
+            f"{bright:.1%} of the source image is brighter than a display's white and would be clipped:"
+            " lower the picture's brightness."
+        )
+    return tuple(notes)
 
 
 def _scaled(work: Generator[float, None, ViewMap], share: float) -> Generator[float, None, ViewMap]:
@@ -209,6 +226,9 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
         votes = of_reason.sum(axis=1)
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
     if shown == 0:
-        raise RigError(f"The viewer does not see the picture '{rig.picture.name}': move it into view.")
+        raise RigError(
+            f"The viewer does not see the picture '{rig.picture.name}' straight:"
+            " move it into view, or use an image in the viewer's own pixels."
+        )
     misses = {REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0}
     return float(1 - unseen / shown), misses

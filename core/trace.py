@@ -86,6 +86,7 @@ class _Rays:
         self.positions = np.array(origins, float)
         self.directions = np.array(directions, float)
         self.mask = np.zeros(n, np.uint64)
+        self.cluster = np.zeros(n, np.int64)
         self.reason = np.full(n, Reason.LOST_INSIDE, np.uint8)
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
@@ -144,8 +145,8 @@ def trace(plan: Plan, origins: Floats, directions: Floats) -> Landings:
 def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     """First hits of the live rays, and the same for each layer by itself. Triangles are the plan's."""
     live = rays.live
-    origins, directions, mask = rays.positions[live], rays.directions[live], rays.mask[live]
-    last_part = rays.last_part[live]
+    origins, directions = rays.positions[live], rays.directions[live]
+    mask, cluster, last_part = rays.mask[live], rays.cluster[live], rays.last_part[live]
     by_layer = []
     for layer, numbers, closed_bits in zip(plan.layers, plan.layer_triangles, plan.layer_bits, strict=True):
         tolerance = max(layer.tolerance, plan.merge_distance)
@@ -159,12 +160,12 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             bit = plan.bit[part]
             is_solid = bit != 0
             is_entry = dot(directions[i], plan.normals[k]) < 0
-            fits = is_entry != ((mask[i] & bit) != 0)
+            fits = is_entry != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
             is_new = (t > tolerance) | (part != last_part[i]) & (t > -1e-3 * tolerance)
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
             return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
 
-        hits = layer.first_hits(origins, directions, (mask & closed_bits) != 0, accept)
+        hits = layer.first_hits(origins, directions, (mask & closed_bits[cluster]) != 0, accept)
         found = hits.triangle >= 0
         hits.triangle[found] = numbers[hits.triangle[found]]
         by_layer.append(hits)
@@ -218,6 +219,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     """Cross or mirror at an interface; faces of other solids at the same place are crossed together with it."""
     part = plan.part[hits.triangle]
     before = rays.mask[i]
+    rays.cluster[i] = plan.cluster[part]  # what a ray inside one cluster meets first is of the same
     after = before ^ plan.bit[part]
     for other in by_layer:
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)

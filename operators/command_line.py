@@ -3,8 +3,8 @@
 import argparse
 import json
 import sys
-import tempfile
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -39,10 +39,12 @@ def parser() -> argparse.ArgumentParser:
     )
     verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
     solve = verbs.add_parser("solve", help="compute the source image and write it to a folder")
-    solve.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results; made if need be")
+    solve.add_argument(
+        "--out", required=True, type=_folder_name, metavar="DIR", help="folder for the results; made if need be"
+    )
     solve.add_argument("--overwrite", action="store_true", help="replace results that are there already")
     solve.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
-    solve.add_argument("--samples", type=int, default=16, metavar="N", help="rays a pixel of the preview (16)")
+    solve.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
     solve.add_argument("--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)")
     return top
 
@@ -62,14 +64,33 @@ def run(argv: list[str]) -> int:
     return 0
 
 
-def _make_folder(folder: Path) -> None:
-    """Make the folder and see that it can be written, before any work is done for it."""
+@contextmanager
+def _folder(folder: Path) -> Iterator[None]:
+    """Make the folder and see that it can be written, before any work is done for it; gone again if it stays empty."""
+    is_new = not image_io.is_there(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
     except OSError as reason:
         raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+    try:
+        image_io.check_folder(folder)
+        yield
+    finally:
+        if is_new and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError(f"{number} is not 1 or more")
+    return number
+
+
+def _folder_name(text: str) -> Path:
+    if not text:
+        raise ValueError("a folder needs a name")
+    return Path(text)
 
 
 def _files(arguments: argparse.Namespace) -> dict[str, Path]:
@@ -86,7 +107,7 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
     if arguments.preview:
         names["preview"] = "preview.png"
     files = {what: arguments.out / name for what, name in names.items()}
-    there = [path.name for path in files.values() if path.exists()]
+    there = [path.name for path in files.values() if image_io.is_there(path)]
     if there and not arguments.overwrite:
         raise ImageError(
             f"The folder '{arguments.out}' has {', '.join(there)} already: choose another or add --overwrite."
@@ -101,8 +122,12 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     image_io.openimageio()
-    _make_folder(arguments.out)
-    files = _files(arguments)
+    with _folder(arguments.out):
+        yield from _solve_into(arguments, _files(arguments))
+
+
+def _solve_into(arguments: argparse.Namespace, files: dict[str, Path]) -> Generator[str, None, None]:
+    """Solve and write the files; yields lines of progress."""
     context = bpy.context
     scene = context.scene
     reading = work.read(context)

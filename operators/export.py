@@ -31,7 +31,7 @@ def target(path: str, form: str) -> Path:
             f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
         )
     full = Path(bpy.path.abspath(path))
-    if full.is_dir() or path.endswith(("/", "\\")):
+    if (image_io.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
         full = full / "source"
     return image_io.named_for(full, form)
 
@@ -67,11 +67,11 @@ class KIRIKO_OT_export(bpy.types.Operator):
             context.window_manager.fileselect_add(self)  # the path is relative to a file that was never saved: ask
             return {"RUNNING_MODAL"}
         try:
-            path = target(self.filepath or ours.export_path, ours.export_format)
+            path = target(self.filepath or ours.export_path, image_io.format_for(self.filepath, ours.export_format))
         except KirikoError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if path.exists() and not (self.overwrite or ours.export_overwrite):
+        if image_io.is_there(path) and not (self.overwrite or ours.export_overwrite):
             self.overwrite = True  # only an answer of yes leads to execute
             return context.window_manager.invoke_confirm(
                 self, event, title="Replace the file?", message=str(path), confirm_text="Replace"
@@ -84,11 +84,11 @@ class KIRIKO_OT_export(bpy.types.Operator):
         size = details.get("display_size_m")
         use_bundled_modules()
         try:
-            path = target(self.filepath or ours.export_path, ours.export_format)
+            form = image_io.format_for(self.filepath, ours.export_format)
             written = image_io.write(
-                path,
+                target(self.filepath or ours.export_path, form),
                 pixels_from_image(ours.result.source)[..., :3],
-                ours.export_format,
+                form,
                 size=tuple(size) if size else None,
                 overwrite=self.overwrite or ours.export_overwrite,
             )

@@ -7,9 +7,9 @@ import bpy
 from ..core import image_io
 from ..core.blender_preview import Preview
 from ..core.blender_result import replace_image
-from ..core.errors import ImageError, KirikoError
+from ..core.errors import ImageError, KirikoError, RigError
 from . import work
-from .export import use_bundled_modules
+from .export import target, use_bundled_modules
 
 NAME = "Kiriko Preview"
 
@@ -122,8 +122,10 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
     def _prepare(self, context: bpy.types.Context) -> Preview:
         scene = context.scene
-        if self.filepath and not self.overwrite and Path(bpy.path.abspath(self.filepath)).exists():
-            raise ImageError(f"The file '{self.filepath}' exists already: choose another name or allow overwriting.")
+        self._file()
+        left, right, bottom, top = self.border
+        if left >= right or bottom >= top:
+            raise RigError("The preview's border is empty: left has to be less than right, and bottom less than top.")
         whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
         return Preview(
             scene,
@@ -136,13 +138,24 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             surroundings=self.surroundings,
         )
 
+    def _file(self) -> Path | None:
+        """Where the preview is written, if anywhere; ImageError before the render where it cannot be."""
+        if not self.filepath:
+            return None
+        if Path(self.filepath).suffix.lower() not in {"", ".png", ".exr"}:
+            raise ImageError(f"The preview '{self.filepath}' would be neither .png nor .exr: choose one of these.")
+        path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
+        if not self.overwrite and image_io.is_there(path):
+            raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
+        image_io.check_folder(path.parent)
+        return path
+
     def _finish(self, context: bpy.types.Context, preview: Preview) -> None:
         pixels = preview.pixels()
         if self.filepath:
             use_bundled_modules()
-            path = Path(bpy.path.abspath(self.filepath))
-            form = "EXR_FLOAT" if path.suffix.lower() == ".exr" else "PNG8"
-            image_io.write(path, pixels[..., :3], form, title=NAME, overwrite=self.overwrite)
+            form = image_io.format_for(self.filepath, "PNG8")
+            image_io.write(self._file(), pixels[..., :3], form, title=NAME, overwrite=self.overwrite)
         image = replace_image(bpy.data.images.get(NAME), NAME, pixels)
         for window in context.window_manager.windows:
             for area in window.screen.areas:

@@ -146,7 +146,7 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     margin: IntProperty(
         name="Margin",
-        description="Display pixels by which the picture is grown beyond its border, so that none shows black there",
+        description="Pixels by which the source image is grown past the part of the display that the viewer can see",
         default=0,
         min=0,
         max=1024,

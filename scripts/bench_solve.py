@@ -10,10 +10,13 @@ import subprocess
 import sys
 from time import perf_counter
 
+import closed_forms
 import numpy as np
-from reference_rigs import ball_rig, box, cube_rig, lattice_image, rig
+from reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
 
+from kiriko.core.plan import Settings, make_plan
 from kiriko.core.session import Session, finish
+from kiriko.core.trace import trace_all
 
 PICTURE = 1024
 CASES = {
@@ -50,11 +53,32 @@ def measure(name: str, runs: int) -> dict[str, object]:
     }
 
 
+def accuracy() -> None:
+    """Print the error of meshes with the surface's own normals against closed forms, rms in display px."""
+    shapes = {"ball": ((0.025,) * 3, {"picture": 0.03}), "ellipsoid": ((0.025, 0.020, 0.015), {"picture": 0.015})}
+    print(f"{'triangles':>9} " + " ".join(f"{name:>10}" for name in shapes))
+    for levels in (3, 4, 5, 6):
+        errors = []
+        for radii, options in shapes.values():
+            a_rig = rig(icosphere(radii, levels), **options)
+            x, y = np.meshgrid(np.arange(0, 513, 2.0), np.arange(0, 513, 2.0))
+            o, d = a_rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+            landings = trace_all(make_plan(a_rig, Settings()), o, d)
+            exact = closed_forms.landing(a_rig, *closed_forms.through_ellipsoid(o, d, radii, 1.49))
+            known = landings.has_arrived & np.isfinite(exact[:, 0])
+            errors.append(np.sqrt(((landings.xy - exact)[known] ** 2).sum(axis=1).mean()))
+        print(f"{20 * 4**levels:9d} " + " ".join(f"{error:10.4f}" for error in errors))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3, help="solves of each case; medians are shown")
     parser.add_argument("--case", choices=CASES, help="measure one case here and print it as JSON")
+    parser.add_argument("--accuracy", action="store_true", help="print the error of meshes against closed forms")
     arguments = parser.parse_args()
+    if arguments.accuracy:
+        accuracy()
+        return
     if arguments.case:
         print(json.dumps(measure(arguments.case, arguments.runs)))
         return

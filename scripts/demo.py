@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import json
 import math
+import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 
@@ -44,6 +45,21 @@ def add_cube() -> None:
     material.node_tree.links.new(glass.outputs["BSDF"], output.inputs["Surface"])
     cube.data.materials.append(material)
     bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.035, display_size=0.05)
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what Blender itself prints, a line for each sample, out of the terminal."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.dup2(kept, 1)
+            os.close(kept)
 
 
 RIGS = {"ball": add_ball, "cube": add_cube}
@@ -90,8 +106,7 @@ def run(name: str, out: Path) -> list[str]:
         scene.kiriko.export_format = form
         bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
     bpy.ops.kiriko.preview(samples=32, filepath=str(folder / "preview.png"), overwrite=True)
-    with contextlib.redirect_stdout(io.StringIO()):
-        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rig.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rig.blend"))
     seconds = perf_counter() - started
     report = {
         "rig": name,
@@ -125,7 +140,9 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
     for name in arguments.rigs or RIGS:
-        rows.append(run(name, arguments.out.resolve()))
+        print(f"{name}: solving, rendering, measuring ...", flush=True)
+        with quiet():
+            rows.append(run(name, arguments.out.resolve()))
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     print()
     for row in rows:

@@ -63,6 +63,25 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
     return dot_centroids(image) - dot_centroids(ideal_image(rig.picture, viewer))
 
 
+def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
+    """The ball of Add Rig, read back from Blender: landings within 0.05 display px rms of the analytic ball."""
+    from kiriko.core import blender_scene
+    from kiriko.core.plan import Settings, make_plan
+    from kiriko.core.trace import trace_all
+
+    assert bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
+    assert len(rig.glasses[0].mesh.triangles) == 20480
+    x, y = np.meshgrid(np.arange(0, 512, 2.0) + 0.5, np.arange(0, 512, 2.0) + 0.5)
+    o, d = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+    landings = trace_all(make_plan(rig, Settings()), o, d)
+    exact = closed_forms.landing(rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
+    both = landings.has_arrived & np.isfinite(exact[:, 0])
+    assert both.mean() > 0.4
+    assert np.sqrt(((landings.xy - exact)[both] ** 2).sum(axis=1).mean()) < 0.05
+
+
 def test_ball(kiriko, scene, lattice):
     """Compensated dots stand where they are wanted to 0.25 px; plain ones where the analytic ball puts them to 1 px."""
     reading, solution, plain = solved(kiriko, scene, field=0.05, picture_size=0.03, display_size=0.05)

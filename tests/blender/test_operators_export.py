@@ -92,3 +92,19 @@ def test_broken_image_file_is_one_sentence(io: ModuleType, tmp_path: Path, kirik
     for name in ("broken.png", "missing.png"):
         with pytest.raises(errors.ImageError, match=name):
             io.read(tmp_path / name)
+
+
+def test_a_name_that_no_file_can_have_is_one_sentence(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    """A name that is too long is refused, not raised through."""
+    with pytest.raises(RuntimeError, match="choose another") as caught:
+        bpy.ops.kiriko.export(filepath=str(tmp_path / ("x" * 300 + ".png")))
+    assert "Traceback" not in str(caught.value)
+
+
+def test_the_suffix_of_an_explicit_path_chooses_the_format(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    """With PNG in the panel, source.exr is written as EXR, and a name without suffix as the panel says."""
+    solved.kiriko.export_format = "PNG16"
+    for name in ("a.exr", "b", "c.tif", "d.png"):
+        assert bpy.ops.kiriko.export(filepath=str(tmp_path / name)) == {"FINISHED"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "b.png", "c.tif", "d.png"]
+    assert (tmp_path / "a.exr").read_bytes()[:4] == b"v/1\x01"

@@ -1,4 +1,5 @@
 import importlib
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import bmesh
@@ -243,3 +244,20 @@ def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core
     ]
     assert shown[0] > 0.4
     assert shown[1] == 0
+
+
+def test_a_preview_that_cannot_be_is_refused_before_the_render(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """An empty border, a path relative to no file, another suffix, a folder that is none: one sentence, no image."""
+    small_rig(display_size=0.2)
+    bpy.ops.kiriko.solve()
+    bad = {
+        "border is empty": {"border": (0.5, 0.5, 0, 1)},
+        "never saved": {"filepath": "//x.png"},
+        "neither .png nor .exr": {"filepath": str(tmp_path / "x.jpg")},
+        "cannot be written": {"filepath": str(tmp_path / "nowhere" / "x.png")},
+    }
+    for words, options in bad.items():
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.kiriko.preview(samples=1, **options)
+    assert "Kiriko Preview" not in bpy.data.images
+    assert not list(tmp_path.iterdir())

@@ -103,6 +103,11 @@ def turned_display():
     return replace(a_rig, displays=(replace(a_rig.display, mesh=turned),))
 
 
+def with_uv(factor):
+    mesh = small().display.mesh
+    return replace(small(), displays=(replace(small().display, mesh=replace(mesh, uv=mesh.uv * factor)),))
+
+
 def bent_plate():
     a_rig = small()
     vertices = a_rig.plates[0].mesh.vertices.copy()
@@ -130,6 +135,8 @@ BAD = {
         MeshError,
         "no UV map",
     ),
+    "UV not finite": (lambda: with_uv(np.nan), MeshError, "not finite"),
+    "UV without area": (lambda: with_uv(0.0), MeshError, "without area"),
     "index 0": (
         lambda: replace(small(), glasses=(replace(small().glasses[0], ior=ConstantIndex(0.0)),)),
         RigError,
@@ -178,3 +185,25 @@ def test_an_open_mesh_is_named_in_the_notes():
     holed = Mesh(mesh.vertices, mesh.triangles[:-1])
     solution = drain(Session().solve(rig(holed, pixels=16, display_pixels=16)))
     assert any("not closed (3 open edges)" in note for note in solution.notes)
+
+
+def test_a_name_is_no_part_of_the_optics():
+    """A renamed glass is not traced again, and the notes name it as it is called now."""
+    mesh = box([0.3, 0.02, 0.3])
+    holed = Mesh(mesh.vertices, mesh.triangles[:-1])
+    a_rig = rig(holed, pixels=16, display_pixels=16)
+    kept = Session()
+    solve(a_rig, kept)
+    renamed = replace(a_rig, glasses=(replace(a_rig.glasses[0], name="other"),))
+    solution = solve(renamed, kept)
+    assert solution.n_rays == 0
+    assert any("'other' is not closed" in note for note in solution.notes)
+
+
+def test_what_a_display_cannot_show_is_told():
+    """With brightness a white picture asks for more than white: the note says how much of the image that is."""
+    white = np.ones((4, 4, 4), np.float32)
+    a_rig = rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16, image=white)
+    assert not solve(a_rig).notes
+    (note,) = solve(a_rig, brightness=True).notes
+    assert "brighter than a display's white" in note

@@ -87,8 +87,8 @@ def test_ellipsoid_agrees_with_the_quadric():
     o, d, landings = traced(a_rig, grid(a_rig.viewer, 257))
     error, _ = error_px(a_rig, landings, closed_forms.through_ellipsoid, o, d, radii=radii, n=1.49)
     assert landings.has_arrived.mean() > 0.1
-    assert np.sqrt(np.median(error**2)) < 0.05
-    assert np.sqrt((error**2).mean()) < 0.25
+    assert np.median(error) < 0.02
+    assert np.sqrt((error**2).mean()) < 0.1
 
 
 @pytest.mark.parametrize("make", [cube_rig, lambda: ball_rig(3)], ids=["cube", "ball"])
@@ -250,9 +250,11 @@ def test_rays_at_vertices_and_edges_do_not_leak():
 
 
 def test_viewer_inside_the_glass_is_refused():
-    """One sentence that names viewer and glass."""
-    with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
-        make_plan(rig(box([3, 3, 3])), Settings())
+    """One sentence that names viewer and glass; for an orthographic viewer when its plane cuts the glass."""
+    cut = rig(box([0.02] * 3, (0, -1, 0)), projection="orthographic", field=0.1)
+    for a_rig in (rig(box([3, 3, 3])), cut):
+        with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
+            make_plan(a_rig, Settings())
 
 
 def moved(a_rig, scale, shift):
@@ -281,15 +283,37 @@ def test_landings_do_not_depend_on_scale_and_place(make, scale, shift):
     assert np.nanmax(np.abs(here.xy - there.xy)[same & here.has_arrived]) < 1e-6
 
 
-def test_touching_solids_far_from_the_origin_stay_apart_by_their_gap():
-    """Two slabs 1 mm apart, 1e4 m from the origin: the gap is air, as it is at the origin."""
+def test_faces_that_float32_parted_touch():
+    """Two halves of a slab, moved and rounded to float32 as Blender does, still act as the whole: no film of air."""
     n = ConstantIndex(1.49)
-    slabs = (
-        Glass("front", box([0.3, 0.01, 0.3], (0, -0.0055, 0), 20), n),
-        Glass("back", box([0.3, 0.01, 0.3], (0, 0.0055, 0), 20), n),
+    random = np.random.default_rng(2)
+    _, _, whole = traced(rig(box([0.3, 0.02, 0.3], degrees_about_z=30), display=0.1))
+    for _ in range(8):
+        shift = random.uniform(-5, 5, 3)
+        halves = []
+        for side in (-1, 1):
+            half = box([0.3, 0.01, 0.3], (0, 0.005 * side, 0))
+            a = np.radians(30)
+            turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+            rounded = (half.vertices @ turn.T + shift).astype(np.float32).astype(float) - shift
+            halves.append(Glass(f"half {side}", replace(half, vertices=rounded), n))
+        a_rig = moved(rig(tuple(halves), display=0.1), 1.0, shift)
+        _, _, found = traced(a_rig)
+        assert np.array_equal(found.reason, whole.reason)
+        assert np.nanmax(np.abs(found.xy - whole.xy)) < 0.05  # faces moved by 5e-7 m turn by 1e-5
+
+
+def test_solids_far_apart_share_nothing():
+    """A ball before the plate, a box behind it: no ray in one counts as in the other, so none is looked for twice."""
+    a_rig = rig(
+        (Glass("ball", icosphere(0.025, 4)), Glass("box", box([0.3, 0.3, 0.02], (0, 0.15, -0.08)))), display=0.2
     )
-    a_rig = rig(slabs, display=0.1)
-    _, _, here = traced(a_rig)
-    _, _, there = traced(moved(a_rig, 1.0, np.array([1e4, 1e4, 0])))
-    assert here.has_arrived.mean() > 0.9
-    assert np.nanmax(np.abs(here.xy - there.xy)) < 1e-6
+    plan = make_plan(a_rig, Settings())
+    assert plan.bit[0] == plan.bit[1]
+    lost = []
+    for layer in plan.layers:
+        layer._rescue = lambda origins, directions, rays, *_: lost.extend(rays)
+    o, d = a_rig.viewer.rays(grid(a_rig.viewer))
+    landings = trace_all(plan, o, d)
+    assert landings.has_arrived.mean() > 0.4
+    assert len(lost) < 10
