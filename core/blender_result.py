@@ -91,7 +91,15 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     coverage = float(min(max(solution.picture_coverage, 0.0), 1.0))
     text = summary(coverage, solution.misses)
     image = replace_image(result.source, SOURCE, solution.source)
-    notes = [*reading.notes, *solution.notes]
+    notes = [
+        *reading.notes,
+        *(
+            f"Not followed of the material '{read.material_name}' of '{read.object_name}': {', '.join(read.ignored)}."
+            for read in reading.materials
+            if read.ignored
+        ),
+        *solution.notes,
+    ]
     display = bpy.data.objects.get(reading.display_object)
     if display is not None:
         notes += put_on_display(display, image)

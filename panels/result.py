@@ -41,9 +41,8 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
         layout = self.layout
         details = json.loads(context.scene.kiriko.result.details)
         for read in details["materials"]:
-            ignored = f"; not followed: {', '.join(read['ignored'])}" if read["ignored"] else ""
             where = f" of '{read['material_name']}'" if read["source"] != "default" else ""
-            text = f"{read['object_name']}: index {read['ior']:.4f} ({read['source']}{where}){ignored}"
+            text = f"{read['object_name']}: index {read['ior']:.4f} ({read['source']}{where})"
             sentence(layout, context, text, icon="MATERIAL")
         column = layout.column(align=True)
         column.scale_y = 0.8

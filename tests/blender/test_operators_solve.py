@@ -109,3 +109,20 @@ def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> Non
     assert inventory() == before
     assert np.array_equal(shown, pixels(scene.kiriko.result.source))
     assert scene.kiriko.result.summary == summary
+
+
+def test_what_of_the_material_is_not_followed_is_named_in_the_result(scene: bpy.types.Scene) -> None:
+    """A rough glass solves as clear glass, and the result's notes say so."""
+    glass = small_rig()["GLASS"]
+    material = bpy.data.materials.new("Frosted")
+    material.use_nodes = True
+    material.node_tree.nodes.clear()
+    shader = material.node_tree.nodes.new("ShaderNodeBsdfGlass")
+    shader.inputs["Roughness"].default_value = 0.2
+    output = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    glass.data.materials.clear()
+    glass.data.materials.append(material)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Frosted" in note)
+    assert "roughness 0.2" in note
