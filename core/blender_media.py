@@ -10,11 +10,10 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from .meshes import Surface, contains, solids_from_mesh
-from .rig import Floats, Glass
+from .rig import WAVELENGTH, Floats, Glass
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid
-WAVELENGTH = 587.6e-9
 SAME = 1e-3  # volumes that differ by less than this share are the same
 
 

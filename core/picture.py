@@ -194,9 +194,9 @@ def _bilinear(image: Floats, xy: Floats) -> Floats:
     return upper * (1 - y) + lower * y
 
 
-def ideal_image(picture: Picture, viewer: Viewer, pyramid: Pyramid | None = None) -> NDArray[np.float32]:
+def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
     """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
-    pyramid = pyramid or Pyramid(picture.image)
+    pyramid = Pyramid(picture.image)
     w, h = viewer.width, viewer.height
     image = np.zeros((h * w, 3), np.float32)
     offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS

@@ -11,7 +11,7 @@ from .errors import RigError
 from .media import Media, boxes_touch, make_media
 from .meshes import FEW_TRIANGLES, FLOAT32, Layer, Surface, contains, make_surface, solids_from_mesh
 from .optics import dot
-from .rig import Bools, Floats, Glass, Ints, Plate, Rig
+from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Plate, Rig
 
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
@@ -34,7 +34,7 @@ class Settings:
     only_through_glass: bool = True
     brightness: bool = False
     margin: int = 0
-    wavelength: float = 587.6e-9
+    wavelength: float = WAVELENGTH
 
 
 class Kind(IntEnum):
@@ -184,7 +184,7 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
         small = []
-    rest = [i for i in range(len(surfaces)) if i not in set(small)]
+    rest = [i for i in range(len(surfaces)) if i not in small]
     groups = [[i] for i in small]
     if rest:
         colours = colour(boxes_touch(np.stack([surfaces[i].bounds for i in rest]), slack))

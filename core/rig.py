@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+WAVELENGTH = 587.6e-9  # m, the helium d line, at which indices of refraction are given
 PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
 
 
@@ -240,7 +241,7 @@ class Rig:
                 names = ", ".join(f"'{part.name}'" for part in single)
                 raise RigError(f"The rig has {len(single)} {word} ({names}): keep one and set the others to None.")
         for glass in self.glasses:
-            n = glass.ior(587.6e-9)
+            n = glass.ior(WAVELENGTH)
             if not (np.isfinite(n) and n > 0):
                 raise RigError(f"The glass '{glass.name}' has an index of refraction of {n}: set one above 0.")
         kinds = ("glass", self.glasses), ("plate", self.plates), ("mirror", self.mirrors), ("blocker", self.blockers)

@@ -6,20 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rig import Floats
-from .shares import Shares
+from .shares import Shares, to_view
 
 COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
 
 
 def seen_image(shares: Shares, source: NDArray[np.float32]) -> NDArray[np.float32]:
     """What the viewer sees (h, w, 3) of a source image (H, W, 3): the transposed product with the shares."""
-    width, height = shares.view_size
-    throughput = 1.0 if shares.throughput is None else shares.throughput
-    light = shares.area * throughput
-    index, n = shares.view_index, width * height
-    flat = source.reshape(-1, source.shape[2])
-    seen = [np.bincount(index, light * flat[shares.display_index, c], n) for c in range(flat.shape[1])]
-    return np.stack(seen, axis=1).reshape(height, width, -1).astype(np.float32)
+    shown = source.reshape(-1, source.shape[2])[shares.display_index]
+    return to_view(shares, shown, shares.throughput).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

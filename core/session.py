@@ -7,6 +7,7 @@ no ray engine.
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from .shares import Shares, concatenate, display_coverage, rasterise, view_cover
 from .source_image import paint
 from .trace import REASON_WORDS, Reason
 from .view_map import ViewMap, sample
+
+Result = TypeVar("Result")
 
 CELLS_AT_ONCE = 1 << 18
 
@@ -68,8 +71,8 @@ class Solution:
         return seen_image(self.shares, self.source if source is None else source)
 
 
-def finish(steps: Generator[float, None, Solution]) -> Solution:
-    """Run a solve to its end and return its solution."""
+def finish(steps: Generator[float, None, Result]) -> Result:
+    """Run long work, such as a solve, to its end and return what it returns."""
     while True:
         try:
             next(steps)
@@ -162,8 +165,8 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> tuple[str, ...]
         for glass, n in zip(rig.glasses, plan.n_open, strict=True)
         if n
     ]
-    lit = source.max(axis=2) > 0
-    bright = (source.max(axis=2) > 1 + 1e-6).sum() / max(lit.sum(), 1)
+    brightest = source.max(axis=2)
+    bright = (brightest > 1 + 1e-6).sum() / max((brightest > 0).sum(), 1)
     if bright > 0:
         notes.append(
             f"{bright:.1%} of the source image is brighter than a display's white and would be clipped:"

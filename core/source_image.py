@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .picture import Pyramid, picture_from_view
 from .plan import Plan
 from .rig import Bools, Floats
-from .shares import Shares
+from .shares import Shares, to_display
 from .trace import CHUNK, trace
 
 
@@ -21,23 +21,13 @@ def paint(shares: Shares, colours: Floats, margin: int = 0) -> NDArray[np.float3
     colours : (n, 3) of the picture at the shares' own points
     margin : px by which the covered area is grown outward
     """
-    width, height = shares.display_size
-    throughput = 1.0 if shares.throughput is None else shares.throughput
-    return _mean(shares.display_index, colours, shares.area * throughput, shares.area * throughput**2,
-                 (height, width), margin)  # fmt: skip
-
-
-def _mean(
-    index: np.ndarray, colours: Floats, weight: Floats, norm: Floats, shape: tuple[int, int], margin: int
-) -> NDArray[np.float32]:
-    n = shape[0] * shape[1]
-    total = np.bincount(index, norm, n)
+    throughput = np.ones(len(shares)) if shares.throughput is None else shares.throughput
+    total = to_display(shares, throughput, throughput)
+    painted = to_display(shares, colours, throughput)
     covered = total > 0
-    image = np.zeros((n, 3), np.float32)
-    for channel in range(3):
-        painted = np.bincount(index, weight * colours[:, channel], n)
-        image[covered, channel] = painted[covered] / total[covered]
-    return grow(image.reshape(*shape, 3), covered.reshape(shape), margin)
+    image = np.zeros(painted.shape, np.float32)
+    image[covered] = painted[covered] / total[covered, None]
+    return grow(image, covered, margin)
 
 
 def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ import bpy
 from ..core import blender_scene
 from ..core.errors import KirikoError
 from ..core.plan import Settings
-from ..core.session import Session
+from ..core.session import Session, finish
 
 TICK = 0.02  # s between two turns of work in the interface
 TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
@@ -97,16 +97,13 @@ class LongWork:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        work = self.steps(context)
         try:
-            while True:
-                next(work)
-        except StopIteration as done:
-            self.report({"INFO"}, done.value)
-            return {"FINISHED"}
+            text = finish(self.steps(context))
         except KirikoError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        self.report({"INFO"}, text)
+        return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:

@@ -11,7 +11,7 @@ from kiriko.core.blender_preview import render_preview
 from kiriko.core.blender_scene import Reading
 from kiriko.core.picture import ideal_image
 from kiriko.core.rig import Viewer
-from kiriko.core.seen_image import LatticeShift, dot_centroids
+from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
 
 ACROSS = 1165  # viewer pixels from the first to the last dot, as in the paper's photographs
 SAMPLES = 4  # the optics is delta: more only smooth the edges of display pixels
@@ -67,4 +67,4 @@ def shift_in_cycles(
     wanted = ideal_image(reading.rig.picture, framed(viewer, width, crop))
     if render.shape != wanted.shape:
         raise ValueError(f"Cycles rendered {render.shape} where {wanted.shape} was asked for")
-    return LatticeShift(dot_centroids(render) - dot_centroids(wanted))
+    return lattice_shift(render, wanted)

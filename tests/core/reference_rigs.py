@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from kiriko.core.placement import lattice
 from kiriko.core.rig import ConstantIndex, Display, Glass, Mesh, Picture, Plate, Rig, Viewer
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])
@@ -50,14 +51,9 @@ def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
     return Mesh(v * radii + centre, f, normals[f] if smooth else None, np.full(n, smooth) if smooth else None)
 
 
-def lattice_image(size=512, n=7):
-    """n x n coloured dots, premultiplied RGBA; each dot's G / R and B / R say which one it is."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size * n
-    i, j = np.floor(x), np.floor(y)
-    inside = np.clip((0.2 - np.hypot(x - i - 0.5, y - j - 0.5)) * size / n + 0.5, 0, 1)
-    return np.stack([inside, inside * (i + 1) / (n + 1), inside * (j + 1) / (n + 1), np.ones_like(x)], axis=2).astype(
-        np.float32
-    )
+def lattice_image(size=512):
+    """The default picture, as Add Rig has it, with its alpha."""
+    return np.concatenate([lattice(size), np.ones((size, size, 1), np.float32)], axis=2)
 
 
 def rig(glass, *, distance=0.15, pixels=512, field=0.05, picture=0.03, display=0.05, display_pixels=512, image=None,
