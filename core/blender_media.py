@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from .meshes import Surface, contains, solids_from_mesh
 from .rig import WAVELENGTH, Floats, Glass
+from .surfaces import Surface, contains, solids_from_mesh
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid

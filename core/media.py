@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import RigError
-from .meshes import Surface, components
+from .meshes import components
 from .rig import Bools, Floats, Glass, Ints
+from .surfaces import Surface
 
 MOST_OVERLAPPING = 52  # solids in one cluster: their mask has to be exact as a float64
 

@@ -9,9 +9,10 @@ import numpy as np
 from .display import DisplayPlane, display_plane, uv_islands
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
-from .meshes import FEW_TRIANGLES, FLOAT32, Layer, Surface, contains, make_surface, solids_from_mesh
 from .optics import dot
+from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Plate, Rig
+from .surfaces import Surface, contains, make_surface, solids_from_mesh
 
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size

@@ -28,6 +28,10 @@ class Mesh:
     corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
+    surface : what smooth triangles stand for: the curved surface that was meant, or the facets as drawn, on which only
+        the normal is interpolated
+    has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
+        they only say where the surface is smooth, and its own normals are found from the vertices
     """
 
     vertices: Floats
@@ -35,6 +39,8 @@ class Mesh:
     corner_normals: Floats | None = None
     is_smooth: Bools | None = None
     uv: Floats | None = None
+    surface: Literal["smooth", "facets"] = "smooth"
+    has_mean_normals: bool = False
 
     @property
     def corners(self) -> Floats:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RigError
-from .meshes import Layer
 from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
 from .plan import Plan, Settings, fingerprint, make_plan
+from .ray_engine import Layer
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Shares, concatenate, display_coverage, rasterise, view_coverage

@@ -5,9 +5,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from .meshes import Hits, interpolate
+from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
+from .ray_engine import Hits
 from .rig import Bools, Floats, Ints
 
 CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache

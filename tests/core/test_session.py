@@ -7,7 +7,7 @@ import pytest
 from reference_rigs import ball_rig, box, lattice_image, rectangle, rig
 from work import drain, solve
 
-from kiriko.core import meshes
+from kiriko.core import ray_engine
 from kiriko.core import session as session_module
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.plan import Settings
@@ -39,8 +39,8 @@ def test_a_moved_viewer_builds_no_engine_and_a_moved_glass_does(monkeypatch):
     a_rig = small()
     solve(a_rig, kept)
     built = []
-    original = meshes.Layer._build
-    monkeypatch.setattr(meshes.Layer, "_build", lambda self, corners: built.append(1) or original(self, corners))
+    original = ray_engine.Layer._build
+    monkeypatch.setattr(ray_engine.Layer, "_build", lambda self, corners: built.append(1) or original(self, corners))
     v = a_rig.viewer
     moved = replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),))
     assert np.array_equal(solve(moved, kept).source, solve(moved).source)
