@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from .display import uv_area
 from .errors import RigError
-from .meshes import Layer, interpolate, make_surface
+from .meshes import interpolate
+from .ray_engine import Layer
 from .rig import Bools, Floats, Mesh, Picture, Viewer
+from .surfaces import make_surface
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
 CHUNK = 1 << 16  # points at once: their arrays stay in the cache
