@@ -1,15 +1,18 @@
-"""Turns Blender meshes into triangles in the world. Blender's float32 numbers are taken as exact."""
+"""Turns Blender meshes into triangles in the world, and back. Blender's float32 numbers are taken as exact."""
 
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from .rig import Bools, Floats, Ints, Mesh
 
 NO_AREA = 1e-12  # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
 AFFINE = 1e-4  # a display is a flat rectangle when its UV map misses an affine one by less than this share of its size
+
+SAME = 1e-6  # normals that differ by less are the same but for float32
 
 
 def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
@@ -54,8 +57,43 @@ def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
     return layers.get(name) or next((layer for layer in layers if layer.active_render), None)
 
 
+def has_means(mesh: bpy.types.Mesh) -> bool:
+    """Are a Blender mesh's corner normals means over the faces around each vertex, not given by the artist?
+
+    Blender marks custom normals that are its own means to 1e-4 with zeros; and up to 4.5 it hands others on, as zeros,
+    through a subdivision modifier that does not use them.
+    """
+    if not mesh.has_custom_normals:
+        return True
+    if bpy.app.version < (4, 5):  # it does not show those numbers
+        means = column(mesh.vertex_normals, "vector", 3, np.float32)
+        means = means[column(mesh.loops, "vertex_index", 1, np.int32)]
+        return bool((np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means) < SAME).all())
+    given = mesh.attributes["custom_normal"]
+    return given.data_type == "INT16_2D" and not column(given.data, "value", 2, np.int32).any()
+
+
+def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
+    """Mark edges of full crease as sharp in the evaluated mesh of an object, where a subdivision modifier follows them.
+
+    The limit surface has a sharp edge there, while Blender's means go across it. Custom normals stay as they are.
+    """
+    is_followed = any(m.type in {"SUBSURF", "MULTIRES"} and m.show_viewport and m.use_creases for m in drawn.modifiers)
+    creases = mesh.attributes.get("crease_edge")
+    if is_followed and creases is not None and has_means(mesh):
+        is_creased = column(creases.data, "value", 1, np.float32) >= 1
+        mesh.edges.foreach_set("use_edge_sharp", column(mesh.edges, "use_edge_sharp", 1, np.bool_) | is_creased)
+        mesh.update()
+
+
 def read_mesh(
-    mesh: bpy.types.Mesh, matrix: Floats, *, has_normals: bool = False, has_uv: bool = False, uv_map: str = ""
+    mesh: bpy.types.Mesh,
+    matrix: Floats,
+    *,
+    has_normals: bool = False,
+    has_uv: bool = False,
+    uv_map: str = "",
+    surface: Literal["smooth", "facets"] = "smooth",
 ) -> tuple[Mesh, int]:
     """Triangles of a Blender mesh in the world.
 
@@ -66,6 +104,7 @@ def read_mesh(
         turned, so that the front stays in front.
     has_normals, has_uv : are corner normals, is a UV map wanted
     uv_map : name of the UV map; the one used in renders when there is none of that name
+    surface : what smooth-shaded faces stand for
 
     Returns
     -------
@@ -86,18 +125,56 @@ def read_mesh(
     if n_dropped:
         triangles, loops = triangles[keep], loops[keep]
     normals = is_smooth = uv = None
+    has_mean_normals = False
     if has_normals:
         polygons = column(found, "polygon_index", 1, np.int32)[keep]
         is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[polygons]
         if is_smooth.any():
-            normals = world_normals(column(mesh.corner_normals, "vector", 3, np.float32).astype(float), linear)
-            normals = normals.take(loops, axis=0)
+            normals = column(mesh.corner_normals, "vector", 3, np.float32).astype(float)
+            has_mean_normals = has_means(mesh)
+            normals = world_normals(normals, linear).take(loops, axis=0)
         else:
             is_smooth = None
     layer = uv_layer(mesh, uv_map) if has_uv else None
     if layer is not None:
         uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
-    return Mesh(vertices, np.ascontiguousarray(triangles), normals, is_smooth, uv), n_dropped
+    triangles = np.ascontiguousarray(triangles)
+    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals), n_dropped
+
+
+def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
+    """A Blender mesh of triangles in the world, with their corner normals; the inverse of `read_mesh`.
+
+    Each triangle has vertices of its own, so that normals need no sharp edges to differ between neighbours.
+
+    Parameters
+    ----------
+    metres : in a Blender unit
+
+    Returns
+    -------
+    the mesh, about its own middle, where float32 is most exact; and the matrix that puts it in place
+    """
+    middle = drawn.bounds.mean(axis=0)
+    n = len(drawn.triangles)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(3 * n)
+    mesh.loops.add(3 * n)
+    mesh.polygons.add(n)
+    mesh.vertices.foreach_set("co", ((drawn.corners - middle) / metres).astype(np.float32).ravel())
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * n, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * n, 3, dtype=np.int32))
+    is_smooth = np.zeros(n, bool) if drawn.is_smooth is None else drawn.is_smooth
+    mesh.polygons.foreach_set("use_smooth", is_smooth)
+    mesh.update(calc_edges=True)
+    if drawn.corner_normals is not None:
+        normals = drawn.corner_normals.reshape(-1, 3)
+        if bpy.app.version >= (4, 5):
+            attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
+            attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
+        else:
+            mesh.normals_split_custom_set_from_vertices(normals.tolist())
+    return mesh, Matrix.Translation((middle / metres).tolist())
 
 
 def flat_size(mesh: Mesh) -> tuple[float, float] | None:

@@ -1,13 +1,15 @@
 """Renders the rig in Cycles, an independent judge of what Kiriko computes, without touching anything of the user's.
 
-A temporary scene links the user's own objects; those with a role are copied as they are evaluated, with materials
-that obey the same laws. Cycles knows one relative index of refraction an interface, so nested solids get the ratio of
-the two media; where that is ambiguous the result says that the preview is not comparable.
+A temporary scene links the user's own objects; those with a role are copied as they are evaluated, curved surfaces in
+fine triangles, with materials that obey the same laws. Cycles knows one relative index of refraction an interface, so
+nested solids get the ratio of the two media; where that is ambiguous the result says that the preview is not
+comparable.
 """
 
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,11 @@ from mathutils import Matrix
 from . import blender_shaders as shaders
 from .blender_image import image_from_pixels, pixels_from_image
 from .blender_media import Interface, interfaces
-from .blender_scene import Reading, part_name, shown_parts
+from .blender_mesh import mesh_from_triangles, sharpen_creases
+from .blender_scene import Reading, length_of_unit, part_name, shown_parts
 from .errors import ImageError, RigError
+from .rig import Mesh, Rig
+from .surfaces import tessellate
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
 BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
@@ -130,7 +135,8 @@ class Preview:
         found, notes = interfaces(reading.rig.glasses)
         self.notes += notes
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
-        copies: dict[tuple[int, str, Interface | None], bpy.types.Mesh] = {}
+        curved = _curved_meshes(reading.rig)
+        copies: dict[tuple[int, str, str, Interface | None], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
         counts: Counter[str] = Counter()
         for instance, owner in shown_parts(depsgraph, scene):
@@ -145,13 +151,20 @@ class Preview:
                 interface = glasses.get(name)  # none where the mesh has no faces
             if role == "PICTURE" or (role == "GLASS" and (interface is None or interface.index is None)):
                 continue
-            key = instance.object.data.as_pointer(), role, interface
-            if key not in copies:
-                copies[key] = self._copy(instance.object, self._material(role, interface))
-                if interface is not None and interface.is_inside_out:
-                    copies[key].flip_normals()  # Cycles tells inside from outside by them
-            thing = self._mark(bpy.data.objects.new(f"Kiriko Preview {name}", copies[key]))
-            thing.matrix_world = instance.matrix_world
+            is_inside_out = interface is not None and interface.is_inside_out
+            if name in curved:
+                mesh, matrix = self._tessellated(curved[name], is_inside_out, length_of_unit(scene))
+                mesh.materials.append(self._material(role, interface))
+            else:
+                matrix = instance.matrix_world
+                key = instance.object.data.as_pointer(), role, owner.kiriko.surface, interface
+                if key not in copies:
+                    copies[key] = self._copy(instance.object, owner.kiriko.surface, self._material(role, interface))
+                    if is_inside_out:
+                        copies[key].flip_normals()  # Cycles tells inside from outside by them
+                mesh = copies[key]
+            thing = self._mark(bpy.data.objects.new(f"Kiriko Preview {name}", mesh))
+            thing.matrix_world = matrix
             self.scene.collection.objects.link(thing)
         if surroundings:
             self.scene.world = scene.world
@@ -160,9 +173,19 @@ class Preview:
                     self.scene.collection.objects.link(thing)
         self._add_camera(scene, depsgraph)
 
-    def _copy(self, shown: bpy.types.Object, material: bpy.types.Material) -> bpy.types.Mesh:
+    def _tessellated(self, mesh: Mesh, is_inside_out: bool, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
+        """A curved surface in fine triangles, facing out of the glass, and where it stands."""
+        if is_inside_out:
+            normals = None if mesh.corner_normals is None else -mesh.corner_normals[:, ::-1]
+            mesh = replace(mesh, triangles=mesh.triangles[:, ::-1], corner_normals=normals)
+        made, matrix = mesh_from_triangles("Kiriko Preview Surface", mesh, metres)
+        return self._mark(made), matrix
+
+    def _copy(self, shown: bpy.types.Object, surface: str, material: bpy.types.Material) -> bpy.types.Mesh:
         """The evaluated mesh of an object, in one material."""
         mesh = self._mark(bpy.data.meshes.new_from_object(shown))
+        if surface == "SMOOTH":
+            sharpen_creases(mesh, shown.original)
         mesh.materials.clear()
         mesh.materials.append(material)
         mesh.polygons.foreach_set("material_index", np.zeros(len(mesh.polygons), np.int32))
@@ -237,6 +260,13 @@ class Preview:
             cycles.pixel_filter_type = "BOX"
         else:
             cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", filter_width
+
+
+def _curved_meshes(rig: Rig) -> dict[str, Mesh]:
+    """Fine triangles of the glasses and mirrors that are curved, by name."""
+    parts = {part.name: part.mesh for part in (*rig.glasses, *rig.mirrors) if part.mesh.surface == "smooth"}
+    fine = {name: tessellate(mesh) for name, mesh in parts.items() if len(mesh.triangles)}
+    return {name: mesh for name, mesh in fine.items() if mesh is not parts[name]}
 
 
 def _seen_in_render(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Object]:

@@ -111,6 +111,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
         "display_coverage": float(solution.display_coverage.mean()),
         "seconds": solution.seconds,
         "rays": solution.n_rays,
+        "tessellation_error": solution.tessellation_error,
         "used": list(solution.used),
         "left_out": list(solution.left_out),
         "display_size_m": None if reading.display_size is None else list(reading.display_size),

@@ -12,13 +12,14 @@ import bpy
 import numpy as np
 
 from .blender_material import Texture, read_refraction, read_texture
-from .blender_mesh import column, flat_size, read_mesh
+from .blender_mesh import column, flat_size, read_mesh, sharpen_creases
 from .blender_picture import read_pixels
 from .blender_viewer import read_viewer
 from .errors import RigError
 from .rig import Blocker, ConstantIndex, Display, Floats, Glass, Mesh, Mirror, Picture, Plate, Rig, Viewer
 
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
+CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,15 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One mesh in the world with the object whose role it has; materials from the most to the least used."""
+    """One mesh in the world with the object whose role it has and the one it was drawn as.
+
+    Materials from the most to the least used.
+    """
 
     owner: bpy.types.Object
     name: str
     mesh: Mesh
+    drawn: bpy.types.Object | None = None
     materials: tuple[bpy.types.Material | None, ...] = ()
     texture: Texture | None = None
     n_dropped: int = 0
@@ -126,22 +131,25 @@ def read_part(
     instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats
 ) -> Part:
     """Triangles, materials and texture of one instance, read while the iterator stands on it."""
-    shown, role = instance.object, owner.kiriko.role
+    shown, role, surface = instance.object, owner.kiriko.role, owner.kiriko.surface
     mesh = shown.to_mesh()
     try:
+        if surface == "SMOOTH" and role in CURVED:
+            sharpen_creases(mesh, shown.original)
         materials = used_materials(shown, mesh)
         textures = (read_texture(m) for m in materials) if role == "PICTURE" and owner.kiriko.image is None else ()
         texture = next((t for t in textures if t is not None), None)
         triangles, n_dropped = read_mesh(
             mesh,
             to_metres @ np.array(instance.matrix_world, dtype=float),
-            has_normals=role in {"GLASS", "MIRROR"},
+            has_normals=role in CURVED,
             has_uv=role in {"DISPLAY", "PICTURE"},
             uv_map="" if texture is None else texture.uv_map,
+            surface=surface.lower(),
         )
     finally:
         shown.to_mesh_clear()
-    return Part(owner, name, triangles, materials, texture, n_dropped)
+    return Part(owner, name, triangles, shown.original, materials, texture, n_dropped)
 
 
 def shown_parts(
@@ -293,6 +301,20 @@ def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     ) or (scene.render.use_simplify and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers))
 
 
+def limit_notes(parts: list[Part]) -> list[str]:
+    """Notes on curved parts whose vertices lie beside the limit surface of a subdivision modifier."""
+    drawn = dict.fromkeys(
+        part.drawn for part in parts if part.role in CURVED and part.mesh.surface == "smooth" and part.drawn is not None
+    )
+    return [
+        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: turn on its "
+        "Use Limit Surface."
+        for o in drawn
+        for m in o.modifiers
+        if m.type == "SUBSURF" and m.show_viewport and m.subdivision_type == "CATMULL_CLARK" and not m.use_limit_surface
+    ]
+
+
 def scene_notes(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, parts: list[Part], camera: bpy.types.Object | None
 ) -> list[str]:
@@ -366,7 +388,7 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
             pictures.append(picture)
             notes += remarks
     displays = [Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])]
-    notes += scene_notes(depsgraph, scene, parts, camera)
+    notes += limit_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
     rig = Rig(
         viewers=() if viewer is None else (viewer,),
         glasses=tuple(glasses),

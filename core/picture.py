@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from .display import uv_area
 from .errors import RigError
 from .meshes import interpolate
-from .ray_engine import Layer
+from .ray_engine import Hits, Layer
 from .rig import Bools, Floats, Mesh, Picture, Viewer
-from .surfaces import make_surface
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
 CHUNK = 1 << 16  # points at once: their arrays stay in the cache
@@ -114,13 +113,12 @@ def _homography(mesh: Mesh, viewer: Viewer) -> tuple[Floats, tuple[Floats, Float
 
 def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, area: Floats) -> PicturePoints:
     """The long way, for a picture on any mesh: its outline is not smoothed."""
-    surface = make_surface(picture.mesh)
-    layer = Layer(surface.corners)
+    layer = Layer(picture.mesh.corners)
     size = np.array(picture.image.shape[1::-1], float)
     origins, directions = viewer.rays(view_xy)
 
-    def accept(i: np.ndarray, k: np.ndarray, t: Floats) -> tuple[Bools, Bools]:
-        return t > 0, np.zeros(len(i), bool)
+    def accept(i: np.ndarray, hits: Hits) -> tuple[Bools, Bools]:
+        return hits.distance > 0, np.zeros(len(i), bool)
 
     hits = layer.first_hits(origins, directions, np.zeros(len(origins), bool), accept)
     is_seen = hits.triangle >= 0

@@ -1,11 +1,14 @@
 """What this rig needs, what it leaves out, and fingerprints of its parts."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
+from typing import Any, TypeVar
 
 import numpy as np
 
+from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
@@ -13,6 +16,8 @@ from .optics import dot
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Plate, Rig
 from .surfaces import Surface, contains, make_surface, solids_from_mesh
+
+Thing = TypeVar("Thing")
 
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
@@ -52,10 +57,12 @@ class Kind(IntEnum):
 class Plan:
     """A rig made ready to be traced: all triangles in one numbering, in layers.
 
-    Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_smooth (t,), patch (t,), part (t,).
+    Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_bent (t,) flat with bent normals, patch (t,),
+    part (t,).
     Parts p, solids first: kind (p,), is_closed (p,), cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask;
     -1 and 0 for no solid. The display's triangles are the last, from display_start on.
     n_open: open edges of each glass of the rig.
+    n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave.
     """
@@ -64,7 +71,7 @@ class Plan:
     settings: Settings
     normals: Floats
     corner_normals: Floats | None
-    is_smooth: Bools
+    is_bent: Bools
     patch: Ints
     part: Ints
     kind: Ints
@@ -81,6 +88,7 @@ class Plan:
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     n_open: tuple[int, ...]
+    n_contradicted: tuple[int, ...]
 
 
 def fingerprint(*things: object) -> str:
@@ -139,34 +147,53 @@ def plate_surface(plate: Plate) -> Surface:
     if np.abs((corners - centre) @ normal).max() > FLAT * np.ptp(corners, axis=0).max():
         raise RigError(f"The plate '{plate.name}' is not flat: a plate has to be a plane.")
     n = len(surface.corners)
-    return replace(surface, normals=np.tile(normal, (n, 1)), corner_normals=None, is_smooth=np.zeros(n, bool),
-                   patch=np.zeros(n, np.int64))  # fmt: skip
+    return replace(surface.as_flat(), normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
-def read_solids(rig: Rig) -> tuple[list[Surface], list[Glass], list[int]]:
-    """All solids of a rig, the glass each is of, and the number of open edges of each glass."""
+class Kept:
+    """What can be used again from one plan to the next, by fingerprint of what it was made from.
+
+    What is asked for between two calls of `forget` stays; the rest is dropped.
+    """
+
+    def __init__(self) -> None:
+        self._old: dict[str, Any] = {}
+        self._now: dict[str, Any] = {}
+
+    def get(self, key: str, make: Callable[[], Thing]) -> Thing:
+        """What was made before under this key, else what is made now."""
+        if key not in self._now:
+            self._now[key] = self._old[key] if key in self._old else make()
+        return self._now[key]
+
+    def forget(self) -> None:
+        """Drop what was not asked for since the last call."""
+        self._old, self._now = self._now, {}
+
+
+def read_solids(rig: Rig, kept: Kept) -> tuple[list[Surface], list[str], list[Glass]]:
+    """All solids of a rig, a key for each, and the glass each is of."""
     solids: list[Surface] = []
+    keys: list[str] = []
     glass_of: list[Glass] = []
-    n_open = []
     for glass in rig.glasses:
-        own = solids_from_mesh(glass.mesh)
+        key = fingerprint(glass.mesh)
+        own = kept.get(key, lambda glass=glass: solids_from_mesh(glass.mesh))
         for solid in own:
             check_viewer_outside(rig, glass, solid)
-        n_open.append(sum(solid.n_open for solid in own))
         solids += own
+        keys += [f"{key}/{i}" for i in range(len(own))]
         glass_of += [glass] * len(own)
-    return solids, glass_of, n_open
+    return solids, keys, glass_of
 
 
 def read_sheets(rig: Rig) -> list[tuple[Kind, Surface]]:
     """Everything that is no solid, the display last."""
-    display = make_surface(rig.display.mesh)
-    flat = np.zeros(len(display.corners), bool)
-    display = replace(display, corner_normals=None, is_smooth=flat, patch=uv_islands(rig.display.mesh))
+    display = replace(make_surface(rig.display.mesh).as_flat(), patch=uv_islands(rig.display.mesh))
     return [
         *((Kind.PLATE, plate_surface(plate)) for plate in rig.plates),
         *((Kind.MIRROR, make_surface(mirror.mesh)) for mirror in rig.mirrors),
-        *((Kind.BLOCKER, make_surface(blocker.mesh)) for blocker in rig.blockers),
+        *((Kind.BLOCKER, make_surface(blocker.mesh).as_flat()) for blocker in rig.blockers),
         (Kind.DISPLAY, display),
     ]
 
@@ -193,12 +220,20 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
     return groups
 
 
-def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = None) -> Plan:
+def make_layer(surfaces: list[Surface]) -> Layer:
+    """The layer of several surfaces."""
+    if len(surfaces) == 1:
+        return Layer(surfaces[0].corners, surfaces[0].curved)
+    corners = [surface.corners for surface in surfaces]
+    return Layer(np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners))
+
+
+def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     """Make a rig ready to be traced.
 
     Parameters
     ----------
-    engines : layers built before, by fingerprint of their triangles; those used now are kept in it, others dropped
+    kept : solids and layers of an earlier plan, to be used again where nothing has changed
 
     Raises
     ------
@@ -206,9 +241,11 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         One sentence on what makes the rig unsolvable.
     """
     rig.check()
-    solids, glass_of, n_open = read_solids(rig)
+    kept = kept or Kept()
+    solids, keys, glass_of = read_solids(rig, kept)
     sheets = read_sheets(rig)
     surfaces = solids + [surface for _, surface in sheets]
+    keys += [fingerprint(surface.corners, surface.curved) for _, surface in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
@@ -218,26 +255,30 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
     is_closed = np.array([surface.n_open == 0 for surface in surfaces])
 
     starts = np.cumsum([0] + [len(surface.corners) for surface in surfaces])
-    known, kept = engines or {}, {}
     layers, layer_triangles, layer_bits = [], [], []
     for group in group_parts(surfaces, touching):
-        corners = np.concatenate([surfaces[i].corners for i in group])
-        key = fingerprint(corners)
-        layers.append(known.get(key) or Layer(corners))
-        kept[key] = layers[-1]
+        members = [surfaces[i] for i in group]
+        layers.append(kept.get("+".join(keys[i] for i in group), lambda members=members: make_layer(members)))
         layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
         bits = np.zeros(media.cluster.max() + 1, np.uint64)
         solid = [i for i in group if i < len(solids)]
         np.bitwise_or.at(bits, cluster[solid], bit[solid] * is_closed[solid])
         layer_bits.append(bits)
-    if engines is not None:
-        engines.clear()
-        engines.update(kept)
+    kept.forget()
 
-    has_smooth = any(surface.corner_normals is not None for surface in surfaces)
+    has_bent = any(surface.corner_normals is not None for surface in surfaces)
+
+    def of_glass(name: str) -> list[int]:
+        owned = [(g, s) for g, s in zip(glass_of, solids, strict=True)]
+        return [sum(getattr(s, name) for g, s in owned if g is glass) for glass in rig.glasses]
+
     rules = {
         "ray engine": (any(layer.has_engine for layer in layers), "few flat faces"),
-        "smooth normals": (has_smooth, "all faces are flat"),
+        "curved faces": (
+            any(surface.curved is not None for surface in surfaces),
+            "no face that may be curved turns far",
+        ),
+        "bent normals": (has_bent, "no flat face has any"),
         "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
         "Fresnel": (settings.brightness, "brightness is not asked for"),
     }
@@ -247,8 +288,8 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         normals=np.concatenate([surface.normals for surface in surfaces]),
         corner_normals=np.concatenate([
             np.zeros_like(s.corners) if s.corner_normals is None else s.corner_normals for s in surfaces
-        ]) if has_smooth else None,
-        is_smooth=np.concatenate([surface.is_smooth for surface in surfaces]),
+        ]) if has_bent else None,
+        is_bent=np.concatenate([surface.is_bent for surface in surfaces]),
         patch=np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)]),
         part=np.repeat(np.arange(len(surfaces)), np.diff(starts)),
         kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, _ in sheets]),
@@ -264,5 +305,6 @@ def make_plan(rig: Rig, settings: Settings, engines: dict[str, Layer] | None = N
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=tuple(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
-        n_open=tuple(n_open),
+        n_open=tuple(of_glass("n_open")),
+        n_contradicted=(*of_glass("n_contradicted"), *(s.n_contradicted for kind, s in sheets if kind == Kind.MIRROR)),
     )  # fmt: skip

@@ -4,10 +4,13 @@ Embree (float32) only says *which* triangle; where the ray meets it is computed 
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
+from .curved import FINE, MOST_PARTS, CurvedFaces, grid
+from .meshes import interpolate
 from .optics import dot
 from .rig import Bools, Floats, Ints
 
@@ -53,26 +56,52 @@ class Frames:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """First hits of n rays: distance (n,) m, inf for none; triangle (n,), -1 for none; barycentric u, v (n,)."""
+    """First hits of n rays.
+
+    distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,) the ray comes from the
+    front; normal (n, 3) of a curved face, not unit, 0 elsewhere; None where nothing is curved
+    """
 
     distance: Floats
     triangle: Ints
     u: Floats
     v: Floats
+    enters: Bools
+    normal: Floats | None
 
     @classmethod
-    def none(cls, n: int) -> "Hits":
+    def none(cls, n: int, has_curved: bool) -> "Hits":
         """No hit for any of n rays."""
-        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n))
+        normal = np.zeros((n, 3)) if has_curved else None
+        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), normal)
 
-    def put(self, rays: Ints, distance: Floats, triangle: Ints, u: Floats, v: Floats) -> None:
+    def put(self, rays: Ints, hits: "Hits") -> None:
         """Set the hits of some rays."""
-        self.distance[rays], self.triangle[rays] = distance, triangle
-        self.u[rays], self.v[rays] = u, v
+        for name in ("distance", "triangle", "u", "v", "enters"):
+            getattr(self, name)[rays] = getattr(hits, name)
+        if self.normal is not None:
+            self.normal[rays] = 0.0 if hits.normal is None else hits.normal
 
-    def at(self, rays: Ints | Bools) -> "Hits":
+    def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
+        """These hits, and others where chosen (n,)."""
+        if self.normal is None and others.normal is None:
+            normal = None
+        else:
+            mine, theirs = (np.zeros((1, 3)) if h.normal is None else h.normal for h in (self, others))
+            normal = np.where(chosen[:, None], theirs, mine)
+        names = ("distance", "triangle", "u", "v", "enters")
+        return Hits(*(np.where(chosen, getattr(others, name), getattr(self, name)) for name in names), normal)
+
+    def at(self, rays: Ints | Bools | slice) -> "Hits":
         """The hits of some rays."""
-        return Hits(self.distance[rays], self.triangle[rays], self.u[rays], self.v[rays])
+        return Hits(
+            self.distance[rays],
+            self.triangle[rays],
+            self.u[rays],
+            self.v[rays],
+            self.enters[rays],
+            None if self.normal is None else self.normal[rays],
+        )
 
 
 def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
@@ -89,8 +118,8 @@ def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, F
     return enter, leave
 
 
-Accept = Callable[[Ints, Ints, Floats], tuple[Bools, Bools]]
-"""Of hits (ray indices, triangle indices, distances): is it a true one, and is it one that cannot be?"""
+Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
+"""Of hits of rays (indices): is it a true one, and is it one that cannot be?"""
 
 
 class Layer:
@@ -99,19 +128,37 @@ class Layer:
     Solids of one layer do not touch one another, so that hits at the same place are found in different layers.
     """
 
-    def __init__(self, corners: Floats) -> None:
+    def __init__(self, corners: Floats, curved: CurvedFaces | None = None) -> None:
+        self.corners = corners
         self.frames = Frames.of(corners)
+        self.curved = curved
+        self.n_triangles = len(corners)
+        # what Embree is asked about: whole triangles, then parts of others, each with the triangle that owns it
+        self._owner, self._n_whole, self._parts = np.arange(len(corners)), len(corners), np.eye(3)[None]
+        if curved is not None:
+            # curved faces are hidden behind triangles that lie just in front of them, several for each
+            k = curved.parts(FINE, MOST_PARTS)
+            weights, parts = grid(k)
+            flat = np.flatnonzero(curved.row < 0)
+            self._owner, self._parts = np.concatenate([flat, np.repeat(curved.triangle, k * k)]), weights[parts]
+            self._n_whole = len(flat)
+            corners = np.concatenate([corners[flat], curved.hull(k)])
         self.bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
-        self.n_triangles = len(corners)
         self._engine = None if self.has_engine is False else self._build(corners)
+
+    def bent(self, curved: CurvedFaces | None) -> "Layer":
+        """The same layer with slightly other curved faces; what Embree is asked about stays."""
+        other = copy(self)
+        other.curved = curved
+        return other
 
     @property
     def has_engine(self) -> bool:
-        """Few triangles need no ray engine."""
-        return self.n_triangles > FEW_TRIANGLES
+        """Few flat triangles need no ray engine."""
+        return self.n_triangles > FEW_TRIANGLES or self.curved is not None
 
     def _build(self, corners: Floats):
         from embreex import rtcore_scene  # late: a rig of few flat faces needs no ray engine
@@ -130,7 +177,7 @@ class Layer:
         is_inside : (n,) the ray is inside a solid of this layer, so that a miss cannot be
         accept : which hits are true ones
         """
-        hits = Hits.none(len(origins))
+        hits = Hits.none(len(origins), self.curved is not None)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
         enter, leave = slab(grown, origins, directions)
         rays = np.flatnonzero((enter <= leave) & (leave >= 0) | is_inside)
@@ -144,25 +191,60 @@ class Layer:
             self._rescue(origins, directions, lost, accept, hits)
         return hits
 
+    def _on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
+        """Where rays meet the planes of triangles k; not finite where they are parallel."""
+        t = self.frames.distance(k, origins, directions)
+        with np.errstate(invalid="ignore"):
+            u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
+        return Hits(t, k, u, v, dot(directions, self.frames.normal[k]) < 0, None)
+
+    def _on_curved(self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats) -> tuple[Hits, Bools]:
+        """Where rays meet curved faces, beginning at u, v of triangles k; and whether they do."""
+        *found, is_met = self.curved.meet(k, u, v, origins, directions)
+        k, u, v, t, normal, enters = found
+        return Hits(t, k, u, v, enters, normal), is_met
+
     def _test_all(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
         origins, directions = origins[rays], directions[rays]
         best = np.full(len(rays), np.inf)
         for k in range(self.n_triangles):
             t = self.frames.distance(k, origins, directions)
             i = np.flatnonzero((t < best) & (t > -self.tolerance))
-            u, v = self.frames.barycentric(k, origins[i] + t[i, None] * directions[i])
-            is_hit = _is_within(u, v)
-            i, u, v = i[is_hit], u[is_hit], v[is_hit]
-            is_true, _ = accept(rays[i], np.full(len(i), k), t[i])
-            i, u, v = i[is_true], u[is_true], v[is_true]
-            best[i] = t[i]
-            hits.put(rays[i], t[i], k, u, v)
+            found = self._on_facets(np.full(len(i), k), origins[i], directions[i])
+            is_hit = _is_within(found.u, found.v)
+            i, found = i[is_hit], found.at(is_hit)
+            is_true, _ = accept(rays[i], found)
+            i, found = i[is_true], found.at(is_true)
+            best[i] = found.distance
+            hits.put(rays[i], found)
 
-    def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[Ints, Floats]:
-        """Triangle that Embree finds from `start` on (-1 for none), and its distance as Embree has it."""
+    def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[dict[str, np.ndarray], Floats]:
+        """What Embree finds from `start` on (primID -1 for nothing), and its distance as Embree has it."""
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
         found = self._engine.run(moved.astype(np.float32), directions.astype(np.float32), output=True)
-        return found["primID"].astype(np.int64), start + found["tfar"].astype(float) * self.radius
+        return found, start + found["tfar"].astype(float) * self.radius
+
+    def _refine(
+        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats
+    ) -> tuple[Hits, Bools]:
+        """Hits (n,) in float64 of the chosen ones that Embree found, of which some may come to nothing."""
+        prim = found["primID"][chosen].astype(np.int64)
+        k = self._owner[prim]
+        if self.curved is None:
+            return self._on_facets(k, origins, directions), np.ones(len(k), bool)
+        is_curved = self.curved.row[k] >= 0
+        u, v = (found[name][chosen].astype(float) for name in ("u", "v"))
+        in_parts = np.flatnonzero(prim >= self._n_whole)
+        part = self._parts[(prim[in_parts] - self._n_whole) % len(self._parts)]
+        u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
+        if is_curved.all():
+            return self._on_curved(k, u, v, origins, directions)
+        hits, is_met = Hits.none(len(k), True), np.ones(len(k), bool)
+        flat, bent = np.flatnonzero(~is_curved), np.flatnonzero(is_curved)
+        hits.put(flat, self._on_facets(k[flat], origins[flat], directions[flat]))
+        some, is_met[bent] = self._on_curved(k[bent], u[bent], v[bent], origins[bent], directions[bent])
+        hits.put(bent, some)
+        return hits, is_met
 
     def _ask_embree(
         self,
@@ -181,19 +263,23 @@ class Layer:
         start = np.where(start > 0, start - 2 * self.tolerance, step)
         while len(rays):
             o, d = origins[rays], directions[rays]
-            k, far = self._shoot(o, d, start)
-            is_miss = k < 0
-            if is_miss.any():
-                lost.append(rays[is_miss & is_inside[rays]])
-                rays, start, step, k, far, o, d = (x[~is_miss] for x in (rays, start, step, k, far, o, d))
-            t = self.frames.distance(k, o, d)
-            t = np.where(np.isfinite(t), t, far)
-            is_true, is_wrong = accept(rays, k, t)
-            some = slice(None) if is_true.all() else is_true
-            hits.put(rays[some], t[some], k[some], *self.frames.barycentric(k[some], o[some] + t[some, None] * d[some]))
-            lost.append(rays[is_wrong])
+            found, far = self._shoot(o, d, start)
+            hit = found["primID"] >= 0
+            if not hit.all():
+                lost.append(rays[~hit & is_inside[rays]])
+                rays, start, step, far, o, d = (x[hit] for x in (rays, start, step, far, o, d))
+            some, is_met = self._refine(found, hit, o, d)
+            is_true, is_wrong = accept(rays, some)
+            is_true &= is_met
+            if is_true.all():
+                hits.put(rays, some)
+            else:
+                hits.put(rays[is_true], some.at(is_true))
+            lost.append(rays[is_wrong & is_met])
             again = ~is_true
-            start = np.maximum(np.maximum(t, far) + step, start + step)[again]
+            if self.curved is None:  # the true hit may lie a little further than Embree has it
+                far = np.where(np.isfinite(some.distance), np.fmax(some.distance, far), far)
+            start = np.maximum(far + step, start + step)[again]
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
         return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
 
@@ -203,7 +289,7 @@ class Layer:
         Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
         """
         o, d = origins[rays], directions[rays]
-        best = Hits.none(len(rays))
+        best = Hits.none(len(rays), self.curved is not None)
         aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
         aside /= np.linalg.norm(aside, axis=1, keepdims=True)
         upward = np.cross(d, aside)
@@ -212,8 +298,7 @@ class Layer:
             moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
             self._nearest_of_all(moved, o, d, rays, accept, best)
         is_found = best.triangle >= 0
-        some = best.at(is_found)
-        hits.put(rays[is_found], some.distance, some.triangle, some.u, some.v)
+        hits.put(rays[is_found], best.at(is_found))
         self._test_in_float64(origins, directions, rays[~is_found], accept, hits)
 
     def _nearest_of_all(
@@ -225,14 +310,17 @@ class Layer:
         start = -2 * step
         while len(live):
             o, d = origins[live], directions[live]
-            k, far = self._shoot(beside[live], d, start)
-            met = k >= 0
-            live, start, step, k, far, o, d = (x[met] for x in (live, start, step, k, far, o, d))
-            t = self.frames.distance(k, o, d)
-            u, v = self.frames.barycentric(k, o + t[:, None] * d)
-            good = np.flatnonzero(_is_within(u, v) & (t > -self.tolerance) & (t < best.distance[live]))
-            good = good[accept(rays[live[good]], k[good], t[good])[0]]
-            best.put(live[good], t[good], k[good], u[good], v[good])
+            found, far = self._shoot(beside[live], d, start)
+            met = found["primID"] >= 0
+            live, start, step, far, o, d = (x[met] for x in (live, start, step, far, o, d))
+            some, is_met = self._refine(found, met, o, d)
+            is_near = (some.distance > -self.tolerance) & (some.distance < best.distance[live])
+            is_within = _is_within(some.u, some.v)
+            if self.curved is not None:
+                is_within |= self.curved.row[some.triangle] >= 0
+            good = np.flatnonzero(is_met & is_within & is_near)
+            good = good[accept(rays[live[good]], some.at(good))[0]]
+            best.put(live[good], some.at(good))
             start = np.maximum(far, start) + step
             step = 2 * step
 
@@ -240,18 +328,26 @@ class Layer:
         """Test rays against every triangle, as far as the budget goes."""
         budget = max(1, RESCUE_TESTS // self.n_triangles)
         per_chunk = max(1, 2_000_000 // self.n_triangles)
-        every = slice(None)
         for first in range(0, min(len(rays), budget), per_chunk):
             some = rays[first : first + per_chunk]
             o, d = origins[some, None], directions[some, None]
-            t = self.frames.distance(every, o, d)
-            u, v = self.frames.barycentric(every, o + t[..., None] * d)
-            i, k = np.nonzero(_is_within(u, v) & (t > -self.tolerance))
-            is_true, _ = accept(some[i], k, t[i, k])
-            i, k = i[is_true], k[is_true]
-            order = np.argsort(-t[i, k], kind="stable")  # nearest last, so that it is the one that stays
-            i, k = i[order], k[order]
-            hits.put(some[i], t[i, k], k, u[i, k], v[i, k])
+            found = self._on_facets(slice(None), o, d)
+            is_near = _is_within(found.u, found.v)
+            if self.curved is not None:
+                is_near = np.where(self.curved.row >= 0, self.curved.may_meet(o, d), is_near)
+            i, k = np.nonzero(is_near)
+            o, d = o[i, 0], d[i, 0]
+            found = self._on_facets(k, o, d)
+            if self.curved is not None:
+                bent = np.flatnonzero(self.curved.row[k] >= 0)
+                third = np.full(len(bent), 1 / 3)
+                exact, is_met = self._on_curved(k[bent], third, third, o[bent], d[bent])
+                exact.distance[~is_met] = -np.inf
+                found.put(bent, exact)
+            is_true = np.flatnonzero(found.distance > -self.tolerance)
+            is_true = is_true[accept(some[i[is_true]], found.at(is_true))[0]]
+            nearest_last = is_true[np.argsort(-found.distance[is_true], kind="stable")]  # so that it is what stays
+            hits.put(some[i[nearest_last]], found.at(nearest_last))
 
 
 def _is_within(u: Floats, v: Floats) -> Bools:

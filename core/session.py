@@ -12,10 +12,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .accuracy import tessellation_error
 from .errors import RigError
 from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
-from .plan import Plan, Settings, fingerprint, make_plan
-from .ray_engine import Layer
+from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Shares, concatenate, display_coverage, rasterise, view_coverage
@@ -26,6 +26,7 @@ from .view_map import ViewMap, sample
 Result = TypeVar("Result")
 
 CELLS_AT_ONCE = 1 << 18
+COARSE = 0.1  # display px: a larger error of the surface is worth a remark
 
 REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
@@ -45,6 +46,7 @@ class Solution:
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
     misses : share of the picture as seen, by reason why it has no landing
     seconds : time by part of the work; n_rays : rays traced for this solve
+    tessellation_error : about how far landings are from those of the surface that was meant, rms display px
     used, left_out : what this rig needed and what it did not; notes : what the user should know
     """
 
@@ -58,6 +60,7 @@ class Solution:
     misses: dict[str, float]
     seconds: dict[str, float]
     n_rays: int
+    tessellation_error: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
@@ -89,8 +92,8 @@ class Session:
     """What can be used again from one solve to the next."""
 
     def __init__(self) -> None:
-        self._engines: dict[str, Layer] = {}
-        self._optics: tuple[str, Plan, ViewMap, Shares] | None = None
+        self._kept = Kept()
+        self._optics: tuple[str, Plan, ViewMap, Shares, float] | None = None
         self._placed: tuple[str, PicturePoints] | None = None
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
@@ -117,10 +120,10 @@ class Session:
         lap("fingerprint")
         n_rays = 0
         if self._optics and self._optics[0] == key:
-            _, plan, view_map, shares = self._optics
+            _, plan, view_map, shares, tessellation = self._optics
             left_out.append("tracing (the optics have not changed)")
         else:
-            plan = make_plan(rig, settings, self._engines)
+            plan = make_plan(rig, settings, self._kept)
             lap("plan")
             view_map = yield from _scaled(sample(plan), 0.8)
             lap("tracing")
@@ -128,7 +131,9 @@ class Session:
             shares = yield from _rasterise(view_map, settings)
             _refuse_if_dark(view_map, shares)
             lap("shares")
-            self._optics = (key, plan, view_map, shares)
+            tessellation = tessellation_error(plan)
+            lap("tessellation error")
+            self._optics = (key, plan, view_map, shares, tessellation)
         yield 0.96
         placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
         if not (self._placed and self._placed[0] == placed_key):
@@ -152,19 +157,32 @@ class Session:
             misses,
             seconds,
             n_rays,
+            tessellation,
             plan.used,
             plan.left_out + tuple(left_out),
-            _notes(rig, plan, source),
+            _notes(rig, plan, source, tessellation),
         )
 
 
-def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> tuple[str, ...]:
+def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: float) -> tuple[str, ...]:
     """What the user should know of a solution."""
     notes = [
         f"The glass '{glass.name}' is not closed ({n} open edges): close it."
         for glass, n in zip(rig.glasses, plan.n_open, strict=True)
         if n
     ]
+    for part, n in zip((*rig.glasses, *rig.mirrors), plan.n_contradicted, strict=True):
+        if n:
+            faces = f"{n} smooth triangle{'s' if n > 1 else ''} of '{part.name}'"
+            notes.append(
+                f"The normals of {faces} contradict the shape: followed flat, as drawn. Mark edges there sharp,"
+                " or use flat shading or weighted normals."
+            )
+    if tessellation > COARSE:
+        notes.append(
+            f"The mesh is coarse: about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade it"
+            " smooth where it is meant to be."
+        )
     brightest = source.max(axis=2)
     bright = (brightest > 1 + 1e-6).sum() / max((brightest > 0).sum(), 1)
     if bright > 0:

@@ -1,12 +1,15 @@
 """What is traced of a mesh: its surface, the shells it falls into, the solids they enclose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .curved import CurvedFaces, grid, make_curved
 from .meshes import SAME_NORMAL, components, find_edges, find_patches, geometric_normals
-from .optics import dot
+from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
+
+LEAST_TURN = np.radians(0.25)  # a surface that turns by less over each triangle is as good as curved: 1e-3 display px
 
 
 def contains(corners: Floats, points: Floats) -> Bools:
@@ -25,16 +28,20 @@ def contains(corners: Floats, points: Floats) -> Bools:
 class Surface:
     """Triangles ready to be traced.
 
-    corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; corner_normals (t, 3, 3) or None;
-    is_smooth (t,); patch (t,) label within this surface; n_open edges without a neighbour
+    corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; curved faces over some triangles, or None;
+    corner_normals (t, 3, 3) or None, used on the triangles that are flat with bent normals, is_bent (t,);
+    patch (t,) label within this surface; n_open edges without a neighbour;
+    n_contradicted smooth triangles that stay flat because their normals contradict their shape
     """
 
     corners: Floats
     normals: Floats
+    curved: CurvedFaces | None
     corner_normals: Floats | None
-    is_smooth: Bools
+    is_bent: Bools
     patch: Ints
     n_open: int
+    n_contradicted: int
 
     @property
     def bounds(self) -> Floats:
@@ -42,9 +49,14 @@ class Surface:
 
     @property
     def volume(self) -> float:
-        """Enclosed volume, m^3, positive for a solid."""
+        """Enclosed volume of the facets, m^3, positive for a solid."""
         a, b, c = np.moveaxis(self.corners - self.corners[0, 0], 1, 0)
         return float(dot(a, np.cross(b, c)).sum() / 6)
+
+    def as_flat(self) -> "Surface":
+        """The same triangles, each flat whatever its shading."""
+        return replace(self, curved=None, corner_normals=None, is_bent=np.zeros(len(self.corners), bool),
+                       n_contradicted=0)  # fmt: skip
 
 
 def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None) -> Surface:
@@ -58,21 +70,96 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
             corner_normals = np.where(is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals)
     corners = mesh.vertices[index]
     normals = geometric_normals(corners)
-    is_smooth = np.zeros(len(index), bool)
-    by_corner = np.repeat(normals[:, None], 3, axis=1)
-    if corner_normals is not None and mesh.is_smooth is not None:
-        # a smooth-shaded face whose normals are its own is flat, and its own normal is the more exact one
-        is_smooth = mesh.is_smooth[chosen] & (np.abs(corner_normals - by_corner).max(axis=(1, 2)) > SAME_NORMAL)
-        by_corner = np.where(is_smooth[:, None, None], corner_normals, by_corner)
     edges = find_edges(index)
+    is_bent = np.zeros(len(index), bool)
+    curved, n_contradicted = None, 0
+    by_corner = np.broadcast_to(normals[:, None], corners.shape)
+    if corner_normals is not None and mesh.is_smooth is not None and mesh.is_smooth[chosen].any():
+        is_smooth = mesh.is_smooth[chosen]
+        with np.errstate(invalid="ignore", over="ignore"):
+            corner_normals = normalise(corner_normals)
+            is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)  # not so where one is NaN
+        # a smooth-shaded face whose normals are its own is flat, and its own normal is the more exact one
+        is_bent = is_smooth & is_usable & ~(np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL)
+        by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
+        n_contradicted = int((is_smooth & ~is_usable).sum())
+        turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max(initial=0.0)
+        if mesh.surface == "smooth" and turn > LEAST_TURN:
+            curved = make_curved(mesh.vertices, index, by_corner, is_bent, edges, normals, mesh.has_mean_normals)
+            if curved is not None:
+                is_bent &= curved.row < 0
+            n_contradicted += int(is_bent.sum())
     return Surface(
         corners,
         normals,
-        corner_normals if is_smooth.any() else None,
-        is_smooth,
+        curved,
+        by_corner if is_bent.any() else None,
+        is_bent,
         find_patches(by_corner, edges),
         edges.n_open,
+        n_contradicted,
     )
+
+
+def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000) -> Mesh:
+    """The surface that is traced, in triangles so fine that it turns by less than an angle (radians) over each.
+
+    Corner normals are those of the curved faces; flat triangles are as drawn. The same mesh where nothing is curved.
+
+    Parameters
+    ----------
+    most : triangles there may be at most
+    """
+    surface = make_surface(mesh)
+    curved = surface.curved
+    if curved is None:
+        return mesh
+    triangle = curved.triangle
+    k = curved.parts(angle, max(1, int(np.sqrt(most / len(triangle)))))
+    weights, parts = grid(k)
+    points = curved.points_on(k)
+    normals = np.empty_like(points)
+    for i, weight in enumerate(weights):
+        n = len(triangle)
+        normals[:, i] = curved.normals(triangle, np.full(n, weight[1]), np.full(n, weight[2]))
+    flat = np.flatnonzero(curved.row < 0)
+    by_corner = np.repeat(surface.normals[flat, None], 3, axis=1)
+    if surface.corner_normals is not None:
+        by_corner = np.where(surface.is_bent[flat, None, None], surface.corner_normals[flat], by_corner)
+    index, n_points = _shared_points(mesh.triangles[triangle], k)
+    vertices = np.empty((max(n_points, len(mesh.vertices)), 3))
+    vertices[: len(mesh.vertices)] = mesh.vertices
+    vertices[index] = points
+    return Mesh(
+        vertices,
+        np.concatenate([index[:, parts].reshape(-1, 3), mesh.triangles[flat]]),
+        np.concatenate([normals[:, parts].reshape(-1, 3, 3), by_corner]),
+        np.concatenate([np.ones(len(triangle) * k * k, bool), surface.is_bent[flat]]),
+        surface="facets",
+    )
+
+
+def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
+    """Indices (t, n) of the points of grid(k) on triangles (t, 3), the same for neighbours on their edge; how many."""
+    steps = np.round(k * grid(k)[0]).astype(int)
+    index = np.empty((len(triangles), len(steps)), np.int64)
+    n = int(triangles.max()) + 1
+    start, end = triangles, np.roll(triangles, -1, axis=1)
+    key, edge = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True)
+    edge = edge.reshape(triangles.shape)
+    n_inside = 0
+    for i, step in enumerate(steps):
+        corner, on_edge = np.flatnonzero(step == k), np.flatnonzero(step == 0)
+        if len(corner):
+            index[:, i] = triangles[:, corner[0]]
+        elif len(on_edge):
+            e = (on_edge[0] + 1) % 3  # the edge opposite the corner whose weight is 0
+            along = np.where(start[:, e] < end[:, e], step[(e + 1) % 3], step[e])
+            index[:, i] = n + edge[:, e] * (k - 1) + along - 1
+        else:
+            index[:, i] = n + len(key) * (k - 1) + n_inside * len(triangles) + np.arange(len(triangles))
+            n_inside += 1
+    return index, n + len(key) * (k - 1) + n_inside * len(triangles)
 
 
 def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:

@@ -152,16 +152,13 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     for layer, numbers, closed_bits in zip(plan.layers, plan.layer_triangles, plan.layer_bits, strict=True):
         tolerance = max(layer.tolerance, plan.merge_distance)
 
-        def accept(
-            i: Ints, k: Ints, t: Floats, numbers: Ints = numbers, tolerance: float = tolerance
-        ) -> tuple[Bools, Bools]:
+        def accept(i: Ints, hits: Hits, numbers: Ints = numbers, tolerance: float = tolerance) -> tuple[Bools, Bools]:
             """Solids: one enters from outside and leaves from inside. Sheets: not the one just left, at once."""
-            k = numbers[k]
-            part = plan.part[k]
+            t = hits.distance
+            part = plan.part[numbers[hits.triangle]]
             bit = plan.bit[part]
             is_solid = bit != 0
-            is_entry = dot(directions[i], plan.normals[k]) < 0
-            fits = is_entry != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
+            fits = hits.enters != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
             is_new = (t > tolerance) | (part != last_part[i]) & (t > -1e-3 * tolerance)
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
             return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
@@ -174,8 +171,7 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     for hits in by_layer[1:]:
         nearer = hits.distance < first.distance
         if nearer.any():
-            pairs = ((getattr(hits, name), getattr(first, name)) for name in Hits.__dataclass_fields__)
-            first = Hits(*(np.where(nearer, a, b) for a, b in pairs))
+            first = first.or_where(nearer, hits)
     return first, by_layer
 
 
@@ -202,18 +198,22 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
 def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
     """Geometric and shading normals (n, 3), both turned against the ray."""
     geometric = plan.normals[hits.triangle]
-    front = dot(directions, geometric) < 0
+    front = hits.enters
+    if hits.normal is not None:
+        curved = np.flatnonzero(hits.normal.any(axis=1))
+        geometric[curved] = normalise(hits.normal[curved])
+        front = dot(directions, geometric) < 0
     geometric = np.where(front[:, None], geometric, -geometric)
     if plan.corner_normals is None:
         return geometric, geometric
-    smooth = np.flatnonzero(plan.is_smooth[hits.triangle])
-    bent = normalise(interpolate(plan.corner_normals[hits.triangle[smooth]], hits.u[smooth], hits.v[smooth]))
-    bent = np.where(front[smooth, None], bent, -bent)
+    bent = np.flatnonzero(plan.is_bent[hits.triangle])
+    shading = normalise(interpolate(plan.corner_normals[hits.triangle[bent]], hits.u[bent], hits.v[bent]))
+    shading = np.where(front[bent, None], shading, -shading)
     # where the bent normal looks away from the ray the face's own one is kept
-    facing = dot(directions[smooth], bent) < 0
-    shading = geometric.copy()
-    shading[smooth[facing]] = bent[facing]
-    return geometric, shading
+    facing = dot(directions[bent], shading) < 0
+    both = geometric.copy()
+    both[bent[facing]] = shading[facing]
+    return geometric, both
 
 
 def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
