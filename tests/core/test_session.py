@@ -2,17 +2,21 @@
 
 from dataclasses import replace
 
+import closed_forms
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, lattice_image, rectangle, rig
+from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from work import drain, solve
 
-from kiriko.core import ray_engine
+from kiriko.core import ray_engine, surfaces
 from kiriko.core import session as session_module
+from kiriko.core.accuracy import tessellation_error
 from kiriko.core.errors import MeshError, RigError
-from kiriko.core.plan import Settings
+from kiriko.core.meshes import geometric_normals
+from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
+from kiriko.core.trace import trace_all
 
 
 def small(**options):
@@ -207,3 +211,71 @@ def test_what_a_display_cannot_show_is_told():
     assert not solve(a_rig).notes
     (note,) = solve(a_rig, brightness=True).notes
     assert "brighter than a display's white" in note
+
+
+def test_a_picture_through_a_moved_viewer_fits_no_surface_again(monkeypatch):
+    """Curved faces are made once a mesh."""
+    kept = Session()
+    a_rig = small()
+    solve(a_rig, kept)
+    monkeypatch.setattr(surfaces, "make_curved", lambda *_: pytest.fail("fitted again"))
+    v = a_rig.viewer
+    solve(replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),)), kept)
+
+
+def test_normals_that_contradict_the_shape_are_told():
+    """Two triangles whose normals were turned in are followed flat, and the note says how many and of what."""
+    a_rig = small()
+    glass = a_rig.glasses[0]
+    normals = glass.mesh.corner_normals.copy()
+    normals[:2] *= -1
+    odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, corner_normals=normals)),))
+    notes = solve(odd).notes
+    assert any("2 smooth triangles of 'glass' contradict" in note for note in notes)
+    assert not any("contradict" in note for note in solve(a_rig).notes)
+
+
+SHAPES = {"ball": (0.025,) * 3, "ellipsoid": (0.025, 0.020, 0.015)}
+
+
+@pytest.mark.parametrize("surface", ["smooth", "facets"])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("levels", [2, 3, 4])
+def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, surface):
+    """Facets: within a factor of 4 of the error against the closed form. Curved faces: not less than it."""
+    radii = SHAPES[shape]
+    a_rig = rig(replace(icosphere(radii, levels), surface=surface), picture=0.015)
+    plan = make_plan(a_rig, Settings())
+    at = np.linspace(0, 512, 65)
+    o, d = a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2))
+    landings = trace_all(plan, o, d)
+    exact = closed_forms.landing(a_rig, *closed_forms.through_ellipsoid(o, d, radii, 1.49))
+    error = np.linalg.norm(landings.xy - exact, axis=1)[landings.has_arrived]
+    # facets are far off near silhouettes, where a single ray decides: those are left out
+    true = np.sqrt(np.nanmean(np.sort(error)[: int(0.98 * len(error))] ** 2))
+    told = tessellation_error(plan)
+    if surface == "facets":
+        assert true / 4 < told < 4 * true
+    else:
+        assert true < told < (0.3, 0.03, 0.003)[levels - 2]
+
+
+def test_a_coarse_mesh_is_told_and_a_flat_one_has_no_tessellation_error():
+    """The note comes above a tenth of a display pixel; where all is flat no ray is traced for it."""
+    coarse = rig(replace(icosphere(0.025, 2), surface="facets"), pixels=48, image=lattice_image(64))
+    found = solve(coarse)
+    assert found.tessellation_error > 0.1
+    assert any(note.startswith("The mesh is coarse") for note in found.notes)
+    flat = solve(rig(box([0.05] * 3), pixels=48, image=lattice_image(64)))
+    assert flat.tessellation_error == 0.0
+    assert "curved faces (no face that may be curved turns far)" in flat.left_out
+
+
+def test_a_fine_mesh_is_left_flat():
+    """Where no normal turns by more than a quarter of a degree over a triangle, facets serve as well."""
+    fine = icosphere(0.025, 4)
+    assert surfaces.make_surface(fine).curved is not None
+    # normals that hardly leave those of the facets turn as little as those of a very fine mesh
+    normals = fine.corner_normals + 30 * geometric_normals(fine.corners)[:, None]
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    assert surfaces.make_surface(replace(fine, corner_normals=normals)).curved is None
