@@ -367,8 +367,8 @@ def _is_whole(offsets: Floats, corners: Floats) -> Bools:
         shallow = 2 * _STEEPNESS * furthest * longest < 0.5 * np.sqrt((facet**2).sum(axis=0))
         doubtful = np.flatnonzero(is_whole & ~shallow)
         few = offsets[..., doubtful].reshape(N_NODES, -1)
-        by_u = (_DU_AT @ few).reshape(-1, 3, len(doubtful)) + e1[:, doubtful]
-        by_v = (_DV_AT @ few).reshape(-1, 3, len(doubtful)) + e2[:, doubtful]
+        by_u = (_DU_AT @ few).reshape(len(_DU_AT), 3, len(doubtful)) + e1[:, doubtful]
+        by_v = (_DV_AT @ few).reshape(len(_DV_AT), 3, len(doubtful)) + e2[:, doubtful]
         normal, facet = _cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1)), facet[:, None, doubtful]
         cosine = (normal * facet).sum(axis=0) / np.sqrt((normal**2).sum(axis=0) * (facet**2).sum(axis=0))
         is_whole[doubtful] = cosine.min(axis=0) > STEEPEST_INSIDE

@@ -49,5 +49,7 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
         for part, seconds in details["seconds"].items():
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
         column.label(text=f"Rays: {details['rays']}")
+        if details.get("tessellation_error"):
+            column.label(text=f"Tessellation: about {details['tessellation_error']:.3f} px")
         sentence(layout, context, f"Used: {', '.join(details['used'])}.")
         sentence(layout, context, f"Left out: {', '.join(details['left_out'])}.")

@@ -38,6 +38,8 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             value.active = ours.use_ior
             value.prop(ours, "ior", text="")
             box.prop(ours, "priority")
+        if ours.role in {"GLASS", "MIRROR"}:
+            box.prop(ours, "surface")
         elif ours.role == "DISPLAY":
             box.prop(ours, "resolution")
         elif ours.role == "PICTURE":

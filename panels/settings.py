@@ -20,6 +20,10 @@ ROLES = (
     ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
     ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
 )
+SURFACES = (
+    ("SMOOTH", "Smooth", "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn"),
+    ("FACETS", "As Drawn", "The facets of the mesh as they are: smooth shading only interpolates their normals"),
+)
 PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
     ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
@@ -74,6 +78,12 @@ class KirikoObject(bpy.types.PropertyGroup):
         max=1000,
         soft_min=-10,
         soft_max=10,
+    )
+    surface: EnumProperty(
+        name="Surface",
+        description="What smooth-shaded faces stand for; facets bend the picture where a curved surface was meant",
+        items=SURFACES,
+        default="SMOOTH",
     )
     resolution: IntVectorProperty(
         name="Resolution",

@@ -50,11 +50,19 @@ def run_in_blender(script: str, rest: list[str]) -> None:
 
 def bench(arguments: argparse.Namespace) -> None:
     """Measure seconds and memory of solves and of their parts (further options go to scripts/bench_solve.py)."""
+    run_with_tests("bench_solve.py", arguments.rest)
+
+
+def surface(arguments: argparse.Namespace) -> None:
+    """Measure the error of meshes against closed forms (further options go to scripts/bench_surface.py)."""
+    run_with_tests("bench_surface.py", arguments.rest)
+
+
+def run_with_tests(script: str, rest: list[str]) -> None:
+    """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
     interpreter = set_up(*newest_blender())
     variables = clean_environment(PYTHONPATH=os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core"))))
-    sys.exit(
-        subprocess.run([interpreter, ROOT / "scripts" / "bench_solve.py", *arguments.rest], env=variables).returncode
-    )
+    sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
 
 def test(arguments: argparse.Namespace) -> None:
@@ -75,13 +83,13 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, pictures, lint, build, setup):
+    for verb in (demo, test, bench, surface, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {"demo", "bench", "pictures"}:
+    if rest and arguments.verb not in {"demo", "bench", "surface", "pictures"}:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

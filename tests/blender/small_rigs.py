@@ -10,14 +10,27 @@ SIDE = 0.05
 
 def cube(side: float = SIDE, turn: float = 0.0) -> bpy.types.Object:
     """A selected cube of glass (no role yet), turned about z by `turn` rad."""
-    mesh, shape = bpy.data.meshes.new("Cube"), bmesh.new()
-    bmesh.ops.create_cube(shape, size=side)
-    shape.to_mesh(mesh)
-    shape.free()
-    thing = bpy.data.objects.new("Cube", mesh)
+    thing = bpy.data.objects.new("Cube", primitive("cube", size=side))
     thing.matrix_world = Matrix.Rotation(turn, 4, "Z")
     bpy.context.scene.collection.objects.link(thing)
     thing.select_set(True)
+    return thing
+
+
+def primitive(make: str, **sizes: object) -> bpy.types.Mesh:
+    """A mesh of a bmesh primitive."""
+    mesh, shape = bpy.data.meshes.new("mesh"), bmesh.new()
+    getattr(bmesh.ops, f"create_{make}")(shape, **sizes)
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+def new_object(data: bpy.types.ID | None, role: str = "NONE") -> bpy.types.Object:
+    """A new object in the scene, with a role."""
+    thing = bpy.data.objects.new("thing", data)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.kiriko.role = role
     return thing
 
 

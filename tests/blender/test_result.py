@@ -1,10 +1,11 @@
 import importlib
+import json
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
-from small_rigs import pixels
+from small_rigs import new_object, pixels, primitive, small_rig
 
 
 @pytest.fixture
@@ -59,3 +60,25 @@ def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType)
     assert display.material_slots[0].material != mine
     assert len(notes) == 1
     assert "'Mine'" in notes[0]
+
+
+def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> None:
+    """Nothing for a cube; for a smooth ball a number of display pixels, which falls as the ball gets finer."""
+    small_rig()
+
+    def error() -> float:
+        assert bpy.ops.kiriko.solve() == {"FINISHED"}
+        return json.loads(scene.kiriko.result.details)["tessellation_error"]
+
+    assert error() == 0
+    for thing in [thing for thing in scene.objects if thing.kiriko.role == "GLASS"]:
+        bpy.data.objects.remove(thing)
+    found = []
+    for n in (8, 16, 32):
+        mesh = primitive("uvsphere", u_segments=2 * n, v_segments=n, radius=0.025)
+        mesh.shade_smooth()
+        ball = new_object(mesh, "GLASS")
+        ball.kiriko.use_ior = True
+        found.append(error())
+        bpy.data.objects.remove(ball)
+    assert found[0] > 2 * found[1] > 4 * found[2] > 0

@@ -49,7 +49,11 @@ def add_bottle():
 
 @pytest.mark.parametrize("make", [add_solid_suzanne, add_bottle])
 def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
-    """Cycles as a map tracer lands each viewer pixel's middle where core does, to 0.1 display px for 99 % of them."""
+    """Cycles as a map tracer lands each viewer pixel's middle where core does, to 0.1 display px for 99 % of them.
+
+    On curved faces 90 %: there Cycles has flat triangles, as many as memory allows, and light meets up to a dozen of
+    them, each a lever for the last one's error. With four times as many triangles the error is a quarter.
+    """
     from kiriko.core import blender_scene
     from kiriko.core.blender_preview import render_map
     from kiriko.core.plan import Settings, make_plan
@@ -61,20 +65,21 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert 0 < scene.kiriko.result.coverage <= 1
     assert np.isfinite(np.array(scene.kiriko.result.source.pixels)).all()
-    reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
     x, y = np.meshgrid(np.arange(192) + 0.5, np.arange(192) + 0.5)
-    rig = reading.rig
-    plan = make_plan(rig, Settings(only_through_glass=False))
-    landings = trace_all(plan, *rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
-    found = render_map(scene, reading).reshape(-1, 3)
-    cycles = np.stack([found[:, 0], 1 - found[:, 1]], axis=1) * 256
-    both = (found[:, 2] > 0.5) & landings.has_arrived & (landings.n_events > 2)
-    assert both.mean() > 0.05
-    apart = np.linalg.norm(cycles - landings.xy, axis=1)[both]
-    assert np.median(apart) < 0.01
-    assert (apart < 0.1).mean() > 0.99
-    # what arrives in Cycles, which follows no total reflection there, arrives in core
-    assert landings.has_arrived[found[:, 2] > 0.5].mean() > 0.99
+    for glass.kiriko.surface, share in (("FACETS", 0.99), ("SMOOTH", 0.9)):
+        reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
+        rig = reading.rig
+        plan = make_plan(rig, Settings(only_through_glass=False))
+        landings = trace_all(plan, *rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+        found = render_map(scene, reading).reshape(-1, 3)
+        cycles = np.stack([found[:, 0], 1 - found[:, 1]], axis=1) * 256
+        both = (found[:, 2] > 0.5) & landings.has_arrived & (landings.n_events > 2)
+        assert both.mean() > 0.05
+        apart = np.linalg.norm(cycles - landings.xy, axis=1)[both]
+        assert np.median(apart) < 0.01
+        assert (apart < 0.1).mean() > share
+        # what arrives in Cycles, which follows no total reflection there, arrives in core
+        assert landings.has_arrived[found[:, 2] > 0.5].mean() > 0.99
 
 
 @pytest.mark.parametrize("make", [add_suzanne, add_bottle])

@@ -99,3 +99,156 @@ def seen_image(rig, source, through, sub=4, **shape):
             column, row = np.where(inside[:, None], xy, 0).astype(int).T
             image += source[row, column] * inside[:, None]
     return image.reshape(viewer.height, viewer.width, 3) / sub**2
+
+
+GRAZING = 0.1  # |cos| to the normal, in or out, below which a landing runs away and no mesh can be held to it
+INTERFACES = 8  # followed at most
+STEPS = 100_000  # of a march; only an endless loop has more
+
+
+def torus(major, minor):
+    """Signed distance (n, 1) and its gradient (n, 1, 3) of a torus around the y axis."""
+
+    def parts(p):
+        x, y, z = p.T
+        rho = np.hypot(x, z)
+        from_ring = np.hypot(rho - major, y)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            across = (rho - major) / from_ring
+            gradient = np.stack([across * x / rho, y / from_ring, across * z / rho], axis=1)
+        return (from_ring - minor)[:, None], gradient[:, None]
+
+    return parts
+
+
+def wavy_faces(size, amplitude):
+    """Heights along y of the front and back face at (x, z), with slopes (d/dx, d/dz): waves that are 0 at the edges."""
+    k, m = 6 * np.pi / size, 5 * np.pi / size
+
+    def front(x, z):
+        slopes = np.cos(k * x) * np.sin(k * z), np.sin(k * x) * np.cos(k * z)
+        return amplitude * np.sin(k * x) * np.sin(k * z), *(amplitude * k * s for s in slopes)
+
+    def back(x, z):
+        slopes = np.sin(m * x) * np.cos(m * z), np.cos(m * x) * np.sin(m * z)
+        return amplitude * np.cos(m * x) * np.cos(m * z), *(-amplitude * m * s for s in slopes)
+
+    return front, back
+
+
+def wavy_slab(size, thickness, amplitude):
+    """Functions (n, 6), negative inside and never above the distance, with gradients: two wavy faces, four sides."""
+    front, back = wavy_faces(size, amplitude)
+    steep = np.hypot(1, amplitude * 6 * np.pi / size)  # no face is steeper, so that height / steep <= distance
+
+    def parts(p):
+        x, y, z = p.T
+        zero, one = np.zeros_like(x), np.ones_like(x)
+        w, wx, wz = front(x, z)
+        v, vx, vz = back(x, z)
+        values = [(w - thickness / 2 - y) / steep, (y - thickness / 2 - v) / steep,
+                  x - size / 2, -x - size / 2, z - size / 2, -z - size / 2]  # fmt: skip
+        gradients = [(wx / steep, -one / steep, wz / steep), (-vx / steep, one / steep, -vz / steep),
+                     (one, zero, zero), (-one, zero, zero), (zero, zero, one), (zero, zero, -one)]  # fmt: skip
+        return np.stack(values, axis=1), np.stack([np.stack(g, axis=1) for g in gradients], axis=1)
+
+    return parts
+
+
+def greatest(parts, p):
+    """Value (n,) and gradient (n, 3) of a solid's outermost part at p, and by how much it is ahead of the next one."""
+    values, gradients = parts(p)
+    which, rows = values.argmax(axis=1), np.arange(len(p))
+    ahead = np.diff(np.sort(values, axis=1)[:, -2:], axis=1)[:, 0] if values.shape[1] > 1 else np.full(len(p), np.inf)
+    return values[rows, which], gradients[rows, which], ahead
+
+
+def crossing(parts, p, d, side, bound, least):
+    """Distance (n,) to the first crossing from `side` (1 outside, -1 inside), NaN if none; nearest miss (n,)."""
+    n = len(p)
+    root, miss, low, high = (np.full(n, np.nan), np.full(n, np.inf), np.zeros(n), np.full(n, np.nan))
+    t = np.zeros(n)
+    before, last = np.full(n, -np.inf), side * greatest(parts, p)[0]
+    live = np.arange(n)
+    t += np.maximum(last, least)  # no step is longer than the way to the surface, or than `least`
+    for _ in range(STEPS):
+        at = p[live] + t[live, None] * d[live]
+        value = side * greatest(parts, at)[0]
+        is_dip = (before[live] > last[live]) & (last[live] < value)
+        miss[live[is_dip]] = np.minimum(miss[live[is_dip]], last[live[is_dip]])
+        has_crossed = value < 0
+        high[live[has_crossed]] = t[live[has_crossed]]
+        goes_on = ~has_crossed & ~((np.linalg.norm(at, axis=1) > bound) & ((at * d[live]).sum(axis=1) > 0))
+        live, value = live[goes_on], value[goes_on]
+        if not len(live):
+            break
+        low[live] = t[live]
+        before[live], last[live] = last[live], value
+        t[live] += np.maximum(value, least)
+    # a chord shorter than `least` has no bracket: what crosses back in the first step is not known
+    bracketed = np.flatnonzero(np.isfinite(high) & ((low > 0) | (side > 0)))
+    a, b, q, e = low[bracketed], high[bracketed], p[bracketed], d[bracketed]
+    t = (a + b) / 2
+    for _ in range(80):
+        value, gradient, _ = greatest(parts, q + t[:, None] * e)
+        a, b = np.where(side * value > 0, t, a), np.where(side * value > 0, b, t)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            newton = t - value / (gradient * e).sum(axis=1)
+        step = np.where((newton >= a) & (newton <= b), newton, (a + b) / 2)
+        if (step == t).all():
+            break
+        t = step
+    root[bracketed] = t
+    return root, miss
+
+
+def follow(o, d, parts, n, bound, bend, grazing=GRAZING):
+    """Points and directions after them (n, 8, 3) of rays from outside through a solid, NaN-padded; is_regular (n,).
+
+    The whole row is NaN when the ray misses the solid, is totally reflected, or has not left after 8 interfaces.
+    A regular ray neither grazes (entering, leaving, passing by) nor meets an edge. `bound` is the radius of a ball
+    around the solid, `bend` the least radius of curvature: a chord met at cosine c is c^2 bend / 2 deep.
+    """
+    shallow = grazing**2 / 2 * bend
+    points, directions = np.full((2, len(o), INTERFACES, 3), np.nan)
+    is_known, is_regular = np.zeros(len(o), bool), np.ones(len(o), bool)
+    p, d, live = np.array(o, float), np.array(d, float), np.arange(len(o))
+    for k in range(INTERFACES + 1):
+        side = -1 if k % 2 else 1
+        t, miss = crossing(parts, p, d, side, bound, bend / 200)
+        is_regular[live[miss < shallow]] = False
+        hit = np.isfinite(t)
+        if side > 0:  # nothing more is met: the ray is known if it met anything
+            is_known[live[~hit]] = k > 0
+        p, d, live = p[hit] + t[hit, None] * d[hit], d[hit], live[hit]
+        if k == INTERFACES or not len(live):
+            break
+        _, gradient, ahead = greatest(parts, p)
+        normal = unit(gradient)
+        before, d = d, snell(d, normal, *((1, n) if side > 0 else (n, 1)))
+        passes = np.isfinite(d[:, 0])
+        steepest = np.minimum(np.abs((before * normal).sum(axis=1)), np.abs((d * normal).sum(axis=1)))
+        is_regular[live] &= (steepest > grazing) & (ahead > shallow)
+        p, d, live = p[passes], d[passes], live[passes]
+        points[live, k], directions[live, k] = p, d
+    points[~is_known], directions[~is_known] = np.nan, np.nan
+    return points, directions, is_known & is_regular
+
+
+def last(points, directions, is_regular):
+    """Where and in which direction rays that were followed leave the solid."""
+    rows, k = np.arange(len(points)), np.isfinite(points[..., 0]).sum(axis=1) - 1
+    return points[rows, k], directions[rows, k], is_regular
+
+
+def through_torus(o, d, major, minor, n, grazing=GRAZING):
+    """Exact to rounding: roots of the signed distance, its gradient. Points, directions (n, 3), is_regular (n,)."""
+    return last(*follow(o, d, torus(major, minor), n, major + minor, minor, grazing))
+
+
+def through_wavy_slab(o, d, size, thickness, amplitude, n, grazing=GRAZING):
+    """Exact to rounding: roots of the height over the faces. Points, directions (n, 3), is_regular (n,)."""
+    parts = wavy_slab(size, thickness, amplitude)
+    bend = min(size / 2, 1 / max(amplitude * (6 * np.pi / size) ** 2, 1e-300))
+    bound = np.linalg.norm([size / 2, thickness / 2 + amplitude, size / 2])
+    return last(*follow(o, d, parts, n, bound, bend, grazing))

@@ -1,5 +1,7 @@
 """The reference rigs of docs/optics.md as plain data, and the shapes that tests put in their place."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from kiriko.core.placement import lattice
@@ -49,6 +51,94 @@ def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     n = len(f)
     return Mesh(v * radii + centre, f, normals[f] if smooth else None, np.full(n, smooth) if smooth else None)
+
+
+def split_quads(index):
+    """Triangles of the quads of a grid of vertices (m, n); the front is down the rows x along the columns."""
+    a, b, c, d = (corner.ravel() for corner in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def smooth_mesh(vertices, triangles, normals):
+    """A mesh that is smooth all over, with normals given for the vertices."""
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(vertices, triangles, normals[triangles], np.ones(len(triangles), bool))
+
+
+def uv_ellipsoid(radii, segments=32, rings=16, pole=2):
+    """Ellipsoid of 2 segments (rings - 1) triangles as Blender's UV sphere is made, its poles on one of the axes."""
+    theta, phi = np.pi * np.arange(1, rings) / rings, 2 * np.pi * np.arange(segments) / segments
+    theta, phi = (x.ravel() for x in np.meshgrid(theta, phi, indexing="ij"))
+    v = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
+    v = np.roll(np.concatenate([v, [[0, 0, 1.0], [0, 0, -1.0]]]), pole - 2, axis=1)
+    index = np.arange((rings - 1) * segments).reshape(rings - 1, segments)
+    index = np.concatenate([index, index[:, :1]], axis=1)
+    north, south = np.full((2, segments), [[len(v) - 2], [len(v) - 1]])
+    top = np.stack([north, index[0, :-1], index[0, 1:]], axis=1)
+    bottom = np.stack([index[-1, :-1], south, index[-1, 1:]], axis=1)
+    radii = np.broadcast_to(np.asarray(radii, float), 3)
+    return smooth_mesh(v * radii, np.concatenate([top, split_quads(index), bottom]), v / radii)
+
+
+def torus(major, minor, segments=32, rings=16):
+    """Torus of 2 segments rings triangles around the y axis; segments along the ring, rings around the tube."""
+    v, u = (2 * np.pi * np.arange(n) / n for n in (rings, segments))
+    v, u = (x.ravel() for x in np.meshgrid(v, u, indexing="ij"))
+    normals = np.stack([np.cos(v) * np.cos(u), np.sin(v), np.cos(v) * np.sin(u)], axis=1)
+    middle = major * np.stack([np.cos(u), np.zeros_like(u), np.sin(u)], axis=1)
+    index = np.pad(np.arange(rings * segments).reshape(rings, segments), ((0, 1), (0, 1)), mode="wrap")
+    return smooth_mesh(middle + minor * normals, split_quads(index), normals)
+
+
+def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
+    """Slab across y of 4 n^2 + 8 n triangles: wavy, smooth front and back (docs/closed_forms.md), flat sides."""
+    across = np.linspace(-size / 2, size / 2, n + 1)
+    z, x = (a.ravel() for a in np.meshgrid(across, across, indexing="ij"))
+    k, m = 6 * np.pi / size, 5 * np.pi / size
+    one = np.ones_like(x)
+    w = amplitude * np.sin(k * x) * np.sin(k * z) - thickness / 2
+    w_normals = np.stack(
+        [amplitude * k * np.cos(k * x) * np.sin(k * z), -one, amplitude * k * np.sin(k * x) * np.cos(k * z)], axis=1
+    )
+    v = amplitude * np.cos(m * x) * np.cos(m * z) + thickness / 2
+    v_normals = np.stack(
+        [amplitude * m * np.sin(m * x) * np.cos(m * z), one, amplitude * m * np.cos(m * x) * np.sin(m * z)], axis=1
+    )
+    back = (len(x) + np.arange(len(x))).reshape(n + 1, n + 1)
+    front = back - len(x)
+    faces = np.concatenate([split_quads(front[:, ::-1]), split_quads(back)])
+    around = np.s_[:, -1], np.s_[::-1, 0], np.s_[-1, ::-1], np.s_[0, :]
+    sides = np.concatenate([split_quads(np.stack([front[edge], back[edge]])) for edge in around])
+    mesh = smooth_mesh(
+        np.stack([np.r_[x, x], np.r_[w, v], np.r_[z, z]], axis=1), faces, np.concatenate([w_normals, v_normals])
+    )
+    corners = mesh.vertices[sides]
+    own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    return Mesh(
+        mesh.vertices,
+        np.concatenate([faces, sides]),
+        np.concatenate([mesh.corner_normals, np.repeat(own[:, None], 3, axis=1)]),
+        np.r_[mesh.is_smooth, np.zeros(len(sides), bool)],
+    )
+
+
+def mean_normals(mesh):
+    """The same mesh with normals as Blender makes them: means over the smooth faces around a vertex, by angle.
+
+    Over triangles: where quads are plane, as on the ellipsoid and the torus, this is Blender's mean over the quads.
+    """
+    smooth = mesh.triangles[mesh.is_smooth]
+    corners = mesh.vertices[smooth]
+    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    around = np.cross(ahead, behind)
+    angle = np.arctan2(np.linalg.norm(around, axis=2), (ahead * behind).sum(axis=2))
+    weighted = angle[..., None] * around / np.linalg.norm(around, axis=2, keepdims=True)
+    count = len(mesh.vertices)
+    mean = np.stack([np.bincount(smooth.ravel(), weighted[..., k].ravel(), count) for k in range(3)], axis=1)
+    normals = mesh.corner_normals.copy()
+    normals[mesh.is_smooth] = (mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300))[smooth]
+    return replace(mesh, corner_normals=normals, has_mean_normals=True)
 
 
 def lattice_image(size=512):

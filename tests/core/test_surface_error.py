@@ -1,0 +1,34 @@
+"""Display error against edge length, as `dev.py surface` measures it: orders, and how much better curved faces are."""
+
+import pytest
+from bench_surface import FLOOR, SHAPES, drawn, errors, order
+
+SEGMENTS = 32, 64, 128
+
+
+def fitted(shape, kind, mean=False):
+    counts = [len(drawn(shape, s, kind).glasses[0].mesh.triangles) for s in SEGMENTS]
+    found = [errors(shape, s, kind, mean) for s in SEGMENTS]
+    assert min(found) > FLOOR
+    return order(counts, found)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_interpolated_normals_are_of_second_order_and_curved_faces_of_fourth(shape):
+    """With the surface's own normals; facet normals are of first order, with much scatter."""
+    assert 0.6 < fitted(shape, "facet normals") < 1.6
+    assert 1.8 < fitted(shape, "interpolated normals") < 2.4
+    assert fitted(shape, "curved faces") > 3.9
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_curved_faces_are_of_fourth_order_with_blenders_mean_normals(shape):
+    """They find the normals from the vertices."""
+    assert fitted(shape, "curved faces", mean=True) > 3.7
+
+
+@pytest.mark.parametrize("mean", [False, True], ids=["own", "mean"])
+@pytest.mark.parametrize("shape", ["ball", "ellipsoid", "torus"])
+def test_at_32_by_16_faces_curved_ones_are_more_than_20_times_better(shape, mean):
+    """An artist's usual mesh."""
+    assert errors(shape, 32, "interpolated normals", mean) > 20 * errors(shape, 32, "curved faces", mean)
