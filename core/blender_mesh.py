@@ -113,8 +113,9 @@ def read_mesh(
     mesh.calc_loop_triangles()
     linear = matrix[:3, :3]
     with np.errstate(invalid="ignore", over="ignore"):  # vertices that are no numbers are for Mesh.check to name
-        vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
-        vertices = turn(linear, vertices) + matrix[:3, 3]
+        local = column(mesh.vertices, "co", 3, np.float32).astype(float)
+        vertices = turn(linear, local) + matrix[:3, 3]
+        rounding = 2.0**-24 * float(np.abs(local).max(initial=0.0)) * float(np.linalg.norm(linear, axis=0).max())
     found = mesh.loop_triangles
     triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
     loops = column(found, "loops", 3, np.int32)
@@ -139,7 +140,7 @@ def read_mesh(
     if layer is not None:
         uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
     triangles = np.ascontiguousarray(triangles)
-    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals), n_dropped
+    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding), n_dropped
 
 
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:

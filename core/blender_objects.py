@@ -7,7 +7,6 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .optics import normalise
 from .rig import Floats
 
 
@@ -43,21 +42,13 @@ class Workbench:
         return self._object(name, mesh, frame)
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
-        """A smooth-shaded icosphere of 20480 triangles, with the sphere's own normals: Blender's are less exact."""
+        """A smooth-shaded icosphere of 20480 triangles."""
         mesh = bpy.data.meshes.new(name)
         shape = bmesh.new()
         bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
         shape.to_mesh(mesh)
         shape.free()
         mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
-        positions = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", positions)
-        normals = normalise(positions.reshape(-1, 3).astype(float))
-        if bpy.app.version >= (4, 5):  # a float attribute; older versions keep 16 bits of each angle
-            attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
-            attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
-        else:
-            mesh.normals_split_custom_set_from_vertices(normals.tolist())
         mesh.update()
         return self._object(name, mesh, frame)
 

@@ -8,6 +8,7 @@ neighbours meet without a crack. Edges to what is not curved, and sharp ones, st
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 
@@ -22,19 +23,22 @@ MOST_OFFSET = 0.3  # of the longest edge: a curved face further from its facet t
 BULGE = np.radians(4)  # edges that turn by less cannot bulge enough to matter
 JUMP = 5.0  # a curvature that grows this much from one edge to the next, across a vertex, ...
 SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
-RIDGE = 1e-12, 1e-11, 1e-9, 1e-7  # by degree: where data are few, the high degrees give way first
 SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
 SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
 ITERATIONS = 12  # of Newton's method
 CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
 BEYOND = 1e-10  # barycentric slack, so that a ray through an edge meets a face
 WALKS = 8  # faces a root may wander over
+FARTHEST = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
+COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
 FINE = np.radians(3)  # the mesh that is asked for hits turns by less than this between neighbours
 MOST_PARTS = 8  # parts of an edge in that mesh
 HIGHER = 1.5  # times the largest sag found at the middles of its edges: how far it stands in front
 
 POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]  # of u and v, or x and y: 14 terms
 N_TERMS = len(POWERS)
+# Where data are few the high degrees give way first. The factor makes it the same for all turns of the axes (Bombieri).
+RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
 
 
 def _powers(x: Floats) -> list[Floats]:
@@ -211,10 +215,9 @@ def _system(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice
     weights *= np.tile(is_used, 3)
     rows = rows * weights[..., None]
     matrix = np.matmul(rows.transpose(0, 2, 1), rows)
-    ridge = np.array([RIDGE[a + b - 1] for a, b in POWERS])[terms]
-    scale = np.einsum("nii->n", matrix)[:, None] + 1.0
+    scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
     diagonal = np.arange(matrix.shape[1])
-    matrix[:, diagonal, diagonal] += ridge * scale
+    matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
     return rows, weights, matrix
 
 
@@ -269,8 +272,11 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
             normal[some] = found
         if change < SETTLED:
             break
-    # what did not settle near the mean is not the normal of anything
-    is_sane = np.isfinite(normal).all(axis=1) & (dot(normal, v.normal) > STEEPEST)
+    # where the mesh is too irregular to tell, the mean is the better guess
+    turn = np.linalg.norm(v.normal[v.end] - v.normal[v.start], axis=1)
+    with np.errstate(invalid="ignore"):
+        moved = np.linalg.norm(normal - v.normal, axis=1)
+        is_sane = moved <= FARTHEST * np.maximum.reduceat(turn, v.first[:-1])
     return np.where(is_sane[:, None], normal, v.normal)
 
 
@@ -439,6 +445,11 @@ class CurvedFaces:
         """Triangle (p,) of each curved face."""
         return np.flatnonzero(self.row >= 0)
 
+    @property
+    def has_straight_edges(self) -> bool:
+        """Is an edge of some face held straight?"""
+        return len(self.bent) > 0
+
     def parts(self, angle: float, most: int) -> int:
         """Into how many parts edges have to be cut to turn by less than an angle (radians) each, but at most."""
         corners = self.corners[self.triangle]
@@ -480,12 +491,19 @@ class CurvedFaces:
             points[some] = np.matmul(weights, self.corners[triangle[some]]) + at[:, coarse]
         lift = np.zeros(len(self.vertex_normal))
         np.maximum.at(lift, self.vertex.ravel(), np.repeat(HIGHER * sag, 3))
-        on_edge = self.neighbour < 0
-        lift[self.vertex[on_edge]] = lift[np.roll(self.vertex, -1, axis=1)[on_edge]] = 0.0
         lifted = lift[:, None] * self.vertex_normal
+        is_held = np.zeros(len(lift), bool)
+        on_edge = self.neighbour < 0
+        is_held[self.vertex[on_edge]] = is_held[np.roll(self.vertex, -1, axis=1)[on_edge]] = True
         for first in range(0, n_faces, CHUNK):
             some = slice(first, first + CHUNK)
-            points[some] += np.matmul(weights, lifted[self.vertex[some]])
+            raised = np.matmul(weights, lifted[self.vertex[some]])
+            for corner in range(3):
+                raised[is_held[self.vertex[some, corner]], weights[:, corner].argmax()] = 0.0
+                # the edge that begins at this corner, where the weight of the one after the next is 0
+                along = weights[:, (corner + 2) % 3] == 0
+                raised[np.ix_(on_edge[some, corner], along)] = 0.0
+            points[some] += raised
         return points[:, parts].reshape(-1, 3, 3)
 
     def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
@@ -514,7 +532,9 @@ class CurvedFaces:
         return normalise(self._bend(_cross(*_value_and_slopes(c, u, v)[1:]).T, k, u, v))
 
     def _bend(self, normal: Floats, k: Ints, u: Floats, v: Floats) -> Floats:
-        """Normals (n, 3), changed where the face has a straight edge."""
+        """Normals (n, 3), changed where the face has a straight edge; the very array where none has."""
+        if not self.has_straight_edges:
+            return normal
         held = np.flatnonzero(self.bent_row[self.row[k]] >= 0)
         if len(held):
             c = self._load(self.bent, self.bent_row[self.row[k[held]]], k[held])
@@ -523,25 +543,69 @@ class CurvedFaces:
         return normal
 
     def meet(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
-    ) -> tuple[Ints, Floats, Floats, Floats, Floats, Bools, Bools]:
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, enters: Bools, least: float
+    ) -> tuple[Ints, Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
         """Where rays meet the curved surface, beginning at u, v (n,) of triangles k.
+
+        Parameters
+        ----------
+        enters : (n,) are they expected from the front? Where a root is from the other side, the one before or after it
+            is looked for; but not for rays that leave the surface, whose root is nearer than `least`, m
 
         Returns
         -------
-        triangle (n,), u (n,), v (n,), distance (n,) m, normal (n, 3) by which it refracts, not unit;
-        enters (n,) the ray comes from the front; is_met (n,)
+        triangle (n,), u (n,), v (n,), distance (n,) m; enters (n,) the ray comes from the front; normal (n, 3) of the
+        face and the one (n, 3) by which it refracts, neither unit; is_met (n,)
         """
+        *found, is_met = self._roots(k, u, v, origins, directions)
+        odd = np.flatnonzero(is_met & (found[4] != enters) & (~enters | (found[3] > least)))
+        if len(odd):
+            k, u, v = (x[odd] for x in found[:3])
+            o, d = origins[odd], directions[odd]
+            *other, is_other = self._roots(k, *self._across(k, u, v, d), o, d)
+            better = is_other & (other[4] == enters[odd])
+            for mine, theirs in zip(found, other, strict=True):
+                mine[odd[better]] = theirs[better]
+        return *found, is_met
+
+    def _across(self, k: Ints, u: Floats, v: Floats, directions: Floats) -> tuple[Floats, Floats]:
+        """Places about as far beyond where rays touch the surface as u, v are before it, or the reverse."""
+        c = self._load(self.coefficients, self.row[k], k)
+        d = directions.T
+
+        def facing(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+            _, by_u, by_v = _value_and_slopes(c, u, v)
+            return (d * _cross(by_u, by_v)).sum(axis=0), by_u, by_v
+
+        here, by_u, by_v = facing(u, v)
+        # the ray along the face: d = a by_u + b by_v, without what is perpendicular to both
+        uu, uv, vv = (by_u**2).sum(axis=0), (by_u * by_v).sum(axis=0), (by_v**2).sum(axis=0)
+        du, dv = (d * by_u).sum(axis=0), (d * by_v).sum(axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            a, b = (vv * du - uv * dv) / (uu * vv - uv * uv), (uu * dv - uv * du) / (uu * vv - uv * uv)
+            size = np.maximum(np.abs(a), np.abs(b))
+            a, b = a / size, b / size
+            step = 1e-3
+            way = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
+        way = np.clip(np.nan_to_num(way), -1.0, 1.0)
+        return u + way * np.nan_to_num(a), v + way * np.nan_to_num(b)
+
+    def _roots(
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
+    ) -> tuple[Ints, Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
+        """As `meet`, for whichever side."""
         k, u, v = k.copy(), np.array(u), np.array(v)
-        distance, normal = np.full(len(k), np.inf), np.zeros((len(k), 3))
-        enters, is_met = np.zeros(len(k), bool), np.zeros(len(k), bool)
+        distance, enters = np.full(len(k), np.inf), np.zeros(len(k), bool)
+        facing = np.zeros((len(k), 3))
+        normal = np.zeros((len(k), 3)) if self.has_straight_edges else facing
+        is_met = np.zeros(len(k), bool)
         todo = np.arange(len(k))
         for _ in range(WALKS):
             parts = [
                 self._newton(k[some], u[some], v[some], origins[some], directions[some])
                 for some in np.split(todo, range(CHUNK, len(todo), CHUNK))
             ]
-            u[todo], v[todo], distance[todo], normal[todo], enters[todo], done = (
+            u[todo], v[todo], distance[todo], enters[todo], facing[todo], normal[todo], done = (
                 np.concatenate(column) for column in zip(*parts, strict=True)
             )
             outside = np.stack([v[todo], 1 - u[todo] - v[todo], u[todo]], axis=1)  # distances from the edges
@@ -556,7 +620,7 @@ class CurvedFaces:
                 break
             todo, edge, row = todo[goes_on], edge[goes_on], row[goes_on]
             k[todo], u[todo], v[todo] = self._step_over(row, following[goes_on], edge, u[todo], v[todo])
-        return k, u, v, distance, normal, enters, is_met
+        return k, u, v, distance, enters, facing, normal, is_met
 
     def _step_over(self, row: Ints, following: Ints, edge: Ints, u: Floats, v: Floats) -> tuple[Ints, Floats, Floats]:
         """Neighbours across edges, and the place on them next to where u, v left their faces."""
@@ -569,7 +633,7 @@ class CurvedFaces:
 
     def _newton(
         self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
-    ) -> tuple[Floats, Floats, Floats, Floats, Bools, Bools]:
+    ) -> tuple[Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
         """Newton's method on the two components of point(u, v) - origin across the ray; steps and range are limited."""
         c = self._load(self.coefficients, self.row[k], k)
         away = (self.corners[k, 0] - origins).T
@@ -606,7 +670,7 @@ class CurvedFaces:
         facing = _cross(by_u, by_v)
         distance = d[0] * at[0] + d[1] * at[1] + d[2] * at[2]
         enters = d[0] * facing[0] + d[1] * facing[1] + d[2] * facing[2] < 0
-        return u, v, distance, self._bend(facing.T, k, u, v), enters, done
+        return u, v, distance, enters, facing.T, self._bend(facing.T, k, u, v), done
 
 
 def make_curved(
@@ -630,6 +694,7 @@ def make_curved(
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
     """
     corners = vertices[triangles]
+    asked = wanted
     wanted = wanted & (np.einsum("tij,tj->ti", corner_normals, facets) > STEEPEST).all(axis=1)
     first, second = edge_corners(corner_normals, edges)
     is_joined = (np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL) & ~edges.is_same_way
@@ -645,6 +710,13 @@ def make_curved(
         n = len(v.at)
         bad = np.concatenate([v.start[is_bad] * n + v.end[is_bad], v.end[is_bad] * n + v.start[is_bad]])
         wanted &= ~np.isin(v.of_corner * n + np.roll(v.of_corner, -1, axis=1), bad).any(axis=1)
+    # a flat face in parts is curved as a whole or not at all
+    is_flat = is_joined & (np.abs(facets[edges.first] - facets[edges.second]).max(axis=1) < COPLANAR)
+    face = components(len(triangles), edges.first[is_flat], edges.second[is_flat])
+    wanted &= ~np.isin(face, face[asked & ~wanted])
+    # nor is it when nothing around it is
+    among = is_joined & ~is_flat & wanted[edges.first] & wanted[edges.second]
+    wanted &= np.isin(face, face[np.concatenate([edges.first[among], edges.second[among]])])
     is_used[:] = False
     is_used[v.of_corner[wanted]] = True
     fields = _fit_fields(v, is_used)

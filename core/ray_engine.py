@@ -17,7 +17,9 @@ from .rig import Bools, Floats, Ints
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
 EDGE = 1e-10  # barycentric slack of the float64 test, so that a ray through an edge or vertex meets a face
+PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
+STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a curved face is searched for a ray
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
 
 
@@ -59,7 +61,8 @@ class Hits:
     """First hits of n rays.
 
     distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,) the ray comes from the
-    front; normal (n, 3) of a curved face, not unit, 0 elsewhere; None where nothing is curved
+    front; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal to the face, and normal (n, 3), by which it
+    refracts; None where nothing is curved, and where no face refracts by another normal than its own
     """
 
     distance: Floats
@@ -67,41 +70,40 @@ class Hits:
     u: Floats
     v: Floats
     enters: Bools
-    normal: Floats | None
+    facing: Floats | None = None
+    normal: Floats | None = None
 
     @classmethod
-    def none(cls, n: int, has_curved: bool) -> "Hits":
-        """No hit for any of n rays."""
-        normal = np.zeros((n, 3)) if has_curved else None
-        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), normal)
+    def none(cls, n: int, curved: CurvedFaces | None) -> "Hits":
+        """No hit for any of n rays on a surface with or without curved faces."""
+        facing = None if curved is None else np.zeros((n, 3))
+        normal = np.zeros((n, 3)) if curved is not None and curved.has_straight_edges else None
+        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), facing, normal)
 
     def put(self, rays: Ints, hits: "Hits") -> None:
         """Set the hits of some rays."""
-        for name in ("distance", "triangle", "u", "v", "enters"):
-            getattr(self, name)[rays] = getattr(hits, name)
-        if self.normal is not None:
-            self.normal[rays] = 0.0 if hits.normal is None else hits.normal
-
-    def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
-        """These hits, and others where chosen (n,)."""
-        if self.normal is None and others.normal is None:
-            normal = None
-        else:
-            mine, theirs = (np.zeros((1, 3)) if h.normal is None else h.normal for h in (self, others))
-            normal = np.where(chosen[:, None], theirs, mine)
-        names = ("distance", "triangle", "u", "v", "enters")
-        return Hits(*(np.where(chosen, getattr(others, name), getattr(self, name)) for name in names), normal)
+        for mine, theirs in zip(self._columns(), hits._columns(), strict=True):
+            if mine is not None:
+                mine[rays] = 0.0 if theirs is None else theirs
 
     def at(self, rays: Ints | Bools | slice) -> "Hits":
         """The hits of some rays."""
-        return Hits(
-            self.distance[rays],
-            self.triangle[rays],
-            self.u[rays],
-            self.v[rays],
-            self.enters[rays],
-            None if self.normal is None else self.normal[rays],
-        )
+        return Hits(*(None if column is None else column[rays] for column in self._columns()))
+
+    def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
+        """These hits, and others where chosen (n,)."""
+        return Hits(*(_either(chosen, *pair) for pair in zip(self._columns(), others._columns(), strict=True)))
+
+    def _columns(self) -> tuple[np.ndarray | None, ...]:
+        return self.distance, self.triangle, self.u, self.v, self.enters, self.facing, self.normal
+
+
+def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
+    """The one column, and the other where chosen; what is None counts as 0."""
+    if mine is None and theirs is None:
+        return None
+    mine, theirs = (np.zeros((1, 3)) if column is None else column for column in (mine, theirs))
+    return np.where(chosen if mine.ndim == 1 else chosen[:, None], theirs, mine)
 
 
 def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
@@ -137,7 +139,7 @@ class Layer:
         self._owner, self._n_whole, self._parts = np.arange(len(corners)), len(corners), np.eye(3)[None]
         if curved is not None:
             # curved faces are hidden behind triangles that lie just in front of them, several for each
-            k = curved.parts(FINE, MOST_PARTS)
+            k = max(curved.parts(FINE, MOST_PARTS), PARTS_AT_EDGES if curved.has_straight_edges else 1)
             weights, parts = grid(k)
             flat = np.flatnonzero(curved.row < 0)
             self._owner, self._parts = np.concatenate([flat, np.repeat(curved.triangle, k * k)]), weights[parts]
@@ -177,7 +179,7 @@ class Layer:
         is_inside : (n,) the ray is inside a solid of this layer, so that a miss cannot be
         accept : which hits are true ones
         """
-        hits = Hits.none(len(origins), self.curved is not None)
+        hits = Hits.none(len(origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
         enter, leave = slab(grown, origins, directions)
         rays = np.flatnonzero((enter <= leave) & (leave >= 0) | is_inside)
@@ -188,7 +190,7 @@ class Layer:
             return hits
         lost = self._ask_embree(origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, hits)
         if len(lost):
-            self._rescue(origins, directions, lost, accept, hits)
+            self._rescue(origins, directions, lost, is_inside, accept, hits)
         return hits
 
     def _on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
@@ -196,13 +198,15 @@ class Layer:
         t = self.frames.distance(k, origins, directions)
         with np.errstate(invalid="ignore"):
             u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
-        return Hits(t, k, u, v, dot(directions, self.frames.normal[k]) < 0, None)
+        return Hits(t, k, u, v, dot(directions, self.frames.normal[k]) < 0)
 
-    def _on_curved(self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats) -> tuple[Hits, Bools]:
+    def _on_curved(
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, is_inside: Bools
+    ) -> tuple[Hits, Bools]:
         """Where rays meet curved faces, beginning at u, v of triangles k; and whether they do."""
-        *found, is_met = self.curved.meet(k, u, v, origins, directions)
-        k, u, v, t, normal, enters = found
-        return Hits(t, k, u, v, enters, normal), is_met
+        k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, ~is_inside, self.tolerance)
+        distance, enters, facing, normal = others
+        return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
 
     def _test_all(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
         origins, directions = origins[rays], directions[rays]
@@ -225,7 +229,7 @@ class Layer:
         return found, start + found["tfar"].astype(float) * self.radius
 
     def _refine(
-        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats
+        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats, is_inside: Bools
     ) -> tuple[Hits, Bools]:
         """Hits (n,) in float64 of the chosen ones that Embree found, of which some may come to nothing."""
         prim = found["primID"][chosen].astype(np.int64)
@@ -238,11 +242,13 @@ class Layer:
         part = self._parts[(prim[in_parts] - self._n_whole) % len(self._parts)]
         u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
         if is_curved.all():
-            return self._on_curved(k, u, v, origins, directions)
-        hits, is_met = Hits.none(len(k), True), np.ones(len(k), bool)
+            return self._on_curved(k, u, v, origins, directions, is_inside)
+        hits, is_met = Hits.none(len(k), self.curved), np.ones(len(k), bool)
         flat, bent = np.flatnonzero(~is_curved), np.flatnonzero(is_curved)
         hits.put(flat, self._on_facets(k[flat], origins[flat], directions[flat]))
-        some, is_met[bent] = self._on_curved(k[bent], u[bent], v[bent], origins[bent], directions[bent])
+        some, is_met[bent] = self._on_curved(
+            k[bent], u[bent], v[bent], origins[bent], directions[bent], is_inside[bent]
+        )
         hits.put(bent, some)
         return hits, is_met
 
@@ -268,7 +274,7 @@ class Layer:
             if not hit.all():
                 lost.append(rays[~hit & is_inside[rays]])
                 rays, start, step, far, o, d = (x[hit] for x in (rays, start, step, far, o, d))
-            some, is_met = self._refine(found, hit, o, d)
+            some, is_met = self._refine(found, hit, o, d, is_inside[rays])
             is_true, is_wrong = accept(rays, some)
             is_true &= is_met
             if is_true.all():
@@ -283,71 +289,84 @@ class Layer:
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
         return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
 
-    def _rescue(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
+    def _rescue(
+        self, origins: Floats, directions: Floats, rays: Ints, is_inside: Bools, accept: Accept, hits: Hits
+    ) -> None:
         """Find in float64 what Embree let through: it loses some of the rays that are aimed at vertices and edges.
 
         Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
         """
         o, d = origins[rays], directions[rays]
-        best = Hits.none(len(rays), self.curved is not None)
+        best = Hits.none(len(rays), self.curved)
         aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
         aside /= np.linalg.norm(aside, axis=1, keepdims=True)
         upward = np.cross(d, aside)
         for turn in range(BESIDE):
             angle = 2 * np.pi * turn / BESIDE
             moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
-            self._nearest_of_all(moved, o, d, rays, accept, best)
+            self._nearest_of_all(moved, o, d, rays, is_inside[rays], accept, best)
         is_found = best.triangle >= 0
         hits.put(rays[is_found], best.at(is_found))
-        self._test_in_float64(origins, directions, rays[~is_found], accept, hits)
+        self._test_in_float64(origins, directions, rays[~is_found], is_inside, accept, hits)
 
     def _nearest_of_all(
-        self, beside: Floats, origins: Floats, directions: Floats, rays: Ints, accept: Accept, best: Hits
+        self,
+        beside: Floats,
+        origins: Floats,
+        directions: Floats,
+        rays: Ints,
+        is_inside: Bools,
+        accept: Accept,
+        best: Hits,
     ) -> None:
         """Put into `best` the nearest true hit of rays among all triangles that rays beside them meet."""
         live = np.arange(len(rays))
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
         start = -2 * step
         while len(live):
-            o, d = origins[live], directions[live]
-            found, far = self._shoot(beside[live], d, start)
+            found, far = self._shoot(beside[live], directions[live], start)
             met = found["primID"] >= 0
-            live, start, step, far, o, d = (x[met] for x in (live, start, step, far, o, d))
-            some, is_met = self._refine(found, met, o, d)
-            is_near = (some.distance > -self.tolerance) & (some.distance < best.distance[live])
-            is_within = _is_within(some.u, some.v)
-            if self.curved is not None:
-                is_within |= self.curved.row[some.triangle] >= 0
-            good = np.flatnonzero(is_met & is_within & is_near)
-            good = good[accept(rays[live[good]], some.at(good))[0]]
-            best.put(live[good], some.at(good))
+            live, start, step, far = (x[met] for x in (live, start, step, far))
+            some, is_met = self._refine(found, met, origins[live], directions[live], is_inside[live])
+            self._keep_nearest(live, some, is_met & self._is_on_face(some), rays, accept, best)
             start = np.maximum(far, start) + step
             step = 2 * step
 
-    def _test_in_float64(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
+    def _is_on_face(self, hits: Hits) -> Bools:
+        """Are hits within their faces? On curved ones that are met they are."""
+        is_within = _is_within(hits.u, hits.v)
+        return is_within if self.curved is None else is_within | (self.curved.row[hits.triangle] >= 0)
+
+    def _keep_nearest(self, i: Ints, found: Hits, is_met: Bools, rays: Ints, accept: Accept, best: Hits) -> None:
+        """Put into `best`, which has a row for each of some rays, what was found for its rows i where it is nearer."""
+        good = np.flatnonzero(is_met & (found.distance > -self.tolerance) & (found.distance < best.distance[i]))
+        good = good[accept(rays[i[good]], found.at(good))[0]]
+        good = good[np.argsort(-found.distance[good], kind="stable")]  # nearest last, so that it is the one that stays
+        best.put(i[good], found.at(good))
+
+    def _test_in_float64(
+        self, origins: Floats, directions: Floats, rays: Ints, is_inside: Bools, accept: Accept, hits: Hits
+    ) -> None:
         """Test rays against every triangle, as far as the budget goes."""
         budget = max(1, RESCUE_TESTS // self.n_triangles)
         per_chunk = max(1, 2_000_000 // self.n_triangles)
         for first in range(0, min(len(rays), budget), per_chunk):
             some = rays[first : first + per_chunk]
-            o, d = origins[some, None], directions[some, None]
-            found = self._on_facets(slice(None), o, d)
-            is_near = _is_within(found.u, found.v)
+            o, d = origins[some], directions[some]
+            best = Hits.none(len(some), self.curved)
+            on_planes = self._on_facets(slice(None), o[:, None], d[:, None])
+            is_flat = _is_within(on_planes.u, on_planes.v)
             if self.curved is not None:
-                is_near = np.where(self.curved.row >= 0, self.curved.may_meet(o, d), is_near)
-            i, k = np.nonzero(is_near)
-            o, d = o[i, 0], d[i, 0]
-            found = self._on_facets(k, o, d)
-            if self.curved is not None:
-                bent = np.flatnonzero(self.curved.row[k] >= 0)
-                third = np.full(len(bent), 1 / 3)
-                exact, is_met = self._on_curved(k[bent], third, third, o[bent], d[bent])
-                exact.distance[~is_met] = -np.inf
-                found.put(bent, exact)
-            is_true = np.flatnonzero(found.distance > -self.tolerance)
-            is_true = is_true[accept(some[i[is_true]], found.at(is_true))[0]]
-            nearest_last = is_true[np.argsort(-found.distance[is_true], kind="stable")]  # so that it is what stays
-            hits.put(some[i[nearest_last]], found.at(nearest_last))
+                is_flat &= self.curved.row < 0
+                i, k = np.nonzero(self.curved.may_meet(o[:, None], d[:, None]) & (self.curved.row >= 0))
+                for u, v in STARTS:  # a ray that grazes meets a face twice
+                    at = np.full(len(i), u), np.full(len(i), v)
+                    found, is_met = self._on_curved(k, *at, o[i], d[i], is_inside[some[i]])
+                    self._keep_nearest(i, found, is_met, some, accept, best)
+            i, k = np.nonzero(is_flat)
+            self._keep_nearest(i, self._on_facets(k, o[i], d[i]), np.ones(len(i), bool), some, accept, best)
+            is_found = best.triangle >= 0
+            hits.put(some[is_found], best.at(is_found))
 
 
 def _is_within(u: Floats, v: Floats) -> Bools:

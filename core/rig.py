@@ -32,6 +32,7 @@ class Mesh:
         the normal is interpolated
     has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
         they only say where the surface is smooth, and its own normals are found from the vertices
+    rounding : m, by which vertices may be off because they were rounded
     """
 
     vertices: Floats
@@ -41,6 +42,7 @@ class Mesh:
     uv: Floats | None = None
     surface: Literal["smooth", "facets"] = "smooth"
     has_mean_normals: bool = False
+    rounding: float = 0.0
 
     @property
     def corners(self) -> Floats:

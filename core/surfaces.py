@@ -84,7 +84,9 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
         n_contradicted = int((is_smooth & ~is_usable).sum())
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max(initial=0.0)
-        if mesh.surface == "smooth" and turn > LEAST_TURN:
+        # what rounding does to the slopes of faces through the vertices, against what bent normals miss
+        slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
+        if mesh.surface == "smooth" and turn > max(LEAST_TURN, np.sqrt(8 * slope)):
             curved = make_curved(mesh.vertices, index, by_corner, is_bent, edges, normals, mesh.has_mean_normals)
             if curved is not None:
                 is_bent &= curved.row < 0
@@ -104,7 +106,8 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
 def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000) -> Mesh:
     """The surface that is traced, in triangles so fine that it turns by less than an angle (radians) over each.
 
-    Corner normals are those of the curved faces; flat triangles are as drawn. The same mesh where nothing is curved.
+    Corner normals are those of the curved faces; flat triangles are parted, too, so that no edge meets the middle of
+    another, and stay as drawn. The same mesh where nothing is curved.
 
     Parameters
     ----------
@@ -114,27 +117,27 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     curved = surface.curved
     if curved is None:
         return mesh
-    triangle = curved.triangle
-    k = curved.parts(angle, max(1, int(np.sqrt(most / len(triangle)))))
+    k = curved.parts(angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
     weights, parts = grid(k)
-    points = curved.points_on(k)
-    normals = np.empty_like(points)
-    for i, weight in enumerate(weights):
-        n = len(triangle)
-        normals[:, i] = curved.normals(triangle, np.full(n, weight[1]), np.full(n, weight[2]))
-    flat = np.flatnonzero(curved.row < 0)
-    by_corner = np.repeat(surface.normals[flat, None], 3, axis=1)
+    points, normals = np.matmul(weights, surface.corners), np.empty((len(mesh.triangles), len(weights), 3))
+    normals[:] = surface.normals[:, None]
     if surface.corner_normals is not None:
-        by_corner = np.where(surface.is_bent[flat, None, None], surface.corner_normals[flat], by_corner)
-    index, n_points = _shared_points(mesh.triangles[triangle], k)
+        bent = surface.is_bent
+        normals[bent] = normalise(np.matmul(weights, surface.corner_normals[bent]))
+    triangle = curved.triangle
+    points[triangle] = curved.points_on(k)
+    for i, weight in enumerate(weights):
+        u, v = (np.full(len(triangle), w) for w in weight[1:])
+        normals[triangle, i] = curved.normals(triangle, u, v)
+    index, n_points = _shared_points(mesh.triangles, k)
     vertices = np.empty((max(n_points, len(mesh.vertices)), 3))
     vertices[: len(mesh.vertices)] = mesh.vertices
     vertices[index] = points
     return Mesh(
         vertices,
-        np.concatenate([index[:, parts].reshape(-1, 3), mesh.triangles[flat]]),
-        np.concatenate([normals[:, parts].reshape(-1, 3, 3), by_corner]),
-        np.concatenate([np.ones(len(triangle) * k * k, bool), surface.is_bent[flat]]),
+        index[:, parts].reshape(-1, 3),
+        normals[:, parts].reshape(-1, 3, 3),
+        np.repeat(surface.is_bent | (curved.row >= 0), k * k),
         surface="facets",
     )
 

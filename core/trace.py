@@ -195,25 +195,36 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
     rays.add_to_branch(beside, np.full(len(beside), plan.patch[-1]), _LAND)
 
 
-def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
+def _shading_normals(plan: Plan, hits: Hits) -> tuple[Floats, Floats]:
     """Geometric and shading normals (n, 3), both turned against the ray."""
     geometric = plan.normals[hits.triangle]
-    front = hits.enters
+    shading = geometric
+    if hits.facing is not None:
+        curved = np.flatnonzero(hits.facing.any(axis=1))
+        geometric[curved] = normalise(hits.facing[curved])
     if hits.normal is not None:
         curved = np.flatnonzero(hits.normal.any(axis=1))
-        geometric[curved] = normalise(hits.normal[curved])
-        front = dot(directions, geometric) < 0
-    geometric = np.where(front[:, None], geometric, -geometric)
-    if plan.corner_normals is None:
+        shading = geometric.copy()
+        shading[curved] = normalise(hits.normal[curved])
+    if plan.corner_normals is not None:
+        bent = np.flatnonzero(plan.is_bent[hits.triangle])
+        corners = plan.corner_normals[hits.triangle[bent]]
+        shading = geometric.copy() if shading is geometric else shading
+        shading[bent] = normalise(interpolate(corners, hits.u[bent], hits.v[bent]))
+    front = hits.enters[:, None]
+    if shading is geometric:
+        geometric = np.where(front, geometric, -geometric)
         return geometric, geometric
-    bent = np.flatnonzero(plan.is_bent[hits.triangle])
-    shading = normalise(interpolate(plan.corner_normals[hits.triangle[bent]], hits.u[bent], hits.v[bent]))
-    shading = np.where(front[bent, None], shading, -shading)
-    # where the bent normal looks away from the ray the face's own one is kept
-    facing = dot(directions[bent], shading) < 0
-    both = geometric.copy()
-    both[bent[facing]] = shading[facing]
-    return geometric, both
+    return np.where(front, geometric, -geometric), np.where(front, shading, -shading)
+
+
+def _facing_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
+    """The same, but where the shading normal looks away from the ray the geometric one in its place."""
+    geometric, shading = _shading_normals(plan, hits)
+    if shading is not geometric:
+        away = dot(directions, shading) >= 0
+        shading[away] = geometric[away]
+    return geometric, shading
 
 
 def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
@@ -235,7 +246,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     if not len(i):
         return
     directions = rays.directions[i]
-    geometric, shading = _shading_normals(plan, directions, hits)
+    geometric, shading = _facing_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1 / n2)
     # a bent normal can send light to the wrong side of the face it met: there the face's own normal is used
     wrong = (dot(out, geometric) > 0) != is_tir
@@ -257,7 +268,7 @@ def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
 
 def _meet_mirror(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     directions = rays.directions[i]
-    geometric, shading = _shading_normals(plan, directions, hits)
+    geometric, shading = _facing_normals(plan, directions, hits)
     out = reflect(directions, shading)
     wrong = dot(out, geometric) < 0
     out[wrong] = reflect(directions[wrong], geometric[wrong])

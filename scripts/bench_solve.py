@@ -61,9 +61,8 @@ def main() -> None:
     if arguments.case:
         print(json.dumps(measure(arguments.case, arguments.runs)))
         return
-    print(
-        f"{'case':<36} {'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8} {'rays':>9} {'peak MB':>8}"
-    )
+    heads = f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8} {'rays':>9} {'peak MB':>8}"
+    print(f"{'case':<36} {heads}")
     for name in CASES:
         command = [sys.executable, __file__, "--case", name, "--runs", str(arguments.runs)]
         m = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)

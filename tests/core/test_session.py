@@ -279,3 +279,10 @@ def test_a_fine_mesh_is_left_flat():
     normals = fine.corner_normals + 30 * geometric_normals(fine.corners)[:, None]
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     assert surfaces.make_surface(replace(fine, corner_normals=normals)).curved is None
+
+
+def test_a_mesh_whose_rounding_shows_is_left_flat():
+    """Vertices rounded so coarsely that a fine face's slope is lost in it are not made to carry curved faces."""
+    fine = icosphere(0.025, 5)
+    assert surfaces.make_surface(replace(fine, rounding=1e-9)).curved is not None
+    assert surfaces.make_surface(replace(fine, rounding=1e-6)).curved is None

@@ -1,0 +1,768 @@
+"""Curved faces: how exact they are, that they have no cracks and no leaks, and where they give way to the facet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_forms import unit
+from reference_rigs import cube_rig, icosphere, mean_normals, rig, split_quads, torus, uv_ellipsoid, wavy_slab
+
+from kiriko.core.curved import grid
+from kiriko.core.meshes import find_edges
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.ray_engine import Hits, Layer
+from kiriko.core.rig import Mesh
+from kiriko.core.surfaces import make_surface, tessellate
+from kiriko.core.trace import Reason, trace_all
+
+RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)
+WEIGHTS = grid(6)[0]  # barycentric: places on a face at which it is judged
+
+
+def ellipsoid_distance(radii):
+    """Signed distance, exact to first order near the surface, and the normal."""
+
+    def judge(p):
+        gradient = 2 * p / np.square(radii)
+        return (((p / radii) ** 2).sum(axis=1) - 1) / np.linalg.norm(gradient, axis=1), unit(gradient)
+
+    return judge
+
+
+def torus_distance(major, minor):
+    def judge(p):
+        rho = np.hypot(p[:, 0], p[:, 2])
+        across = np.stack([(rho - major) * p[:, 0] / rho, p[:, 1], (rho - major) * p[:, 2] / rho], axis=1)
+        return np.linalg.norm(across, axis=1) - minor, unit(across)
+
+    return judge
+
+
+def rounded_box_distance(half, radius):
+    def judge(p):
+        away = p - np.clip(p, -(half - radius), half - radius)
+        return np.linalg.norm(away, axis=1) - radius, unit(away)
+
+    return judge
+
+
+def outward(vertices, triangles, inside=(0, 0, 0)):
+    """Triangles of a star-shaped shell, wound to look out."""
+    corners = vertices[triangles] - inside
+    turned = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) < 0
+    return np.where(turned[:, None], triangles[:, ::-1], triangles)
+
+
+def own_normals(vertices, triangles):
+    corners = vertices[triangles]
+    return unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
+def all_smooth(vertices, triangles):
+    """A mesh shaded smooth all over, with means for normals."""
+    count = len(triangles)
+    return mean_normals(Mesh(vertices, triangles, np.zeros((count, 3, 3)), np.ones(count, bool)))
+
+
+def frustum(segments, bottom, top, height, rings=1):
+    """Vertices, sides and caps (polygons as fans) of a cylinder or a truncated cone around y."""
+    angle = 2 * np.pi * np.arange(segments) / segments
+    circle = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    levels = np.linspace(0, 1, rings + 1)
+    vertices = np.concatenate([
+        circle * (bottom + s * (top - bottom)) + [0, (s - 0.5) * height, 0] for s in levels
+    ])  # fmt: skip
+    index = np.pad(np.arange(len(vertices)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap")
+    fan = np.array([[0, i, i + 1] for i in range(1, segments - 1)])
+    caps = np.concatenate([fan, fan + rings * segments])
+    return vertices, outward(vertices, split_quads(index)), outward(vertices, caps)
+
+
+def cylinder(segments=32, rings=4, radius=0.02, height=0.04):
+    """Smooth sides with the cylinder's own normals, flat caps: sharp rims."""
+    vertices, sides, caps = frustum(segments, radius, radius, height, rings)
+    normals = np.concatenate([
+        unit(vertices[sides] * [1, 0, 1]), np.repeat(own_normals(vertices, caps)[:, None], 3, axis=1)
+    ])  # fmt: skip
+    return Mesh(vertices, np.concatenate([sides, caps]), normals, np.arange(len(normals)) < len(sides))
+
+
+def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
+    """Two spherical faces around y that meet in a sharp rim, with the spheres' own normals."""
+    height = np.sqrt(curvature**2 - radius**2)
+    polar = np.arcsin(radius / curvature) * np.arange(1, rings + 1) / rings
+    angle = 2 * np.pi * np.arange(segments) / segments
+    t, a = (x.ravel() for x in np.meshgrid(polar, angle, indexing="ij"))
+    front = np.stack([np.sin(t) * np.cos(a), np.cos(t) - height / curvature, np.sin(t) * np.sin(a)], axis=1) * curvature
+    front[-segments:, 1] = 0
+    n = len(front) - segments
+    vertices = np.concatenate([front, front[:n] * [1, -1, 1], [[0, curvature - height, 0], [0, height - curvature, 0]]])
+    rim, triangles, normals = n + np.arange(segments), [], []
+    for start, apex, centre in ((0, len(vertices) - 2, -height), (n + segments, len(vertices) - 1, height)):
+        index = np.concatenate([start + np.arange(n).reshape(rings - 1, segments), rim[None]])
+        index = np.concatenate([index, index[:, :1]], axis=1)
+        tip = np.stack([np.full(segments, apex), index[0, :-1], index[0, 1:]], axis=1)
+        triangles.append(outward(vertices, np.concatenate([split_quads(index), tip])))
+        normals.append(unit(vertices[triangles[-1]] - [0, centre, 0]))
+    triangles = np.concatenate(triangles)
+    return Mesh(vertices, triangles, np.concatenate(normals), np.ones(len(triangles), bool))
+
+
+def hollow(outer=None, inner=None):
+    """A ball with a ball-shaped cavity, its faces wound out of the glass."""
+    outer, inner = outer or icosphere(RADIUS, 3), inner or icosphere(0.8 * RADIUS, 3)
+    return Mesh(
+        np.concatenate([outer.vertices, inner.vertices]),
+        np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.vertices)]),
+        np.concatenate([outer.corner_normals, -inner.corner_normals[:, ::-1]]),
+        np.concatenate([outer.is_smooth, inner.is_smooth]),
+    )
+
+
+def rounded_box(half, radius, cuts):
+    """A box whose edges are rounded by 2 cuts faces each, shaded smooth all over with means for normals."""
+    line = np.tan(np.linspace(0, np.pi / 4, cuts + 1)) * radius + half - radius
+    line = np.concatenate([-line[::-1], line])
+    index = np.arange(len(line) ** 2).reshape(len(line), -1)
+    a, b = (x.ravel() for x in np.meshgrid(line, line, indexing="ij"))
+    sides = [np.roll(np.stack([a, b, np.full_like(a, s)], axis=1), k, axis=1) for k in range(3) for s in (-half, half)]
+    on_cube = np.concatenate(sides)
+    core = np.clip(on_cube, radius - half, half - radius)
+    _, kept, of = np.unique(np.round(on_cube / half * 1e6).astype(int), axis=0, return_index=True, return_inverse=True)
+    vertices = (core + radius * unit(on_cube - core))[kept]
+    triangles = np.concatenate([split_quads(index) + k * len(a) for k in range(6)])
+    return all_smooth(vertices, outward(vertices, of.ravel()[triangles]))
+
+
+def bevelled_cube(half, bevel):
+    """A cube with a chamfer on each edge, shaded smooth all over with means for normals."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    vertices = np.concatenate([signs * np.roll([half, half - bevel, half - bevel], k) for k in range(3)])
+    axes = [np.array(a) for a in np.ndindex(3, 3, 3) if a != (1, 1, 1)]
+    triangles = []
+    for axis in axes:  # 6 faces, 12 chamfers, 8 corners: the vertices that lie farthest along each
+        height = vertices @ unit(axis - 1.0)
+        on = np.flatnonzero(height > height.max() - 1e-9)
+        away = vertices[on] - vertices[on].mean(axis=0)
+        turn = np.arctan2(
+            np.cross(axis - 1.0, away[0]) @ away.T / np.sqrt((axis - 1.0) @ (axis - 1.0)), away[0] @ away.T
+        )
+        on = on[np.argsort(turn)]
+        triangles += [[on[0], on[i], on[i + 1]] for i in range(1, len(on) - 1)]
+    return all_smooth(vertices, outward(vertices, np.array(triangles)))
+
+
+CLOSED = {
+    "ball 1280": lambda: icosphere(RADIUS, 3),
+    "ball 32 x 16": lambda: uv_ellipsoid(RADIUS),
+    "torus": lambda: torus(*TORUS),
+    "lens": lens,
+    "cylinder 32 x 4": cylinder,
+    "cylinder 8 x 1": lambda: cylinder(8, 1),
+    "hollow ball": hollow,
+    "wavy slab": wavy_slab,
+}
+MIXED = ("cylinder 32 x 4", "cylinder 8 x 1", "wavy slab")  # curved faces beside flat ones
+ANALYTIC = {
+    "ball": (lambda n: uv_ellipsoid(RADIUS, n, n // 2), ellipsoid_distance(np.full(3, RADIUS))),
+    "ellipsoid": (lambda n: uv_ellipsoid(RADII, n, n // 2), ellipsoid_distance(np.array(RADII))),
+    "torus": (lambda n: torus(*TORUS, n, n // 2), torus_distance(*TORUS)),
+}
+closed = pytest.mark.parametrize("name", CLOSED)
+normals_kinds = pytest.mark.parametrize("has_mean_normals", [False, True], ids=["own", "mean"])
+
+
+def meshes(name, has_mean_normals=False):
+    mesh = CLOSED[name]()
+    return mean_normals(mesh) if has_mean_normals else mesh
+
+
+def places(curved):
+    """Triangles (n,) and barycentric weights (n, 3) all over the curved faces."""
+    return np.repeat(curved.triangle, len(WEIGHTS)), np.tile(WEIGHTS, (len(curved.triangle), 1))
+
+
+def bulge(mesh, chosen=None):
+    """Largest distance of curved faces from their facets over their longest edge; 0 where none is curved."""
+    curved = make_surface(mesh).curved
+    if curved is None:
+        return 0.0
+    corners = mesh.corners[curved.triangle]
+    off = np.linalg.norm(curved.points_on(6) - np.matmul(WEIGHTS, corners), axis=2).max(axis=1)
+    off /= np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return off[np.ones(len(off), bool) if chosen is None else chosen[curved.triangle]].max(initial=0.0)
+
+
+def rms(x):
+    return np.sqrt((x**2).mean())
+
+
+# How exact
+
+
+@normals_kinds
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_normals):
+    """Half the edge: at least 2^4.95 times nearer to the surface (2^4.75 at worst), the normal 2^3.85 times."""
+    make, judge = ANALYTIC[name]
+    errors = []
+    for n in (32, 64, 128):
+        mesh = mean_normals(make(n)) if has_mean_normals else make(n)
+        surface = make_surface(mesh)
+        assert (surface.curved.row >= 0).all()
+        assert surface.n_contradicted == 0
+        k, w = places(surface.curved)
+        distance, normal = judge(surface.curved.points(k, w[:, 1], w[:, 2]))
+        turned = np.linalg.norm(surface.curved.normals(k, w[:, 1], w[:, 2]) - normal, axis=1)
+        errors.append([rms(distance), rms(turned), np.abs(distance).max()])
+    orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:]).min(axis=0)
+    assert orders[0] > 4.95
+    assert orders[1] > 3.85
+    assert orders[2] > 4.75
+
+
+@normals_kinds
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_at_32_x_16_curved_faces_are_far_nearer_than_facets(name, has_mean_normals):
+    """100 times in position against facets, 5 in the normal against interpolated ones, rms (the ball's own aside)."""
+    make, judge = ANALYTIC[name]
+    mesh = mean_normals(make(32)) if has_mean_normals else make(32)
+    curved = make_surface(mesh).curved
+    k, w = places(curved)
+    distance, normal = judge(curved.points(k, w[:, 1], w[:, 2]))
+    flat, facing = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))
+    assert rms(distance) * 100 < rms(flat)
+    if name != "ball" or has_mean_normals:  # interpolated own normals of a ball are exact
+        drawn = unit(np.einsum("nc,nci->ni", w, mesh.corner_normals[k]))
+        turned = np.linalg.norm(curved.normals(k, w[:, 1], w[:, 2]) - normal, axis=1)
+        assert rms(turned) * 5 < rms(np.linalg.norm(drawn - facing, axis=1))
+
+
+# No cracks
+
+
+@normals_kinds
+@closed
+def test_neighbours_meet_on_their_edge(name, has_mean_normals):
+    """Both faces of an edge give the same points to rounding: the chord itself where one is flat or the edge sharp."""
+    mesh = meshes(name, has_mean_normals)
+    surface = make_surface(mesh)
+    curved, edges, size = surface.curved, find_edges(mesh.triangles), np.ptp(mesh.vertices, axis=0).max()
+    assert surface.n_open == 0
+    s = np.linspace(0, 1, 17)
+
+    def along(k, e, s):
+        w = np.zeros((len(k), len(s), 3))
+        n = np.arange(len(k))
+        w[n, :, e], w[n, :, (e + 1) % 3] = 1 - s, s
+        points = np.einsum("nsc,nci->nsi", w, mesh.corners[k])
+        bent = np.flatnonzero(curved.row[k] >= 0)
+        every = np.repeat(k[bent], len(s))
+        points[bent] = curved.points(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(-1, len(s), 3)
+        return points
+
+    assert not edges.is_same_way.any()
+    one = along(edges.first, edges.corner_first, s)
+    other = along(edges.second, edges.corner_second, s[::-1])
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-15 * size)
+    ends = np.stack([one[:, 0], one[:, -1]], axis=1)
+    exact = np.stack([mesh.corners[edges.first, (edges.corner_first + i) % 3] for i in (0, 1)], axis=1)
+    np.testing.assert_allclose(ends, exact, rtol=0, atol=1e-15 * size)
+    is_curved = (curved.row[edges.first] >= 0) & (curved.row[edges.second] >= 0)
+    normals = [mesh.corner_normals[t, c] for t, c in
+               ((edges.first, edges.corner_first), (edges.second, (edges.corner_second + 1) % 3))]  # fmt: skip
+    is_sharp = np.abs(normals[0] - normals[1]).max(axis=1) > 1e-3
+    straight = ~is_curved | is_sharp
+    chords = exact[:, :1] * (1 - s)[:, None] + exact[:, 1:] * s[:, None]
+    np.testing.assert_allclose(one[straight], chords[straight], rtol=0, atol=1e-15 * size)
+    assert straight.any() == (name in (*MIXED, "lens") or surface.n_contradicted > 0)
+
+
+@closed
+def test_a_closed_mesh_stays_closed_in_fine_triangles(name):
+    """Each edge of the tessellated mesh has two triangles, also where curved faces meet flat ones."""
+    fine = tessellate(meshes(name), np.radians(3))
+    assert len(fine.triangles) > 2 * len(CLOSED[name]().triangles)
+    assert find_edges(fine.triangles).n_open == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "volume"),
+    [
+        ("ball 1280", 4 / 3 * np.pi * RADIUS**3),
+        ("torus", 2 * np.pi**2 * TORUS[0] * TORUS[1] ** 2),
+        ("hollow ball", 4 / 3 * np.pi * RADIUS**3 * (1 - 0.8**3)),
+    ],
+)
+def test_the_volume_of_fine_triangles_is_the_analytic_one(name, volume):
+    """Tessellated to 1 degree: within 1.5e-4, where facets are off by 1e-2; half the angle, a third of the error."""
+    mesh = meshes(name)
+    off = [abs(make_surface(tessellate(mesh, np.radians(a))).as_flat().volume / volume - 1) for a in (2, 1)]
+    assert abs(make_surface(mesh).volume / volume - 1) > 50 * off[1]
+    assert off[1] < 1.5e-4
+    assert off[0] / off[1] > 2.5
+
+
+def test_where_nothing_is_curved_the_mesh_is_given_back():
+    """The very object: flat shading, surface "facets", or a cube with averaged normals."""
+    cube = all_smooth(*(lambda m: (m.vertices, m.triangles))(cube_rig().glasses[0].mesh))
+    for mesh in (cube_rig().glasses[0].mesh, replace(meshes("torus"), surface="facets"), cube):
+        assert tessellate(mesh) is mesh
+
+
+# No leaks
+
+
+def targets_of(mesh):
+    """All vertices, middles of edges and of faces, and the same on the curved faces."""
+    pairs = np.unique(np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    curved = make_surface(mesh).curved.points_on(2).reshape(-1, 3)
+    return np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1), mesh.corners.mean(axis=1), curved])
+
+
+def aimed(mesh, n, seed=1):
+    """Rays from outside at all targets, and n random ones."""
+    targets, random = targets_of(mesh), np.random.default_rng(seed)
+    reach = np.abs(mesh.vertices).max()
+    start = np.concatenate([np.tile([[0, -1.0, 0]], (len(targets), 1)), 0.2 * unit(random.normal(size=(n, 3)))])
+    return start, unit(np.concatenate([targets, random.uniform(-reach, reach, (n, 3))]) - start)
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.49])
+@normals_kinds
+@closed
+def test_no_ray_is_lost_inside(name, has_mean_normals, ior):
+    """What goes into a closed solid comes out: lost are only rays still totally reflected after all events."""
+    mesh = meshes(name, has_mean_normals)
+    o, d = aimed(mesh, 40_000)
+    landings = trace_all(make_plan(rig(mesh, ior=ior), Settings()), o, d)
+    assert (landings.reason != Reason.MISSED_GLASS).sum() > 15_000
+    leaked = (landings.reason == Reason.LOST_INSIDE) & (landings.n_events < Settings().max_events)
+    assert leaked.sum() == 0
+    if ior == 1.0:  # straight on, to the limit only where rounding holds them
+        assert (landings.reason != Reason.LOST_INSIDE).all()
+
+
+def leaving(i, hits):
+    return ~hits.enters & (hits.distance > 1e-7), hits.enters & (hits.distance > 1e-6)
+
+
+def entering(i, hits):
+    return hits.enters & (hits.distance > 1e-7), np.zeros(len(i), bool)
+
+
+@pytest.mark.parametrize("name", ["ball 1280", "ball 32 x 16", "lens", "cylinder 32 x 4", "cylinder 8 x 1"])
+def test_every_ray_from_inside_meets_the_surface(name):
+    """From two points inside convex glass, at all targets and 20 000 random ways."""
+    mesh = meshes(name)
+    surface = make_surface(mesh)
+    layer, random = Layer(surface.corners, surface.curved), np.random.default_rng(4)
+    targets = targets_of(mesh)
+    for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
+        d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
+        hits = layer.first_hits(np.tile(np.array(origin, float), (len(d), 1)), d, np.ones(len(d), bool), leaving)
+        assert np.isfinite(hits.distance).all()
+        reach = np.linalg.norm(targets - origin, axis=1)
+        assert (hits.distance[: len(targets)] > (1 - 1e-6) * reach)[: len(mesh.vertices)].all()
+
+
+@pytest.mark.parametrize("name", ["ball 32 x 16", "cylinder 32 x 4", "lens"])
+def test_rescued_rays_meet_what_others_meet(name):
+    """Tested in float64 against everything, a ray has the hit and the normal that Embree led it to."""
+    mesh = meshes(name)
+    surface = make_surface(mesh)
+    layer = Layer(surface.corners, surface.curved)
+    o, d = (x[-1000:] for x in aimed(mesh, 1000))
+    found = layer.first_hits(o, d, np.zeros(len(o), bool), entering)
+    for way in (layer._rescue, layer._test_in_float64):
+        other = Hits.none(len(o), surface.curved)
+        way(o, d, np.arange(len(o)), np.zeros(len(o), bool), entering, other)
+        assert np.array_equal(other.triangle, found.triangle)
+        hit = found.triangle >= 0
+        np.testing.assert_allclose(other.distance[hit], found.distance[hit], rtol=0, atol=1e-12)
+        curved = surface.curved.row[found.triangle] >= 0
+        for mine, theirs in ((other.facing, found.facing), (other.normal, found.normal)):
+            if theirs is not None:
+                np.testing.assert_allclose(unit(mine[curved]), unit(theirs[curved]), rtol=0, atol=1e-9)
+
+
+# Silhouettes
+
+OUTLINES = {
+    "ball 32 x 16": (lambda: uv_ellipsoid(RADIUS), ellipsoid_distance(np.full(3, RADIUS))),
+    "ball of 80": (lambda: icosphere(RADIUS, 1), ellipsoid_distance(np.full(3, RADIUS))),
+    "torus 32 x 16": (lambda: torus(*TORUS), torus_distance(*TORUS)),
+    "torus 16 x 8": (lambda: torus(*TORUS, 16, 8), torus_distance(*TORUS)),
+    "cylinder 32 x 1": (lambda: cylinder(32, 1), ellipsoid_distance(np.array([0.02, 1e9, 0.02]))),
+}
+
+
+def grazing(mesh, judge, n, depths, seed=5):
+    """Rays that pass the surface at depths (m, times its own error of position) below it, at random places and ways.
+
+    Returns origins, directions (n, 3) and how far the place under the surface is (n,).
+    """
+    curved, random = make_surface(mesh).curved, np.random.default_rng(seed)
+    k, w = random.choice(curved.triangle, n), random.dirichlet([1, 1, 1], n)
+    p = curved.points(k, w[:, 1], w[:, 2])
+    distance, normal = judge(p)
+    error = 1.2 * np.abs(judge(curved.points_on(6).reshape(-1, 3))[0]).max()
+    depth = np.exp(random.uniform(*np.log(depths), n)) + error
+    p -= (distance + depth)[:, None] * normal
+    d = unit(np.cross(normal, random.normal(size=(n, 3))))
+    reach = 2 * np.ptp(mesh.vertices, axis=0).max()
+    return p - reach * d, d, np.full(n, reach)
+
+
+@pytest.mark.parametrize(
+    ("name", "depths"),
+    [
+        ("ball 32 x 16", (1e-5, 1e-3)),
+        ("ball of 80", (1e-5, 1e-3)),
+        ("torus 32 x 16", (1e-5, 1e-3)),
+        ("torus 16 x 8", (1e-5, 1e-3)),
+        ("ball 32 x 16", (2e-7, 1e-5)),
+        ("cylinder 32 x 1", (2e-5, 5e-5)),
+    ],
+)
+def test_rays_between_facet_and_curved_face_are_found(name, depths):
+    """A ray to a point just inside the surface has met it before, however flat it comes in."""
+    make, judge = OUTLINES[name]
+    mesh = make()
+    surface = make_surface(mesh)
+    o, d, reach = grazing(mesh, judge, 20_000, depths)
+    if name.startswith("cylinder"):  # away from the rims, where the sides are held straight
+        some = np.abs((o + reach[:, None] * d)[:, 1]) < 0.004
+        o, d, reach = o[some], d[some], reach[some]
+    hits = Layer(surface.corners, surface.curved).first_hits(o, d, np.zeros(len(o), bool), entering)
+    # on the torus, where a ray can touch it along a third-order contact, two of 20 000 are let through
+    assert (hits.distance > reach).sum() <= (2 if name.startswith("torus") else 0)
+
+
+@pytest.mark.parametrize("name", ["ball 32 x 16", "ball of 80"])
+def test_rays_beyond_the_outline_meet_nothing(name):
+    """At more than the surface's own error from the ball's outline no ray meets it."""
+    make, judge = OUTLINES[name]
+    mesh, random = make(), np.random.default_rng(6)
+    surface = make_surface(mesh)
+    error = np.abs(judge(surface.curved.points_on(6).reshape(-1, 3))[0]).max()
+    d = unit(random.normal(size=(20_000, 3)))
+    away = unit(np.cross(d, random.normal(size=d.shape)))
+    beyond = 1.2 * error + np.exp(random.uniform(np.log(1e-9), np.log(1e-3), len(d)))
+    o = (RADIUS + beyond)[:, None] * away - 0.2 * d
+    hits = Layer(surface.corners, surface.curved).first_hits(o, d, np.zeros(len(o), bool), entering)
+    assert (hits.triangle < 0).all()
+
+
+@pytest.mark.parametrize("name", ["ball 32 x 16", "ball of 80"])
+def test_light_runs_along_the_surface_inside(name):
+    """30 total reflections at 1 to 6 degrees from the surface: each is found, within the surface's own error."""
+    make, judge = OUTLINES[name]
+    mesh, random = make(), np.random.default_rng(7)
+    surface = make_surface(mesh)
+    layer = Layer(surface.corners, surface.curved)
+    error = np.abs(judge(surface.curved.points_on(6).reshape(-1, 3))[0]).max()
+    up = unit(random.normal(size=(500, 3)))
+    d = unit(np.cross(up, random.normal(size=up.shape)))
+    o = 0.5 * (1 + np.cos(np.linspace(0.03, 0.15, len(d))))[:, None] * (RADIUS - 2 * error) * up
+    for _ in range(30):
+        hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving)
+        assert np.isfinite(hits.distance).all()
+        o = o + hits.distance[:, None] * d
+        assert np.abs(judge(o)[0]).max() < 1.2 * error + 1e-12
+        normal = unit(hits.facing)
+        d = d - 2 * (d * normal).sum(axis=1, keepdims=True) * normal
+        o = o - 1e-9 * normal
+
+
+def test_the_outline_of_a_cavity_is_found():
+    """Rays in the glass that pass a point 20 um to 1 mm inside the cavity have met its wall before."""
+    inner = 0.8 * RADIUS
+    surface = make_surface(hollow())
+    random = np.random.default_rng(8)
+    up = unit(random.normal(size=(20_000, 3)))
+    d = unit(np.cross(up, random.normal(size=up.shape)))
+    depth = np.exp(random.uniform(np.log(2e-5), np.log(1e-3), len(d)))
+    reach = 0.9 * np.sqrt((0.99 * RADIUS) ** 2 - (inner - depth) ** 2)  # from a place in the glass
+    o = (inner - depth)[:, None] * up - reach[:, None] * d
+    layer = Layer(surface.corners, surface.curved)
+    hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving)
+    assert (hits.distance > reach).sum() == 0
+    half_chord = np.sqrt(inner**2 - (inner - depth) ** 2)
+    np.testing.assert_allclose(hits.distance, reach - half_chord, rtol=0, atol=1e-7)
+
+
+# Where curved faces give way
+
+
+def landings_of(mesh, surface="smooth", n=40):
+    """Landings of rays that avoid the edges in the rig's planes of symmetry."""
+    a_rig = rig(replace(mesh, surface=surface))
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(3.3, 509.1, n), np.linspace(2.7, 510.9, n)))
+    return trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(np.stack([x, y], axis=1)))
+
+
+def is_same(one, other):
+    """Landings equal bit for bit."""
+    return all(
+        np.array_equal(getattr(one, f), getattr(other, f), equal_nan=f == "xy") for f in ("reason", "xy", "directions")
+    )
+
+
+def spoilt(kind):
+    """A ball's mesh whose corner normals are all of no use."""
+    mesh = uv_ellipsoid(RADIUS)
+    normals = mesh.corner_normals.copy()
+    if kind == "NaN":
+        normals[:] = np.nan
+    elif kind == "zero":
+        normals[:] = 0
+    elif kind == "inverted":
+        normals *= -1
+    else:  # one corner of each face looks back
+        normals[:, 1] *= -1
+    return replace(mesh, corner_normals=normals)
+
+
+@normals_kinds
+@pytest.mark.parametrize("kind", ["NaN", "zero", "inverted", "flipped within a face"])
+def test_useless_normals_give_way_to_the_facets_own(kind, has_mean_normals):
+    """All counted, none curved, and the light goes as through flat-shaded faces, bit for bit."""
+    mesh = replace(spoilt(kind), has_mean_normals=has_mean_normals)
+    surface = make_surface(mesh)
+    assert surface.curved is None
+    assert surface.n_contradicted == len(mesh.triangles)
+    found = landings_of(mesh)
+    assert found.has_arrived.any()
+    assert is_same(found, landings_of(replace(mesh, corner_normals=None, is_smooth=None)))
+
+
+@pytest.mark.parametrize("kind", ["NaN", "zero", "inverted", "flipped within a face"])
+def test_one_useless_face_leaves_the_others_curved(kind):
+    """One face of a ball: it alone is counted, its neighbours meet it straight, nothing is NaN, nothing leaks."""
+    mesh, bad = uv_ellipsoid(RADIUS), spoilt(kind)
+    normals = mesh.corner_normals.copy()
+    normals[500] = bad.corner_normals[500]
+    mesh = replace(mesh, corner_normals=normals)
+    surface = make_surface(mesh)
+    assert surface.n_contradicted == 1
+    assert np.flatnonzero(surface.curved.row < 0).tolist() == [500]
+    assert (surface.curved.neighbour < 0).sum() == 3
+    assert np.isfinite(surface.curved.coefficients).all()
+    o, d = aimed(mesh, 5000)
+    found = trace_all(make_plan(rig(mesh), Settings()), o, d)
+    assert np.isfinite(found.directions).all()
+    assert not ((found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)).any()
+
+
+@normals_kinds
+def test_wild_normals_never_make_a_nan(has_mean_normals):
+    """Random corner normals: what is curved is finite, what is not is counted, directions stay unit."""
+    random = np.random.default_rng(9)
+    mesh = icosphere(RADIUS, 2)
+    for spread in (0.1, 0.5, 2.0):
+        wild = unit(mesh.corner_normals + spread * random.normal(size=mesh.corner_normals.shape))
+        some = replace(mesh, corner_normals=wild, has_mean_normals=has_mean_normals)
+        surface = make_surface(some)
+        n_curved = 0 if surface.curved is None else len(surface.curved.triangle)
+        assert surface.n_contradicted + n_curved == len(mesh.triangles)
+        found = landings_of(some)
+        np.testing.assert_allclose(np.linalg.norm(found.directions, axis=1), 1, atol=1e-12)
+        assert np.isfinite(found.xy[found.has_arrived]).all()
+    assert surface.n_contradicted > 0.5 * len(mesh.triangles)
+
+
+def test_degenerate_and_sliver_triangles_are_harmless():
+    """Faces without area, and of 1e-9 of the others' width, in a smooth ball: finite, closed, no ray lost."""
+    mesh = icosphere(RADIUS, 2)
+    a, b, c = mesh.triangles[7]
+    for share in (0.5, 1e-9, 0.0):  # a vertex on the edge from a to b; no area at all where it falls on a corner
+        at = (1 - share) * mesh.vertices[a] + share * mesh.vertices[b]
+        new = len(mesh.vertices)
+        beside = next(t for t in range(len(mesh.triangles)) if t != 7 and {a, b} <= set(mesh.triangles[t]))
+        opposite = next(iter(set(mesh.triangles[beside]) - {a, b}))
+        kept = np.delete(mesh.triangles, [7, beside], axis=0)
+        triangles = np.concatenate([kept, [[a, new, c], [new, b, c], [b, new, opposite], [new, a, opposite]]])
+        vertices = np.concatenate([mesh.vertices, [at]])
+        split = Mesh(vertices, triangles, unit(vertices)[triangles], np.ones(len(triangles), bool))
+        for some in (split, mean_normals(split)):
+            surface = make_surface(some)
+            assert surface.n_open == 0
+            assert np.isfinite(surface.curved.coefficients).all()
+            found = trace_all(make_plan(rig(some), Settings()), *aimed(some, 3000))
+            assert np.isfinite(found.directions).all()
+            assert not ((found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)).any()
+
+
+@normals_kinds
+def test_a_cube_with_averaged_normals_stays_a_cube(has_mean_normals):
+    """45 to 54 degrees off: all 12 faces fall back, and light goes as through the facets as drawn, bit for bit."""
+    cube = cube_rig().glasses[0].mesh
+    mesh = replace(all_smooth(cube.vertices, cube.triangles), has_mean_normals=has_mean_normals)
+    surface = make_surface(mesh)
+    assert surface.curved is None
+    assert surface.n_contradicted == 12
+    assert is_same(landings_of(mesh), landings_of(mesh, "facets"))
+
+
+def in_extreme_planes(mesh):
+    """Triangles that lie in a side of the mesh's own box."""
+    corners = mesh.corners
+    return np.any([(np.abs(corners - end) < 1e-9).all(axis=1).any(axis=1) for end in mesh.bounds], axis=0)
+
+
+FLAT_SIDED = {
+    **{f"bevel {b}": (lambda b=b: bevelled_cube(0.5, b)) for b in (0.02, 0.1)},
+    **{f"rounded {r} x {2 * n}": (lambda r=r, n=n: rounded_box(0.5, r, n)) for r in (0.02, 0.1) for n in (1, 2, 3)},
+    **{
+        f"frustum {n}, {top}": (lambda n=n, top=top: all_smooth(
+            *(lambda v, sides, caps: (v, np.concatenate([sides, caps])))(*frustum(n, 0.5, top, 1.0))
+        ))
+        for n in (8, 12, 32) for top in (0.5, 0.2)
+    },
+}  # fmt: skip
+
+
+@normals_kinds
+@pytest.mark.parametrize("name", FLAT_SIDED)
+def test_large_flat_faces_beside_bevels_and_caps_stay_flat(name, has_mean_normals):
+    """Averaged normals tilt at the rim of a flat face; it does not bulge by more than 1 % of its edges for that."""
+    mesh = replace(FLAT_SIDED[name](), has_mean_normals=has_mean_normals)
+    flat = in_extreme_planes(mesh)
+    assert flat.sum() >= 10
+    assert bulge(mesh, flat) < 0.01
+
+
+@normals_kinds
+@pytest.mark.parametrize("cuts", [1, 2, 3])
+def test_rounded_edges_are_nearer_to_round_than_facets(cuts, has_mean_normals):
+    """Of a box with edges of 2, 4, 6 faces: what is curved of it is nearer in rms, and nowhere much further off."""
+    mesh = replace(rounded_box(0.5, 0.1, cuts), has_mean_normals=has_mean_normals)
+    judge = rounded_box_distance(0.5, 0.1)
+    curved = make_surface(mesh).curved
+    k, w = places(curved)
+    distance, _ = judge(curved.points(k, w[:, 1], w[:, 2]))
+    flat, _ = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))
+    assert rms(distance) < 0.7 * rms(flat)
+    assert np.abs(distance).max() < 1.25 * np.abs(flat).max()
+
+
+def irregular_ball(shift, seed=10):
+    """A ball whose vertices were moved along it by up to a share of the edge, with its own normals."""
+    mesh, random = icosphere(RADIUS, 3), np.random.default_rng(seed)
+    edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
+    vertices = RADIUS * unit(mesh.vertices + shift * edge * random.uniform(-1, 1, mesh.vertices.shape))
+    return Mesh(vertices, mesh.triangles, unit(vertices)[mesh.triangles], mesh.is_smooth)
+
+
+@normals_kinds
+@pytest.mark.parametrize("shift", [0.1, 0.3])
+def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
+    """Vertices moved along the ball by 10 and 30 % of the edge: still 20 times nearer than facets, rms and at worst.
+
+    Where means of normals are too far off to be replaced, single faces are 3 times nearer only.
+    """
+    mesh = irregular_ball(shift)
+    mesh = mean_normals(mesh) if has_mean_normals else mesh
+    surface = make_surface(mesh)
+    k, w = places(surface.curved)
+    judge = ellipsoid_distance(np.full(3, RADIUS))
+    distance, flat = (
+        judge(surface.curved.points(k, w[:, 1], w[:, 2]))[0],
+        judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))[0],
+    )
+    assert surface.n_contradicted < 0.02 * len(mesh.triangles)
+    assert rms(distance) * 20 < rms(flat)
+    assert np.abs(distance).max() * (3 if has_mean_normals else 20) < np.abs(flat).max()
+
+
+@normals_kinds
+@pytest.mark.parametrize("stretch", [10, 100])
+def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
+    """Rings 1:10 and 1:100 of one another: off the cylinder by less than a tenth of what the facets are."""
+    vertices, sides, _ = frustum(32, 0.02, 0.02, 0.04, 8)
+    level = np.array([0, 0.2, 0.4, 0.4 + 0.4 / stretch, 0.5, 0.5 + 0.3 / stretch, 0.7, 0.7 + 0.1 / stretch, 1.0])
+    vertices[:, 1] = 0.04 * (np.repeat(level, 32) - 0.5)
+    mesh = Mesh(vertices, sides, unit(vertices[sides] * [1, 0, 1]), np.ones(len(sides), bool))
+    surface = make_surface(mean_normals(mesh) if has_mean_normals else mesh)
+    k, w = places(surface.curved)
+    p = surface.curved.points(k, w[:, 1], w[:, 2])
+    flat = 0.02 * (1 - np.cos(np.pi / 32))
+    p = p[np.abs(p[:, 1]) < 0.2 * 0.04]  # away from the open rims, where edges are straight
+    assert len(p) > 5000
+    assert np.abs(np.hypot(p[:, 0], p[:, 2]) - 0.02).max() < 0.1 * flat
+
+
+@normals_kinds
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_noise_on_a_ball_is_not_blown_up(noise, has_mean_normals):
+    """Vertices off the ball by 1 and 5 % of the edge: curved faces are off by less than 1.5 times that."""
+    mesh, random = icosphere(RADIUS, 3), np.random.default_rng(11)
+    edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
+    vertices = mesh.vertices * (1 + noise * edge / RADIUS * random.uniform(-1, 1, len(mesh.vertices)))[:, None]
+    bumpy = replace(all_smooth(vertices, mesh.triangles), has_mean_normals=has_mean_normals)
+    curved = make_surface(bumpy).curved
+    k, w = places(curved)
+    off = np.abs(np.linalg.norm(curved.points(k, w[:, 1], w[:, 2]), axis=1) - RADIUS).max()
+    assert off < 1.5 * noise * edge
+
+
+# What does not change
+
+
+def test_flat_rigs_are_untouched():
+    """A cube has no curved faces, its hits no normals of them; landings do not depend on the setting, bit for bit."""
+    a_rig = cube_rig()
+    surface = make_surface(a_rig.glasses[0].mesh)
+    assert surface.curved is None
+    hits = Layer(surface.corners, surface.curved).first_hits(
+        *a_rig.viewer.rays(np.array([[256.0, 256.0]])), np.zeros(1, bool), entering
+    )
+    assert hits.facing is None
+    assert hits.triangle[0] >= 0
+    assert is_same(*(landings_of(a_rig.glasses[0].mesh, surface) for surface in ("smooth", "facets")))
+
+
+def shuffled(mesh, random):
+    """The same mesh with vertices and triangles in another order, each triangle beginning at another corner."""
+    order, triangles = random.permutation(len(mesh.vertices)), random.permutation(len(mesh.triangles))
+    where = np.argsort(order)
+    return replace(
+        mesh,
+        vertices=mesh.vertices[order],
+        triangles=np.roll(where[mesh.triangles][triangles], 1, axis=1),
+        corner_normals=np.roll(mesh.corner_normals[triangles], 1, axis=1),
+        is_smooth=mesh.is_smooth[triangles],
+    )
+
+
+@normals_kinds
+@pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "cylinder 8 x 1", "wavy slab"])
+def test_the_order_of_vertices_and_triangles_does_not_count(name, has_mean_normals):
+    """Landings through the shuffled mesh are the same to 1e-6 px, but for rays on edges."""
+    mesh = meshes(name, has_mean_normals)
+    one, other = landings_of(mesh), landings_of(shuffled(mesh, np.random.default_rng(12)))
+    both = one.has_arrived & other.has_arrived & (one.n_events == other.n_events)
+    assert both.sum() > 0.99 * one.has_arrived.sum() > 5
+    assert np.quantile(np.abs(one.xy - other.xy)[both], 0.99) < 1e-6
+
+
+@normals_kinds
+@pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "lens", "cylinder 32 x 4", "cylinder 8 x 1", "wavy slab"])
+def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
+    """Turned, scaled and moved: points within 1e-6 of the size (0.5 um of 50 mm glass), normals within 1e-4."""
+    mesh = meshes(name, has_mean_normals)
+    turn, _ = np.linalg.qr(np.random.default_rng(13).normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    here = make_surface(mesh).curved
+    moved = replace(
+        mesh, vertices=30 * mesh.vertices @ turn.T + [1, 2, -3], corner_normals=mesh.corner_normals @ turn.T
+    )
+    there = make_surface(moved).curved
+    assert np.array_equal(here.triangle, there.triangle)
+    k, w = places(here)
+    size = np.ptp(mesh.vertices, axis=0).max()
+    p, q = (c.points(k, w[:, 1], w[:, 2]) for c in (here, there))
+    n, m = (c.normals(k, w[:, 1], w[:, 2]) for c in (here, there))
+    assert np.abs(p - ((q - [1, 2, -3]) @ turn) / 30).max() < 1e-6 * size
+    assert np.abs(n - m @ turn).max() < 1e-4
