@@ -26,6 +26,7 @@ SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to 
 SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
 SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
 ITERATIONS = 12  # of Newton's method
+PATIENCE, HOPELESS = 6, 0.05  # after so many it is given up for rays whose steps in u, v are still larger
 CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
 BEYOND = 1e-10  # barycentric slack, so that a ray through an edge meets a face
 WALKS = 8  # faces a root may wander over
@@ -543,14 +544,15 @@ class CurvedFaces:
         return normal
 
     def meet(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, enters: Bools, least: float
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, leaves: Bools | None, least: float
     ) -> tuple[Ints, Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
         """Where rays meet the curved surface, beginning at u, v (n,) of triangles k.
 
         Parameters
         ----------
-        enters : (n,) are they expected from the front? Where a root is from the other side, the one before or after it
-            is looked for; but not for rays that leave the surface, whose root is nearer than `least`, m
+        leaves : (n,) do rays come from within, so that only hits from behind can be; None: from either side. Where a
+            root is of the other side, the one before or after it is looked for; but not for rays that have just left
+            the surface, whose root is nearer than `least`, m
 
         Returns
         -------
@@ -558,12 +560,14 @@ class CurvedFaces:
         face and the one (n, 3) by which it refracts, neither unit; is_met (n,)
         """
         *found, is_met = self._roots(k, u, v, origins, directions)
-        odd = np.flatnonzero(is_met & (found[4] != enters) & (~enters | (found[3] > least)))
+        if leaves is None:
+            return *found, is_met
+        odd = np.flatnonzero(is_met & (found[4] == leaves) & (leaves | (found[3] > least)))
         if len(odd):
             k, u, v = (x[odd] for x in found[:3])
             o, d = origins[odd], directions[odd]
             *other, is_other = self._roots(k, *self._across(k, u, v, d), o, d)
-            better = is_other & (other[4] == enters[odd])
+            better = is_other & (other[4] != leaves[odd])
             for mine, theirs in zip(found, other, strict=True):
                 mine[odd[better]] = theirs[better]
         return *found, is_met
@@ -641,29 +645,31 @@ class CurvedFaces:
         seen = np.stack([c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2] for a in across], axis=1)  # (14, 2, n)
         start = (across * away).sum(axis=1)
         u, v = u.copy(), v.copy()
-        live, terms, rest = slice(None), seen, start
+        live, terms, rest = np.arange(len(k)), seen, start
         done = np.zeros(len(k), bool)
-        for turn in range(ITERATIONS):
-            x, y = u[live], v[live]
-            f, by_u, by_v = _value_and_slopes(terms, x, y)
-            f += rest
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        # near a turning point the matrix is singular: such rays do not converge, and count as no hit
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for turn in range(ITERATIONS):
+                x, y = (u, v) if turn == 0 else (u[live], v[live])
+                f, by_u, by_v = _value_and_slopes(terms, x, y)
+                f += rest
                 det = 1.0 / (by_u[0] * by_v[1] - by_u[1] * by_v[0])
                 du = (f[1] * by_v[0] - f[0] * by_v[1]) * det
                 dv = (f[0] * by_u[1] - f[1] * by_u[0]) * det
                 size = np.maximum(np.abs(du), np.abs(dv))
-                limit = np.minimum(1.0, 0.5 / size)
-                # near a turning point the matrix is singular: such rays do not converge, and count as no hit
-                x = np.clip(np.nan_to_num(x + limit * du, nan=0.5), -1.0, 2.0)
-                y = np.clip(np.nan_to_num(y + limit * dv, nan=0.5), -1.0, 2.0)
+                limit = np.fmin(0.5 / size, 1.0)
+                # fmax and fmin put a number in the place of NaN
+                u[live] = np.fmin(np.fmax(x + limit * du, -1.0), 2.0)
+                v[live] = np.fmin(np.fmax(y + limit * dv, -1.0), 2.0)
                 small = size < CONVERGED
-            u[live], v[live], done[live] = x, y, small
-            if turn == 0:
-                continue  # hardly any is done so soon
-            live = np.flatnonzero(~done)
-            if not len(live):
-                break
-            terms, rest = seen[..., live], start[:, live]
+                done[live] = small
+                if turn == 0:
+                    continue  # hardly any is done so soon
+                goes_on = np.flatnonzero(~small & (size < HOPELESS) if turn >= PATIENCE else ~small)
+                if not len(goes_on):
+                    break
+                if len(goes_on) < len(live):
+                    live, terms, rest = live[goes_on], terms[..., goes_on], rest[:, goes_on]
         at, by_u, by_v = _value_and_slopes(c, u, v)
         at += away
         d = directions.T

@@ -64,7 +64,7 @@ class Plan:
     n_open: open edges of each glass of the rig.
     n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
-    solids, which what is inside has to leave.
+    solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
     """
 
     rig: Rig
@@ -82,6 +82,7 @@ class Plan:
     layers: tuple[Layer, ...]
     layer_triangles: tuple[Ints, ...]
     layer_bits: tuple[np.ndarray, ...]
+    layer_solids: tuple[np.ndarray | None, ...]
     display_start: int
     display_plane: DisplayPlane | None
     merge_distance: float
@@ -255,15 +256,17 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     is_closed = np.array([surface.n_open == 0 for surface in surfaces])
 
     starts = np.cumsum([0] + [len(surface.corners) for surface in surfaces])
-    layers, layer_triangles, layer_bits = [], [], []
+    layers, layer_triangles, layer_bits, layer_solids = [], [], [], []
     for group in group_parts(surfaces, touching):
         members = [surfaces[i] for i in group]
         layers.append(kept.get("+".join(keys[i] for i in group), lambda members=members: make_layer(members)))
         layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
-        bits = np.zeros(media.cluster.max() + 1, np.uint64)
         solid = [i for i in group if i < len(solids)]
-        np.bitwise_or.at(bits, cluster[solid], bit[solid] * is_closed[solid])
-        layer_bits.append(bits)
+        closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
+        np.bitwise_or.at(closed, cluster[solid], bit[solid] * is_closed[solid])
+        np.bitwise_or.at(every, cluster[solid], bit[solid])
+        layer_bits.append(closed)
+        layer_solids.append(every if len(solid) == len(group) else None)
     kept.forget()
 
     has_bent = any(surface.corner_normals is not None for surface in surfaces)
@@ -300,6 +303,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         layers=tuple(layers),
         layer_triangles=tuple(layer_triangles),
         layer_bits=tuple(layer_bits),
+        layer_solids=tuple(layer_solids),
         display_start=int(starts[-2]),
         display_plane=display_plane(rig.display, surfaces[-1]),
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),

@@ -170,14 +170,17 @@ class Layer:
         TriangleMesh(engine, ((corners - self.centre) / self.radius).astype(np.float32))
         return engine
 
-    def first_hits(self, origins: Floats, directions: Floats, is_inside: Bools, accept: Accept) -> Hits:
+    def first_hits(
+        self, origins: Floats, directions: Floats, is_inside: Bools, accept: Accept, leaves: Bools | None = None
+    ) -> Hits:
         """First true hits of rays.
 
         Parameters
         ----------
         origins, directions : (n, 3) world, float64
-        is_inside : (n,) the ray is inside a solid of this layer, so that a miss cannot be
+        is_inside : (n,) the ray is inside a closed solid of this layer, so that a miss cannot be
         accept : which hits are true ones
+        leaves : (n,) the ray is inside a solid, so that only hits from behind can be; None where not all are solids
         """
         hits = Hits.none(len(origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
@@ -188,9 +191,11 @@ class Layer:
         if not self.has_engine:
             self._test_all(origins, directions, rays, accept, hits)
             return hits
-        lost = self._ask_embree(origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, hits)
+        lost = self._ask_embree(
+            origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, leaves, hits
+        )
         if len(lost):
-            self._rescue(origins, directions, lost, is_inside, accept, hits)
+            self._rescue(origins, directions, lost, accept, leaves, hits)
         return hits
 
     def _on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
@@ -201,10 +206,10 @@ class Layer:
         return Hits(t, k, u, v, dot(directions, self.frames.normal[k]) < 0)
 
     def _on_curved(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, is_inside: Bools
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
         """Where rays meet curved faces, beginning at u, v of triangles k; and whether they do."""
-        k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, ~is_inside, self.tolerance)
+        k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, leaves, self.tolerance)
         distance, enters, facing, normal = others
         return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
 
@@ -229,7 +234,7 @@ class Layer:
         return found, start + found["tfar"].astype(float) * self.radius
 
     def _refine(
-        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats, is_inside: Bools
+        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
         """Hits (n,) in float64 of the chosen ones that Embree found, of which some may come to nothing."""
         prim = found["primID"][chosen].astype(np.int64)
@@ -242,12 +247,12 @@ class Layer:
         part = self._parts[(prim[in_parts] - self._n_whole) % len(self._parts)]
         u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
         if is_curved.all():
-            return self._on_curved(k, u, v, origins, directions, is_inside)
+            return self._on_curved(k, u, v, origins, directions, leaves)
         hits, is_met = Hits.none(len(k), self.curved), np.ones(len(k), bool)
         flat, bent = np.flatnonzero(~is_curved), np.flatnonzero(is_curved)
         hits.put(flat, self._on_facets(k[flat], origins[flat], directions[flat]))
         some, is_met[bent] = self._on_curved(
-            k[bent], u[bent], v[bent], origins[bent], directions[bent], is_inside[bent]
+            k[bent], u[bent], v[bent], origins[bent], directions[bent], _of(leaves, bent)
         )
         hits.put(bent, some)
         return hits, is_met
@@ -260,6 +265,7 @@ class Layer:
         start: Floats,
         is_inside: Bools,
         accept: Accept,
+        leaves: Bools | None,
         hits: Hits,
     ) -> Ints:
         """Put the hits that Embree finds; return the rays that must have hit something else."""
@@ -274,7 +280,7 @@ class Layer:
             if not hit.all():
                 lost.append(rays[~hit & is_inside[rays]])
                 rays, start, step, far, o, d = (x[hit] for x in (rays, start, step, far, o, d))
-            some, is_met = self._refine(found, hit, o, d, is_inside[rays])
+            some, is_met = self._refine(found, hit, o, d, _of(leaves, rays))
             is_true, is_wrong = accept(rays, some)
             is_true &= is_met
             if is_true.all():
@@ -290,7 +296,7 @@ class Layer:
         return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
 
     def _rescue(
-        self, origins: Floats, directions: Floats, rays: Ints, is_inside: Bools, accept: Accept, hits: Hits
+        self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
     ) -> None:
         """Find in float64 what Embree let through: it loses some of the rays that are aimed at vertices and edges.
 
@@ -304,10 +310,10 @@ class Layer:
         for turn in range(BESIDE):
             angle = 2 * np.pi * turn / BESIDE
             moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
-            self._nearest_of_all(moved, o, d, rays, is_inside[rays], accept, best)
+            self._nearest_of_all(moved, o, d, rays, accept, _of(leaves, rays), best)
         is_found = best.triangle >= 0
         hits.put(rays[is_found], best.at(is_found))
-        self._test_in_float64(origins, directions, rays[~is_found], is_inside, accept, hits)
+        self._test_in_float64(origins, directions, rays[~is_found], accept, leaves, hits)
 
     def _nearest_of_all(
         self,
@@ -315,8 +321,8 @@ class Layer:
         origins: Floats,
         directions: Floats,
         rays: Ints,
-        is_inside: Bools,
         accept: Accept,
+        leaves: Bools | None,
         best: Hits,
     ) -> None:
         """Put into `best` the nearest true hit of rays among all triangles that rays beside them meet."""
@@ -327,7 +333,7 @@ class Layer:
             found, far = self._shoot(beside[live], directions[live], start)
             met = found["primID"] >= 0
             live, start, step, far = (x[met] for x in (live, start, step, far))
-            some, is_met = self._refine(found, met, origins[live], directions[live], is_inside[live])
+            some, is_met = self._refine(found, met, origins[live], directions[live], _of(leaves, live))
             self._keep_nearest(live, some, is_met & self._is_on_face(some), rays, accept, best)
             start = np.maximum(far, start) + step
             step = 2 * step
@@ -345,7 +351,7 @@ class Layer:
         best.put(i[good], found.at(good))
 
     def _test_in_float64(
-        self, origins: Floats, directions: Floats, rays: Ints, is_inside: Bools, accept: Accept, hits: Hits
+        self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
     ) -> None:
         """Test rays against every triangle, as far as the budget goes."""
         budget = max(1, RESCUE_TESTS // self.n_triangles)
@@ -361,7 +367,7 @@ class Layer:
                 i, k = np.nonzero(self.curved.may_meet(o[:, None], d[:, None]) & (self.curved.row >= 0))
                 for u, v in STARTS:  # a ray that grazes meets a face twice
                     at = np.full(len(i), u), np.full(len(i), v)
-                    found, is_met = self._on_curved(k, *at, o[i], d[i], is_inside[some[i]])
+                    found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]))
                     self._keep_nearest(i, found, is_met, some, accept, best)
             i, k = np.nonzero(is_flat)
             self._keep_nearest(i, self._on_facets(k, o[i], d[i]), np.ones(len(i), bool), some, accept, best)
@@ -371,3 +377,7 @@ class Layer:
 
 def _is_within(u: Floats, v: Floats) -> Bools:
     return (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
+
+
+def _of(leaves: Bools | None, rays: Ints) -> Bools | None:
+    return None if leaves is None else leaves[rays]

@@ -149,7 +149,8 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     origins, directions = rays.positions[live], rays.directions[live]
     mask, cluster, last_part = rays.mask[live], rays.cluster[live], rays.last_part[live]
     by_layer = []
-    for layer, numbers, closed_bits in zip(plan.layers, plan.layer_triangles, plan.layer_bits, strict=True):
+    per_layer = plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids
+    for layer, numbers, closed_bits, bits in zip(*per_layer, strict=True):
         tolerance = max(layer.tolerance, plan.merge_distance)
 
         def accept(i: Ints, hits: Hits, numbers: Ints = numbers, tolerance: float = tolerance) -> tuple[Bools, Bools]:
@@ -163,7 +164,8 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
             return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
 
-        hits = layer.first_hits(origins, directions, (mask & closed_bits[cluster]) != 0, accept)
+        leaves = None if layer.curved is None or bits is None else (mask & bits[cluster]) != 0
+        hits = layer.first_hits(origins, directions, (mask & closed_bits[cluster]) != 0, accept, leaves)
         found = hits.triangle >= 0
         hits.triangle[found] = numbers[hits.triangle[found]]
         by_layer.append(hits)

@@ -360,7 +360,9 @@ def test_every_ray_from_inside_meets_the_surface(name):
     targets = targets_of(mesh)
     for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
         d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
-        hits = layer.first_hits(np.tile(np.array(origin, float), (len(d), 1)), d, np.ones(len(d), bool), leaving)
+        hits = layer.first_hits(
+            np.tile(np.array(origin, float), (len(d), 1)), d, np.ones(len(d), bool), leaving, np.ones(len(d), bool)
+        )
         assert np.isfinite(hits.distance).all()
         reach = np.linalg.norm(targets - origin, axis=1)
         assert (hits.distance[: len(targets)] > (1 - 1e-6) * reach)[: len(mesh.vertices)].all()
@@ -373,10 +375,10 @@ def test_rescued_rays_meet_what_others_meet(name):
     surface = make_surface(mesh)
     layer = Layer(surface.corners, surface.curved)
     o, d = (x[-1000:] for x in aimed(mesh, 1000))
-    found = layer.first_hits(o, d, np.zeros(len(o), bool), entering)
+    found = layer.first_hits(o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
     for way in (layer._rescue, layer._test_in_float64):
         other = Hits.none(len(o), surface.curved)
-        way(o, d, np.arange(len(o)), np.zeros(len(o), bool), entering, other)
+        way(o, d, np.arange(len(o)), entering, np.zeros(len(o), bool), other)
         assert np.array_equal(other.triangle, found.triangle)
         hit = found.triangle >= 0
         np.testing.assert_allclose(other.distance[hit], found.distance[hit], rtol=0, atol=1e-12)
@@ -434,7 +436,9 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
     if name.startswith("cylinder"):  # away from the rims, where the sides are held straight
         some = np.abs((o + reach[:, None] * d)[:, 1]) < 0.004
         o, d, reach = o[some], d[some], reach[some]
-    hits = Layer(surface.corners, surface.curved).first_hits(o, d, np.zeros(len(o), bool), entering)
+    hits = Layer(surface.corners, surface.curved).first_hits(
+        o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
+    )
     # on the torus, where a ray can touch it along a third-order contact, two of 20 000 are let through
     assert (hits.distance > reach).sum() <= (2 if name.startswith("torus") else 0)
 
@@ -450,7 +454,9 @@ def test_rays_beyond_the_outline_meet_nothing(name):
     away = unit(np.cross(d, random.normal(size=d.shape)))
     beyond = 1.2 * error + np.exp(random.uniform(np.log(1e-9), np.log(1e-3), len(d)))
     o = (RADIUS + beyond)[:, None] * away - 0.2 * d
-    hits = Layer(surface.corners, surface.curved).first_hits(o, d, np.zeros(len(o), bool), entering)
+    hits = Layer(surface.corners, surface.curved).first_hits(
+        o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
+    )
     assert (hits.triangle < 0).all()
 
 
@@ -466,7 +472,7 @@ def test_light_runs_along_the_surface_inside(name):
     d = unit(np.cross(up, random.normal(size=up.shape)))
     o = 0.5 * (1 + np.cos(np.linspace(0.03, 0.15, len(d))))[:, None] * (RADIUS - 2 * error) * up
     for _ in range(30):
-        hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving)
+        hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
         assert np.isfinite(hits.distance).all()
         o = o + hits.distance[:, None] * d
         assert np.abs(judge(o)[0]).max() < 1.2 * error + 1e-12
@@ -486,7 +492,7 @@ def test_the_outline_of_a_cavity_is_found():
     reach = 0.9 * np.sqrt((0.99 * RADIUS) ** 2 - (inner - depth) ** 2)  # from a place in the glass
     o = (inner - depth)[:, None] * up - reach[:, None] * d
     layer = Layer(surface.corners, surface.curved)
-    hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving)
+    hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
     assert (hits.distance > reach).sum() == 0
     half_chord = np.sqrt(inner**2 - (inner - depth) ** 2)
     np.testing.assert_allclose(hits.distance, reach - half_chord, rtol=0, atol=1e-7)
@@ -766,3 +772,34 @@ def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
     n, m = (c.normals(k, w[:, 1], w[:, 2]) for c in (here, there))
     assert np.abs(p - ((q - [1, 2, -3]) @ turn) / 30).max() < 1e-6 * size
     assert np.abs(n - m @ turn).max() < 1e-4
+
+
+def test_an_open_sheet_is_met_from_both_sides():
+    """A curved mirror, the upper half of a ball: rays from within and from outside meet it where they meet the ball."""
+    ball = icosphere(RADIUS, 3)
+    upper = ball.corners.mean(axis=1)[:, 2] > 0.1 * RADIUS
+    sheet = replace(
+        ball,
+        triangles=ball.triangles[upper],
+        corner_normals=ball.corner_normals[upper],
+        is_smooth=ball.is_smooth[upper],
+    )
+    surface = make_surface(sheet)
+    layer, random = Layer(surface.corners, surface.curved), np.random.default_rng(13)
+
+    def any_ahead(i, hits):
+        return hits.distance > 1e-9, np.zeros(len(i), bool)
+
+    aim = unit(random.normal(size=(4000, 3)) * [1, 1, 0.2] + [0, 0, 2.5])  # well within the sheet
+    for origin, sign in (([0.002, -0.001, 0.003], 1), ([0.0, 0.0, 0.2], -1)):
+        o = np.tile(np.array(origin), (len(aim), 1))
+        d = unit(RADIUS * aim - o)
+        b, c = (o * d).sum(axis=1), (o * o).sum(axis=1) - RADIUS**2
+        exact = -b + sign * np.sqrt(b * b - c)
+        hits = layer.first_hits(o, d, np.zeros(len(o), bool), any_ahead)
+        assert (hits.enters == (sign < 0)).all()
+        np.testing.assert_allclose(hits.distance, exact, rtol=0, atol=1e-8)
+        at = o + exact[:, None] * d
+        np.testing.assert_allclose(
+            unit(np.where(hits.normal.any(axis=1)[:, None], hits.normal, hits.facing)), unit(at), atol=1e-4
+        )
