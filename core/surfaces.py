@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .curved import CurvedFaces, grid, make_curved
+from .curved import CurvedFaces, grid
 from .meshes import SAME_NORMAL, components, find_edges, find_patches, geometric_normals
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
+from .surface_fit import make_curved
 
 LEAST_TURN = np.radians(0.25)  # a surface that turns by less over each triangle is as good as curved: 1e-3 display px
 

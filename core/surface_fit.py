@@ -1,0 +1,376 @@
+"""The surface that was meant by a smooth-shaded mesh: a curved face over each smooth triangle.
+
+Around each vertex a quartic height field over its tangent plane is fitted to the positions and normals of its
+neighbours, with place and slope exact at the vertex. The fields of a triangle's three corners, blended, are sampled at
+the nodes of a quartic triangle: 12 offsets from the facet. On an edge only the fields of its two ends count, so that
+neighbours meet without a crack. Edges to what is not curved, and sharp ones, stay straight.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import comb
+
+import numpy as np
+
+from .curved import (
+    AT_NODES,
+    CHUNK,
+    FROM_NODES,
+    MOST_OFFSET,
+    N_NODES,
+    N_TERMS,
+    NODES,
+    POWERS,
+    CurvedFaces,
+    cross,
+    monomials,
+    slopes,
+    tangents,
+    value,
+)
+from .meshes import SAME_NORMAL, Edges, components, edge_corners
+from .optics import dot, normalise
+from .rig import Bools, Floats, Ints
+
+STEEPEST = np.cos(np.radians(40))  # corner normals further than this from the facet's contradict it
+STEEPEST_INSIDE = np.cos(np.radians(60))  # so do normals of the curved face
+BULGE = np.radians(4)  # edges that turn by less cannot bulge enough to matter
+JUMP = 5.0  # a curvature that grows this much from one edge to the next, across a vertex, ...
+SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
+SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
+SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
+FARTHEST = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
+COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
+# Where data are few the high degrees give way first. The factor makes it the same for all turns of the axes (Bombieri).
+RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
+
+
+@dataclass(frozen=True, eq=False)
+class _Vertices:
+    """Vertices with one normal each: where normals differ around a vertex of the mesh, it counts more than once.
+
+    at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a triangle's corner is;
+    start (p,), end (p,): all directed pairs of neighbours, sorted by start; first (f + 1,): where each begins
+    """
+
+    at: Floats
+    normal: Floats
+    is_known: Bools
+    of_corner: Ints
+    start: Ints
+    end: Ints
+    first: Ints
+
+    def by_valence(self, wanted: Bools) -> Iterator[tuple[Ints, Ints]]:
+        """Wanted vertices (n,) of equal numbers of neighbours, some at a time, and their pairs (n, m)."""
+        counts = np.diff(self.first)
+        for m in np.unique(counts[wanted]):
+            chosen = np.flatnonzero(wanted & (counts == m))
+            for k in range(0, len(chosen), 2 * CHUNK):
+                some = chosen[k : k + 2 * CHUNK]
+                yield some, self.first[some, None] + np.arange(m)
+
+
+def _find_vertices(
+    vertices: Floats, triangles: Ints, corner_normals: Floats, is_usable: Bools, edges: Edges, is_joined: Bools
+) -> _Vertices:
+    """Corners joined around each vertex across joined edges (e,), and their neighbours."""
+    n = len(triangles)
+    corner = 3 * np.arange(n)[:, None] + np.arange(3)
+    of_corner = triangles.copy()
+    # most vertices have joined edges only and are themselves; around the others corners are put together one by one
+    beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
+    for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
+        beside[t[is_joined], e[is_joined]] = True
+    whole = np.ones(len(vertices), bool)
+    open_t, open_e = np.nonzero(~beside)
+    whole[triangles[open_t, open_e]] = whole[triangles[open_t, (open_e + 1) % 3]] = False
+    chosen = np.flatnonzero(~whole[triangles].ravel())
+    if len(chosen):
+        local = np.full(3 * n, -1)
+        local[chosen] = np.arange(len(chosen))
+        f, s, i, j = (x[is_joined] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
+        a = np.concatenate([corner[f, i], corner[f, (i + 1) % 3]])
+        b = np.concatenate([corner[s, (j + 1) % 3], corner[s, j]])
+        inside = (local[a] >= 0) & (local[b] >= 0)
+        label = components(len(chosen), local[a[inside]], local[b[inside]])
+        of_corner.reshape(-1)[chosen] = len(vertices) + label
+    used, of_corner = np.unique(of_corner, return_inverse=True)
+    of_corner = of_corner.reshape(n, 3)
+    normal, at = np.zeros((len(used), 3)), np.empty((len(used), 3))
+    at[of_corner] = vertices[triangles]
+    normal[of_corner[is_usable]] = corner_normals[is_usable]
+    # each joined edge is met from both sides, once in each direction; the others have to be turned round as well
+    a, b = of_corner.ravel(), np.roll(of_corner, -1, axis=1).ravel()
+    lone = ~beside.ravel()
+    start, end = np.concatenate([a, b[lone]]), np.concatenate([b, a[lone]])
+    order = np.argsort(start, kind="stable")
+    start, end = start[order], end[order]
+    first = np.searchsorted(start, np.arange(len(used) + 1))
+    return _Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fields:
+    """Height fields over the tangent planes of vertices: z = size * sum c (x / size)^a (y / size)^b.
+
+    axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14)
+    """
+
+    axis_x: Floats
+    axis_y: Floats
+    size: Floats
+    coefficients: Floats
+
+
+def _around(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
+    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
+    end = v.end[pairs]
+    away = (v.at[end] - v.at[some, None]) / fields.size[some, None, None]
+    x, y = dot(away, fields.axis_x[some, None]), dot(away, fields.axis_y[some, None])
+    return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
+
+
+def _gradients(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
+    """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of their vertex."""
+    theirs = normal[v.end[pairs]]
+    upright = np.maximum(dot(theirs, v.normal[some, None]), 0.2)
+    return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(theirs, fields.axis_y[some, None]) / upright
+
+
+def _system(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice) -> tuple[Floats, Floats, Floats]:
+    """Weighted rows (n, 3m, terms) of heights and slopes, weights (n, 3m), and the normal equations' matrix."""
+    x, y, _, distance, is_used = _around(v, fields, some, pairs)
+    by_x, by_y = slopes(x, y)
+    rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
+    # a height tells as much of the slope as the slope itself does, over its distance
+    weights = np.concatenate([2.0 / np.sqrt(np.maximum(distance, 1e-12)), np.ones_like(x), np.ones_like(x)], axis=1)
+    weights *= np.tile(is_used, 3)
+    rows = rows * weights[..., None]
+    matrix = np.matmul(rows.transpose(0, 2, 1), rows)
+    scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
+    diagonal = np.arange(matrix.shape[1])
+    matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
+    return rows, weights, matrix
+
+
+def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
+    """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
+    n = len(v.at)
+    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
+    fields = _Fields(axis_x, axis_y, _sizes(v), np.zeros((n, N_TERMS)))
+    for some, pairs in v.by_valence(wanted):
+        rows, weights, matrix = _system(v, fields, some, pairs, slice(2, None))
+        z = _around(v, fields, some, pairs)[2]
+        right = np.concatenate([z, *_gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
+        solved = np.linalg.solve(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
+        fields.coefficients[some, 2:] = solved[..., 0]
+    return fields
+
+
+def _sizes(v: _Vertices) -> Floats:
+    """Mean distance (f,) of each vertex's neighbours."""
+    distance = np.linalg.norm(v.at[v.end] - v.at[v.start], axis=1)
+    return np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
+
+
+def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
+    """Normals (f, 3) of the surface through the vertices, where the given ones are only means of the faces around.
+
+    The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme: fourth order from
+    one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at least halve the error.
+    """
+    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
+    fields = _Fields(axis_x, axis_y, _sizes(v), np.empty((0, N_TERMS)))
+    solvers = []
+    for some, pairs in v.by_valence(wanted):
+        rows, weights, matrix = _system(v, fields, some, pairs, slice(None))
+        weighted = rows * weights[..., None]
+        slope = np.zeros((len(some), N_TERMS, 2))
+        slope[:, [0, 1], [0, 1]] = 1.0
+        # rows of the pseudo-inverse that give the slope; the matrix is symmetric
+        inverse = np.matmul(weighted, np.linalg.solve(matrix, slope))
+        m = pairs.shape[1]
+        z = _around(v, fields, some, pairs)[2]
+        solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
+    normal = v.normal.copy()
+    for _ in range(SWEEPS):
+        change = 0.0
+        for some, pairs, from_heights, from_slopes in solvers:
+            theirs = np.concatenate(_gradients(v, fields, some, pairs, normal), axis=1)
+            slope = from_heights + np.einsum("nrk,nr->nk", from_slopes, theirs)
+            found = v.normal[some] - slope[:, :1] * axis_x[some] - slope[:, 1:] * axis_y[some]
+            found = normalise(found)
+            change = max(change, float(np.abs(found - normal[some]).max(initial=0.0)))
+            normal[some] = found
+        if change < SETTLED:
+            break
+    # where the mesh is too irregular to tell, the mean is the better guess
+    turn = np.linalg.norm(v.normal[v.end] - v.normal[v.start], axis=1)
+    with np.errstate(invalid="ignore"):
+        moved = np.linalg.norm(normal - v.normal, axis=1)
+        is_sane = moved <= FARTHEST * np.maximum.reduceat(turn, v.first[:-1])
+    return np.where(is_sane[:, None], normal, v.normal)
+
+
+def _contradicted(v: _Vertices, normal: Floats, wanted: Bools) -> Bools:
+    """Pairs (p,) along which the normals turn as those of a bevel do, on the large face beside it.
+
+    Curvature changes little from one edge to the next one straight on. Where it jumps up on a much shorter edge, the
+    normal between them belongs to that edge.
+    """
+    away = v.at[v.end] - v.at[v.start]
+    length = np.linalg.norm(away, axis=1)
+    direction = away / np.maximum(length, 1e-300)[:, None]
+    turn = np.abs(dot(normal[v.end] - normal[v.start], direction))
+    is_bad = np.zeros(len(v.start), bool)
+    suspect = wanted & (np.bincount(v.start, turn > BULGE, len(v.at)) > 0)
+    for _, pairs in v.by_valence(suspect):
+        facing = np.einsum("nic,njc->nij", direction[pairs], direction[pairs])
+        on = np.take_along_axis(pairs, facing.argmin(axis=2), axis=1)  # the pair straight on
+        is_bad[pairs] = (
+            (facing.min(axis=2) < -0.7)
+            & (turn[pairs] > BULGE)
+            & (length[pairs] > SHORTER * length[on])
+            & (turn[on] * length[pairs] > JUMP * turn[pairs] * length[on])
+        )
+    return is_bad
+
+
+def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
+    """Offsets (12, 3, n) of the nodes of triangles with corners (n, 3), from the facet to the blended fields.
+
+    All fields are met along one direction, blended from the corners' normals: met along different ones they would
+    differ sideways by the third power of the edge, which costs an order.
+    """
+    n = len(corner)
+    offsets = np.zeros((N_NODES, 3, n))
+    weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
+    at, normal = v.at[corner], v.normal[corner]
+    for i in range(3):
+        own = corner[:, i]
+        size = fields.size[own]
+        frame = fields.axis_x[own], fields.axis_y[own], v.normal[own]
+        sides = [[dot(at[:, (i + s) % 3] - at[:, i], axis) / size for axis in frame] for s in (1, 2)]
+        leans = [[dot(normal[:, (i + s) % 3], axis) for axis in frame] for s in (1, 2)]
+        n_steps = 1 if max(np.abs(lean).max() for lean in leans[0][:2] + leans[1][:2]) < SLIGHT else 2
+        c = np.ascontiguousarray(fields.coefficients[own].T)
+        for node in np.flatnonzero(weight[:, i]):
+            li, lj, lk = (NODES[node, (i + s) % 3] for s in range(3))
+            x, y, z = (lj * a + lk * b for a, b in zip(*sides, strict=True))
+            dx, dy, dz = (lj * a + lk * b for a, b in zip(*leans, strict=True))
+            dz += li
+            height = (value(c, x, y) - z) / dz
+            for _ in range(n_steps):
+                height = (value(c, x + height * dx, y + height * dy) - z) / dz
+            direction = sum(NODES[node, m] * normal[:, m].T for m in range(3))
+            offsets[node] += weight[node, i] * (size * height) * direction
+    return offsets
+
+
+_DU_AT, _DV_AT = (d @ FROM_NODES for d in slopes(*np.vstack([NODES, np.eye(3)])[:, 1:].T))  # (15, 12) from offsets
+
+
+_STEEPNESS = max(np.abs(_DU_AT).sum(axis=1).max(), np.abs(_DV_AT).sum(axis=1).max())
+
+
+def _is_whole(offsets: Floats, corners: Floats) -> Bools:
+    """Do curved faces, of node offsets (12, 3, n) from facets (n, 3, 3), stay near them and look the same way?"""
+    e1, e2 = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    facet = cross(e1, e2)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        longest = np.sqrt(np.maximum((e1**2).sum(axis=0), (e2**2).sum(axis=0)))
+        furthest = np.sqrt((offsets**2).sum(axis=1).max(axis=0))
+        is_whole = furthest < MOST_OFFSET * longest
+        # most faces are so shallow that no slope can turn them far
+        shallow = 2 * _STEEPNESS * furthest * longest < 0.5 * np.sqrt((facet**2).sum(axis=0))
+        doubtful = np.flatnonzero(is_whole & ~shallow)
+        few = offsets[..., doubtful].reshape(N_NODES, -1)
+        by_u = (_DU_AT @ few).reshape(len(_DU_AT), 3, len(doubtful)) + e1[:, doubtful]
+        by_v = (_DV_AT @ few).reshape(len(_DV_AT), 3, len(doubtful)) + e2[:, doubtful]
+        normal, facet = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1)), facet[:, None, doubtful]
+        cosine = (normal * facet).sum(axis=0) / np.sqrt((normal**2).sum(axis=0) * (facet**2).sum(axis=0))
+        is_whole[doubtful] = cosine.min(axis=0) > STEEPEST_INSIDE
+    return is_whole
+
+
+def make_curved(
+    vertices: Floats,
+    triangles: Ints,
+    corner_normals: Floats,
+    wanted: Bools,
+    edges: Edges,
+    facets: Floats,
+    has_mean_normals: bool,
+) -> CurvedFaces | None:
+    """Curved faces over those of the wanted triangles whose normals agree with their shape.
+
+    Parameters
+    ----------
+    vertices, triangles : (v, 3) m, (t, 3)
+    corner_normals : (t, 3, 3) unit; a flat triangle has its own three times
+    wanted : (t,) smooth triangles
+    edges : of the triangles
+    facets : (t, 3) normals of the triangles, unit
+    has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
+    """
+    corners = vertices[triangles]
+    asked = wanted
+    wanted = wanted & (np.einsum("tij,tj->ti", corner_normals, facets) > STEEPEST).all(axis=1)
+    first, second = edge_corners(corner_normals, edges)
+    is_joined = (np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL) & ~edges.is_same_way
+    usable = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1) > 0
+    v = _find_vertices(vertices, triangles, corner_normals, usable, edges, is_joined)
+    is_used = np.zeros(len(v.at), bool)
+    is_used[v.of_corner[wanted]] = True
+    if has_mean_normals:
+        v = replace(v, normal=_find_normals(v, is_used))
+        wanted &= (np.einsum("tij,tj->ti", v.normal[v.of_corner], facets) > STEEPEST).all(axis=1)
+    is_bad = _contradicted(v, v.normal, is_used)
+    if is_bad.any():
+        n = len(v.at)
+        bad = np.concatenate([v.start[is_bad] * n + v.end[is_bad], v.end[is_bad] * n + v.start[is_bad]])
+        wanted &= ~np.isin(v.of_corner * n + np.roll(v.of_corner, -1, axis=1), bad).any(axis=1)
+    # a flat face in parts is curved as a whole or not at all
+    is_flat = is_joined & (np.abs(facets[edges.first] - facets[edges.second]).max(axis=1) < COPLANAR)
+    face = components(len(triangles), edges.first[is_flat], edges.second[is_flat])
+    wanted &= ~np.isin(face, face[asked & ~wanted])
+    # nor is it when nothing around it is
+    among = is_joined & ~is_flat & wanted[edges.first] & wanted[edges.second]
+    wanted &= np.isin(face, face[np.concatenate([edges.first[among], edges.second[among]])])
+    is_used[:] = False
+    is_used[v.of_corner[wanted]] = True
+    fields = _fit_fields(v, is_used)
+
+    chosen = np.flatnonzero(wanted)
+    coefficients = np.empty((len(chosen), N_TERMS, 3))
+    is_whole = np.empty(len(chosen), bool)
+    for k in range(0, len(chosen), CHUNK):
+        some = slice(k, k + CHUNK)
+        offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
+        is_whole[some] = _is_whole(offsets, corners[chosen[some]])
+        coefficients[some] = np.tensordot(FROM_NODES, offsets, 1).transpose(2, 0, 1)
+    if not is_whole.all():
+        chosen, coefficients = chosen[is_whole], coefficients[is_whole]
+    if not len(chosen):
+        return None
+    row = np.full(len(triangles), -1, np.int32)
+    row[chosen] = np.arange(len(chosen))
+
+    neighbour = np.full((len(chosen), 3), -1, np.int32)
+    neighbour_edge = np.zeros((len(chosen), 3), np.int8)
+    runs_on = is_joined & (row[edges.first] >= 0) & (row[edges.second] >= 0)
+    f, s, i, j = (x[runs_on] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
+    neighbour[row[f], i], neighbour_edge[row[f], i] = s, j
+    neighbour[row[s], j], neighbour_edge[row[s], j] = f, i
+
+    is_straight = neighbour < 0
+    held = np.flatnonzero(is_straight.any(axis=1))
+    bent_row = np.full(len(chosen), -1, np.int32)
+    bent_row[held] = np.arange(len(held))
+    bent = coefficients[held]
+    offsets = np.matmul(AT_NODES, bent)
+    offsets[:, : N_NODES - 3] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
+    coefficients[held] = np.matmul(FROM_NODES, offsets)
+    vertex = v.of_corner[chosen]
+    return CurvedFaces(corners, row, coefficients, neighbour, neighbour_edge, bent_row, bent, vertex, v.normal)
