@@ -1,10 +1,11 @@
 """How far off is the result, as far as it can tell by itself?"""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from .curved import N_TERMS, POWERS, CurvedFaces
+from .curved import MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .optics import dot
 from .plan import Plan
 from .ray_engine import Layer
@@ -20,6 +21,11 @@ class _Parabolic(CurvedFaces):
     """Over each flat triangle with bent normals (t, 3, 3) the paraboloid that has about these normals."""
 
     corner_normals: Floats | None = None
+
+    @cached_property
+    def _spheres(self) -> tuple[Floats, Floats]:
+        centre = self.corners.mean(axis=1)
+        return centre, (1 + MOST_OFFSET) * np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
 
     def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
         corners, normals = self.corners[k], self.corner_normals[k]

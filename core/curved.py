@@ -1,6 +1,7 @@
 """Curved faces over triangles: quartics in barycentric coordinates, and where rays meet them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,9 @@ ITERATIONS = 12  # of Newton's method
 PATIENCE, HOPELESS = 6, 0.05  # after so many it is given up for rays whose steps in u, v are still larger
 CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
 BEYOND = 1e-10  # barycentric slack, so that a ray through an edge meets a face
+STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a face is searched for a root
+RINGS = 2  # of neighbours that are searched for the root on the right side
+ASIDE = 0.6  # in u, v: a root is not looked for further than this beyond an edge, but on the next face
 WALKS = 8  # faces a root may wander over
 FINE = np.radians(3)  # the mesh that is asked for hits turns by less than this between neighbours
 MOST_PARTS = 8  # parts of an edge in that mesh
@@ -254,11 +258,19 @@ class CurvedFaces:
 
     def may_meet(self, origins: Floats, directions: Floats) -> Bools:
         """Do the lines of rays (n, 1, 3) come near the triangles (t,), so near that they could meet a curved face?"""
-        centre = self.corners.mean(axis=1)
-        radius = np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        centre, radius = self._spheres
         away = centre - origins
         nearest = away - dot(away, directions)[..., None] * directions
-        return dot(nearest, nearest) <= ((1 + 2 * MOST_OFFSET) * radius) ** 2
+        return dot(nearest, nearest) <= radius**2
+
+    @cached_property
+    def _spheres(self) -> tuple[Floats, Floats]:
+        """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their curved faces."""
+        centre = self.corners.mean(axis=1)
+        radius = np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        offset = np.linalg.norm(np.matmul(AT_NODES, self.coefficients), axis=2).max(axis=1)
+        radius[self.triangle] += HIGHER * offset
+        return centre, radius
 
     def normals(self, k: Ints, u: Floats, v: Floats) -> Floats:
         """Unit normals (n, 3) by which the curved faces of triangles k refract at u, v (n,)."""
@@ -277,7 +289,15 @@ class CurvedFaces:
         return normal
 
     def meet(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, leaves: Bools | None, least: float
+        self,
+        k: Ints,
+        u: Floats,
+        v: Floats,
+        origins: Floats,
+        directions: Floats,
+        leaves: Bools | None,
+        least: float,
+        is_last: bool = False,
     ) -> tuple[Ints, Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
         """Where rays meet the curved surface, beginning at u, v (n,) of triangles k.
 
@@ -286,6 +306,7 @@ class CurvedFaces:
         leaves : (n,) do rays come from within, so that only hits from behind can be; None: from either side. Where a
             root is of the other side, the one before or after it is looked for; but not for rays that have just left
             the surface, whose root is nearer than `least`, m
+        is_last : all faces near the ray are asked, so that those around need not be searched
 
         Returns
         -------
@@ -295,7 +316,11 @@ class CurvedFaces:
         *found, is_met = self._roots(k, u, v, origins, directions)
         if leaves is None:
             return *found, is_met
-        odd = np.flatnonzero(is_met & (found[4] == leaves) & (leaves | (found[3] > least)))
+
+        def is_odd() -> Ints:
+            return np.flatnonzero(is_met & (found[4] == leaves) & (leaves | (found[3] > least)))
+
+        odd = is_odd()
         if len(odd):
             k, u, v = (x[odd] for x in found[:3])
             o, d = origins[odd], directions[odd]
@@ -303,7 +328,33 @@ class CurvedFaces:
             better = is_other & (other[4] != leaves[odd])
             for mine, theirs in zip(found, other, strict=True):
                 mine[odd[better]] = theirs[better]
+            odd = is_odd()
+            odd = odd[found[3][odd] > least]  # a ray that starts on the surface goes on to what it meets next
+        if len(odd) and not is_last:
+            self._search_around(found, odd, origins, directions, leaves)
         return *found, is_met
+
+    def _search_around(
+        self, found: list[np.ndarray], odd: Ints, origins: Floats, directions: Floats, leaves: Bools
+    ) -> None:
+        """Replace roots on the wrong side by the nearest on the right one, from many places on the faces around."""
+        rings = [found[0][odd, None]]
+        for _ in range(RINGS):
+            row = self.row[rings[-1]]
+            around = np.where((rings[-1] >= 0)[..., None], self.neighbour[row], -1)
+            rings.append(around.reshape(len(odd), -1))
+        faces = np.concatenate(rings, axis=1)
+        i, j = np.nonzero(faces >= 0)
+        k, i = np.tile(faces[i, j], len(STARTS)), np.tile(i, len(STARTS))
+        u, v = np.repeat(np.array(STARTS), len(k) // len(STARTS), axis=0).T
+        rays = odd[i]
+        *other, is_other = self._roots(k, u, v, origins[rays], directions[rays])
+        # light on its way in meets the front before the back it was found to meet; within, the back is beyond
+        beyond = (other[3] - found[3][rays]) * np.where(leaves[rays], 1.0, -1.0) > 0
+        good = np.flatnonzero(is_other & (other[4] != leaves[rays]) & beyond)
+        good = good[np.argsort(-other[3][good], kind="stable")]  # nearest last, so that it is the one that stays
+        for mine, theirs in zip(found, other, strict=True):
+            mine[rays[good]] = theirs[good]
 
     def _across(self, k: Ints, u: Floats, v: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Places about as far beyond where rays touch the surface as u, v are before it, or the reverse."""
@@ -349,9 +400,10 @@ class CurvedFaces:
             edge = outside.argmin(axis=1)
             is_within = outside.min(axis=1) >= -self.slack
             is_met[todo] = done & is_within
-            # a root beyond an edge may lie on the next face
+            # a root beyond an edge, or one that is looked for far beyond it, may lie on the next face
             row = self.row[k[todo]]
-            following = np.where(done & ~is_within, self.neighbour[row, edge], -1)
+            leaves_face = ~is_within & (done | (outside.min(axis=1) <= -ASIDE))
+            following = np.where(leaves_face, self.neighbour[row, edge], -1)
             goes_on = following >= 0
             if not goes_on.any():
                 break
@@ -398,7 +450,9 @@ class CurvedFaces:
                 done[live] = small
                 if turn == 0:
                     continue  # hardly any is done so soon
-                goes_on = np.flatnonzero(~small & (size < HOPELESS) if turn >= PATIENCE else ~small)
+                x, y = u[live], v[live]
+                goes_on = ~small & (np.minimum(np.minimum(x, y), 1.0 - x - y) > -ASIDE)
+                goes_on = np.flatnonzero(goes_on & (size < HOPELESS) if turn >= PATIENCE else goes_on)
                 if not len(goes_on):
                     break
                 if len(goes_on) < len(live):

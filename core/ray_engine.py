@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curved import FINE, MOST_PARTS, CurvedFaces, grid
+from .curved import FINE, MOST_PARTS, STARTS, CurvedFaces, grid
 from .meshes import interpolate
 from .optics import dot
 from .rig import Bools, Floats, Ints
@@ -19,7 +19,6 @@ FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
 EDGE = 1e-10  # barycentric slack of the float64 test, so that a ray through an edge or vertex meets a face
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
-STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a curved face is searched for a ray
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
 
 
@@ -206,10 +205,17 @@ class Layer:
         return Hits(t, k, u, v, dot(directions, self.frames.normal[k]) < 0)
 
     def _on_curved(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, leaves: Bools | None
+        self,
+        k: Ints,
+        u: Floats,
+        v: Floats,
+        origins: Floats,
+        directions: Floats,
+        leaves: Bools | None,
+        is_last: bool = False,
     ) -> tuple[Hits, Bools]:
         """Where rays meet curved faces, beginning at u, v of triangles k; and whether they do."""
-        k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, leaves, self.tolerance)
+        k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, leaves, self.tolerance, is_last)
         distance, enters, facing, normal = others
         return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
 
@@ -307,10 +313,9 @@ class Layer:
         aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
         aside /= np.linalg.norm(aside, axis=1, keepdims=True)
         upward = np.cross(d, aside)
-        for turn in range(BESIDE):
-            angle = 2 * np.pi * turn / BESIDE
-            moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
-            self._nearest_of_all(moved, o, d, rays, accept, _of(leaves, rays), best)
+        angle = 2 * np.pi * np.arange(BESIDE)[:, None, None] / BESIDE
+        moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
+        self._nearest_of_all(moved.reshape(-1, 3), o, d, rays, accept, best)
         is_found = best.triangle >= 0
         hits.put(rays[is_found], best.at(is_found))
         self._test_in_float64(origins, directions, rays[~is_found], accept, leaves, hits)
@@ -322,19 +327,18 @@ class Layer:
         directions: Floats,
         rays: Ints,
         accept: Accept,
-        leaves: Bools | None,
         best: Hits,
     ) -> None:
-        """Put into `best` the nearest true hit of rays among all triangles that rays beside them meet."""
-        live = np.arange(len(rays))
-        step = np.full(len(rays), 3 * FLOAT32 * self.radius)
+        """Put into `best` the nearest true hit of rays among all triangles that rays beside them, m n of them, meet."""
+        row = np.tile(np.arange(len(rays)), len(beside) // len(rays))
+        step = np.full(len(row), 3 * FLOAT32 * self.radius)
         start = -2 * step
-        while len(live):
-            found, far = self._shoot(beside[live], directions[live], start)
+        while len(row):
+            found, far = self._shoot(beside, directions[row], start)
             met = found["primID"] >= 0
-            live, start, step, far = (x[met] for x in (live, start, step, far))
-            some, is_met = self._refine(found, met, origins[live], directions[live], _of(leaves, live))
-            self._keep_nearest(live, some, is_met & self._is_on_face(some), rays, accept, best)
+            beside, row, start, step, far = (x[met] for x in (beside, row, start, step, far))
+            some, is_met = self._refine(found, met, origins[row], directions[row], None)
+            self._keep_nearest(row, some, is_met & self._is_on_face(some), rays, accept, best)
             start = np.maximum(far, start) + step
             step = 2 * step
 
@@ -365,10 +369,10 @@ class Layer:
             if self.curved is not None:
                 is_flat &= self.curved.row < 0
                 i, k = np.nonzero(self.curved.may_meet(o[:, None], d[:, None]) & (self.curved.row >= 0))
-                for u, v in STARTS:  # a ray that grazes meets a face twice
-                    at = np.full(len(i), u), np.full(len(i), v)
-                    found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]))
-                    self._keep_nearest(i, found, is_met, some, accept, best)
+                at = np.repeat(np.array(STARTS), len(i), axis=0).T  # a ray that grazes meets a face twice
+                i, k = np.tile(i, len(STARTS)), np.tile(k, len(STARTS))
+                found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]), is_last=True)
+                self._keep_nearest(i, found, is_met, some, accept, best)
             i, k = np.nonzero(is_flat)
             self._keep_nearest(i, self._on_facets(k, o[i], d[i]), np.ones(len(i), bool), some, accept, best)
             is_found = best.triangle >= 0
