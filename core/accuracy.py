@@ -1,15 +1,16 @@
 """How far off is the result, as far as it can tell by itself?"""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 
-from .curved import MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
+from .curved import BEYOND, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .optics import dot
 from .plan import Plan
 from .ray_engine import Layer
-from .rig import Floats, Ints
+from .rig import Bools, Floats, Ints
 from .trace import Landings, trace_all
 
 SAMPLES = 48  # rays along each side of the viewer's image
@@ -18,9 +19,17 @@ WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond
 
 @dataclass(frozen=True, eq=False)
 class _Parabolic(CurvedFaces):
-    """Over each flat triangle with bent normals (t, 3, 3) the paraboloid that has about these normals."""
+    """Curved faces, and beside them paraboloids over flat triangles, with about their bent normals (t, 3, 3).
+
+    Rows from `first` on are paraboloids.
+    """
 
     corner_normals: Floats | None = None
+    first: int = 0
+
+    def _is_within(self, outside: Floats, row: Ints) -> Bools:
+        # paraboloids have no neighbours to go on to
+        return outside.min(axis=1) >= np.where(row >= self.first, -WIDE, -BEYOND)
 
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:
@@ -28,6 +37,15 @@ class _Parabolic(CurvedFaces):
         return centre, (1 + MOST_OFFSET) * np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
 
     def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
+        c = np.zeros((N_TERMS, 3, len(k)))
+        old = np.flatnonzero(rows < self.first)
+        if len(old):
+            c[..., old] = super()._load(table, rows[old], k[old])
+        new = np.flatnonzero(rows >= self.first)
+        c[..., new] = self._paraboloids(k[new])
+        return c
+
+    def _paraboloids(self, k: Ints) -> Floats:
         corners, normals = self.corners[k], self.corner_normals[k]
         c = np.zeros((N_TERMS, 3, len(k)))
         by_power = {power: c[i] for i, power in enumerate(POWERS)}
@@ -51,14 +69,23 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
     """A layer whose flat triangles with bent normals are paraboloids instead."""
     is_bent = plan.is_bent[triangles]
     n = int(is_bent.sum())
-    row = np.full(len(triangles), -1)
-    row[is_bent] = np.arange(n)
+    old = layer.curved
+    if old is None:
+        whole, few = np.full((0, 3), -1), np.empty((0, N_TERMS, 3))
+        old = CurvedFaces(
+            layer.corners, np.full(len(triangles), -1), few, whole, whole, whole[:, 0], few, whole, few[:, 0]
+        )
+    first = len(old.coefficients)
+    row = old.row.copy()
+    row[is_bent] = first + np.arange(n)
     none = np.full((n, 3), -1)
-    empty = np.empty((0, N_TERMS, 3))
-    return layer.bent(
-        _Parabolic(layer.corners, row, empty, none, none, none[:, 0], empty, none, np.empty((0, 3)), slack=WIDE,
-                   corner_normals=plan.corner_normals[triangles])
-    )  # fmt: skip
+    columns = {f.name: getattr(old, f.name) for f in fields(CurvedFaces)}
+    columns |= {
+        "row": row,
+        "neighbour": np.concatenate([old.neighbour, none]),
+        "bent_row": np.concatenate([old.bent_row, none[:, 0]]),
+    }
+    return layer.bent(_Parabolic(**columns, corner_normals=plan.corner_normals[triangles], first=first))
 
 
 def _difference(one: Landings, other: Landings) -> float:
@@ -70,13 +97,14 @@ def _difference(one: Landings, other: Landings) -> float:
 def tessellation_error(plan: Plan) -> float:
     """About how far landings are from those of the surface that was meant, rms in display px; 0 where all is flat.
 
-    It is seen from what the degree of the surface changes for a sample of the viewer's rays. Flat triangles with bent
-    normals are compared with paraboloids. Curved faces are of degree 4; what degree 5 would change is taken to follow
-    on the changes from 2 to 3 and from 3 to 4 as a geometric sequence.
+    It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
+    are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
+    faces are of degree 4; what degree 5 would change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a
+    geometric sequence.
     """
-    has_curved = any(layer.curved is not None for layer in plan.layers)
     pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
-    is_drawn = [layer.curved is None and plan.is_bent[numbers].any() for layer, numbers in pairs]
+    has_curved = any(layer.curved is not None for layer in plan.layers)
+    is_drawn = [bool(plan.is_bent[numbers].any()) and layer.has_engine for layer, numbers in pairs]
     if not (has_curved or any(is_drawn)):
         return 0.0
     viewer = plan.rig.viewer
@@ -86,20 +114,26 @@ def tessellation_error(plan: Plan) -> float:
     def landings(layers: list[Layer]) -> Landings:
         return trace_all(replace(plan, layers=tuple(layers)), *rays)
 
-    here, of_curved, of_drawn = landings(list(plan.layers)), 0.0, 0.0
+    def changed(change: Callable[[CurvedFaces], CurvedFaces]) -> Landings:
+        curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
+        return landings(curved)
+
+    here, parts = landings(list(plan.layers)), []
     if any(is_drawn):
-        changed = [
-            _as_parabolic(plan, *pair) if drawn else pair[0] for pair, drawn in zip(pairs, is_drawn, strict=True)
-        ]
-        of_drawn = _difference(here, landings(changed))
+        drawn = zip(pairs, is_drawn, strict=True)
+        parts.append(_difference(here, landings([_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn])))
     if has_curved:
-        square, cubic = (
-            landings([
-                layer if layer.curved is None else layer.bent(replace(layer.curved, degree=degree))
-                for layer in plan.layers
-            ])
-            for degree in (2, 3)
-        )  # fmt: skip
+        square, cubic = (changed(lambda curved, degree=degree: replace(curved, degree=degree)) for degree in (2, 3))
         last, before = _difference(here, cubic), _difference(cubic, square)
-        of_curved = last * min(1.0, last / before) if before else last
-    return float(np.hypot(of_curved, of_drawn))
+        parts.append(last * min(1.0, last / before) if before else last)
+    if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
+        parts.append(_difference(here, changed(_let_go)))
+    return float(np.linalg.norm(parts))
+
+
+def _let_go(curved: CurvedFaces) -> CurvedFaces:
+    """Curved faces whose straight edges are not held straight."""
+    coefficients = curved.coefficients.copy()
+    held = np.flatnonzero(curved.bent_row >= 0)
+    coefficients[held] = curved.bent[curved.bent_row[held]]
+    return replace(curved, coefficients=coefficients)

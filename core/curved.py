@@ -131,8 +131,7 @@ class CurvedFaces:
     e + 1) where the surface runs on, -1 elsewhere, and neighbour_edge (p, 3), its edge; bent_row (p,) and bent
     (q, 14, 3): faces with a straight edge take their normals from the face that is not held straight;
     vertex (p, 3) of the corners and vertex_normal (f, 3), the same for all faces around a vertex;
-    degree: 4, or less to follow faces of a lower degree and see what difference it makes;
-    slack: barycentric, by which a hit may be outside its face
+    degree: 4, or less to follow faces of a lower degree and see what difference it makes
     """
 
     corners: Floats
@@ -145,7 +144,6 @@ class CurvedFaces:
     vertex: Ints
     vertex_normal: Floats
     degree: int = 4
-    slack: float = BEYOND
 
     @classmethod
     def join(cls, parts: "list[CurvedFaces | None]", corners: list[Floats]) -> "CurvedFaces | None":
@@ -398,10 +396,10 @@ class CurvedFaces:
             )
             outside = np.stack([v[todo], 1 - u[todo] - v[todo], u[todo]], axis=1)  # distances from the edges
             edge = outside.argmin(axis=1)
-            is_within = outside.min(axis=1) >= -self.slack
+            row = self.row[k[todo]]
+            is_within = self._is_within(outside, row)
             is_met[todo] = done & is_within
             # a root beyond an edge, or one that is looked for far beyond it, may lie on the next face
-            row = self.row[k[todo]]
             leaves_face = ~is_within & (done | (outside.min(axis=1) <= -ASIDE))
             following = np.where(leaves_face, self.neighbour[row, edge], -1)
             goes_on = following >= 0
@@ -410,6 +408,9 @@ class CurvedFaces:
             todo, edge, row = todo[goes_on], edge[goes_on], row[goes_on]
             k[todo], u[todo], v[todo] = self._step_over(row, following[goes_on], edge, u[todo], v[todo])
         return k, u, v, distance, enters, facing, normal, is_met
+
+    def _is_within(self, outside: Floats, row: Ints) -> Bools:
+        return outside.min(axis=1) >= -BEYOND
 
     def _step_over(self, row: Ints, following: Ints, edge: Ints, u: Floats, v: Floats) -> tuple[Ints, Floats, Floats]:
         """Neighbours across edges, and the place on them next to where u, v left their faces."""

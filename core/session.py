@@ -26,7 +26,7 @@ from .view_map import ViewMap, sample
 Result = TypeVar("Result")
 
 CELLS_AT_ONCE = 1 << 18
-COARSE = 0.1  # display px: a larger error of the surface is worth a remark
+COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 
 REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
@@ -175,13 +175,13 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
         if n:
             faces = f"{n} smooth triangle{'s' if n > 1 else ''} of '{part.name}'"
             notes.append(
-                f"The normals of {faces} contradict the shape: followed flat, as drawn. Mark edges there sharp,"
-                " or use flat shading or weighted normals."
+                f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
+                " (Shade Smooth by Angle), or subdivide."
             )
     if tessellation > COARSE:
         notes.append(
-            f"The mesh is coarse: about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade it"
-            " smooth where it is meant to be."
+            f"The mesh is coarse: up to about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade"
+            " it smooth where it is meant to be."
         )
     brightest = source.max(axis=2)
     bright = (brightest > 1 + 1e-6).sum() / max((brightest > 0).sum(), 1)
