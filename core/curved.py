@@ -257,9 +257,14 @@ class CurvedFaces:
     def may_meet(self, origins: Floats, directions: Floats) -> Bools:
         """Do the lines of rays (n, 1, 3) come near the triangles (t,), so near that they could meet a curved face?"""
         centre, radius = self._spheres
-        away = centre - origins
-        nearest = away - dot(away, directions)[..., None] * directions
-        return dot(nearest, nearest) <= radius**2
+        o, d = origins[:, 0], directions[:, 0]
+        middle = self.corners[0, 0]  # from near here the squares lose nothing that matters
+        o = o - dot(o - middle, d)[:, None] * d - middle
+        away = centre - middle
+        # distance of the centres from the lines, squared; by products of matrices, many times as fast
+        along = d @ away.T
+        apart = dot(away, away) + dot(o, o)[:, None] - 2 * (o @ away.T) - along * along
+        return apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()
 
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:

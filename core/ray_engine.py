@@ -15,6 +15,7 @@ from .optics import dot
 from .rig import Bools, Floats, Ints
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
+MANY_TRIANGLES = 10_000  # from here on a curved face is searched from one place only
 FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
 EDGE = 1e-10  # barycentric slack of the float64 test, so that a ray through an edge or vertex meets a face
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
@@ -364,17 +365,19 @@ class Layer:
             some = rays[first : first + per_chunk]
             o, d = origins[some], directions[some]
             best = Hits.none(len(some), self.curved)
-            on_planes = self._on_facets(slice(None), o[:, None], d[:, None])
-            is_flat = _is_within(on_planes.u, on_planes.v)
+            flat = np.arange(self.n_triangles)
             if self.curved is not None:
-                is_flat &= self.curved.row < 0
+                flat = flat[self.curved.row < 0]
                 i, k = np.nonzero(self.curved.may_meet(o[:, None], d[:, None]) & (self.curved.row >= 0))
-                at = np.repeat(np.array(STARTS), len(i), axis=0).T  # a ray that grazes meets a face twice
-                i, k = np.tile(i, len(STARTS)), np.tile(k, len(STARTS))
+                # a ray that grazes can meet a large face twice, but not a small one
+                starts = np.array(STARTS if self.n_triangles < MANY_TRIANGLES else STARTS[:1])
+                at = np.repeat(starts, len(i), axis=0).T
+                i, k = np.tile(i, len(starts)), np.tile(k, len(starts))
                 found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]), is_last=True)
                 self._keep_nearest(i, found, is_met, some, accept, best)
-            i, k = np.nonzero(is_flat)
-            self._keep_nearest(i, self._on_facets(k, o[i], d[i]), np.ones(len(i), bool), some, accept, best)
+            on_planes = self._on_facets(flat, o[:, None], d[:, None])
+            i, k = np.nonzero(_is_within(on_planes.u, on_planes.v))
+            self._keep_nearest(i, self._on_facets(flat[k], o[i], d[i]), np.ones(len(i), bool), some, accept, best)
             is_found = best.triangle >= 0
             hits.put(some[is_found], best.at(is_found))
 
