@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .curved import BEYOND, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
+from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .optics import dot
 from .plan import Plan
 from .ray_engine import Layer
@@ -29,7 +29,7 @@ class _Parabolic(CurvedFaces):
 
     def _is_within(self, outside: Floats, row: Ints) -> Bools:
         # paraboloids have no neighbours to go on to
-        return outside.min(axis=1) >= np.where(row >= self.first, -WIDE, -BEYOND)
+        return outside.min(axis=1) >= np.where(row >= self.first, -WIDE, -EDGE)
 
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:

@@ -34,7 +34,7 @@ class _Solids:
 
     def __init__(self, glasses: tuple[Glass, ...]) -> None:
         self.glasses = glasses
-        found = [(k, solid) for k, glass in enumerate(glasses) for solid in solids_from_mesh(glass.mesh)]
+        found = [(k, solid) for k, glass in enumerate(glasses) for solid in solids_from_mesh(glass.mesh.flat())]
         self.owners = [k for k, _ in found]
         self.surfaces = [solid for _, solid in found]
         self.volumes = np.array([abs(solid.volume) for solid in self.surfaces])

@@ -12,7 +12,7 @@ CHUNK = 1 << 12  # rays or faces worked on together: their arrays stay in the ca
 ITERATIONS = 12  # of Newton's method
 PATIENCE, HOPELESS = 6, 0.05  # after so many it is given up for rays whose steps in u, v are still larger
 CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
-BEYOND = 1e-10  # barycentric slack, so that a ray through an edge meets a face
+EDGE = 1e-10  # barycentric slack, so that a ray through an edge or vertex meets a face
 STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a face is searched for a root
 RINGS = 2  # of neighbours that are searched for the root on the right side
 ASIDE = 0.6  # in u, v: a root is not looked for further than this beyond an edge, but on the next face
@@ -127,9 +127,9 @@ class CurvedFaces:
     """Curved faces over some of t triangles: point(u, v) = facet + sum of 14 terms u^a v^b times coefficients.
 
     corners (t, 3, 3) m; row (t,) of each triangle's curved face, -1 where it has none; coefficients (p, 14, 3) m;
-    neighbour (p, 3) the triangle across each edge (from corner e to
-    e + 1) where the surface runs on, -1 elsewhere, and neighbour_edge (p, 3), its edge; bent_row (p,) and bent
-    (q, 14, 3): faces with a straight edge take their normals from the face that is not held straight;
+    neighbour (p, 3) the triangle across each edge (from corner e to e + 1) where the surface runs on, -1 elsewhere,
+    and neighbour_edge (p, 3), its edge; bent_row (p,) and bent (q, 14, 3): faces with a straight edge take their
+    normals from the face that is not held straight;
     vertex (p, 3) of the corners and vertex_normal (f, 3), the same for all faces around a vertex;
     degree: 4, or less to follow faces of a lower degree and see what difference it makes
     """
@@ -211,17 +211,20 @@ class CurvedFaces:
         points = np.empty((n_faces, len(weights), 3))
         sag = np.zeros(n_faces)
         fine = grid(2 * k)[0]
-        where = {tuple(np.round(2 * k * w).astype(int)): i for i, w in enumerate(fine)}
-        ends = [tuple(np.round(2 * k * weights[parts[:, i]]).astype(int) for i in (e, (e + 1) % 3)) for e in range(3)]
         terms = monomials(fine[:, 1], fine[:, 2])
+        number = {tuple(steps): i for i, steps in enumerate(np.round(2 * k * fine).astype(int))}
+
+        def among_fine(points: Floats) -> list[int]:
+            return [number[tuple(steps)] for steps in np.round(2 * k * points).astype(int)]
+
+        coarse = among_fine(weights)
+        ends = [(weights[parts[:, e]], weights[parts[:, (e + 1) % 3]]) for e in range(3)]
+        edges = [(among_fine(a), among_fine((a + b) / 2), among_fine(b)) for a, b in ends]
         triangle = self.triangle
         for first in range(0, n_faces, CHUNK):
             some = slice(first, first + CHUNK)
             at = np.matmul(terms, self.coefficients[some])
-            coarse = [where[tuple(np.round(2 * k * w).astype(int))] for w in weights]
-            for a, b in ends:
-                i, j = ([where[tuple(p)] for p in end] for end in (a, b))
-                m = [where[tuple(p)] for p in (a + b) // 2]
+            for i, m, j in edges:
                 missed = np.linalg.norm(at[:, m] - (at[:, i] + at[:, j]) / 2, axis=2).max(axis=1)
                 sag[some] = np.maximum(sag[some], missed)
             points[some] = np.matmul(weights, self.corners[triangle[some]]) + at[:, coarse]
@@ -255,14 +258,13 @@ class CurvedFaces:
         return self.corners[k, 0] + value(self._load(self.coefficients, self.row[k], k), u, v).T
 
     def may_meet(self, origins: Floats, directions: Floats) -> Bools:
-        """Do the lines of rays (n, 1, 3) come near the triangles (t,), so near that they could meet a curved face?"""
+        """Do the lines of rays (n, 3) come near the triangles (t,), so near that they could meet a curved face?"""
         centre, radius = self._spheres
-        o, d = origins[:, 0], directions[:, 0]
         middle = self.corners[0, 0]  # from near here the squares lose nothing that matters
-        o = o - dot(o - middle, d)[:, None] * d - middle
+        o = origins - dot(origins - middle, directions)[:, None] * directions - middle
         away = centre - middle
         # distance of the centres from the lines, squared; by products of matrices, many times as fast
-        along = d @ away.T
+        along = directions @ away.T
         apart = dot(away, away) + dot(o, o)[:, None] - 2 * (o @ away.T) - along * along
         return apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()
 
@@ -411,20 +413,21 @@ class CurvedFaces:
             if not goes_on.any():
                 break
             todo, edge, row = todo[goes_on], edge[goes_on], row[goes_on]
-            k[todo], u[todo], v[todo] = self._step_over(row, following[goes_on], edge, u[todo], v[todo])
+            k[todo] = following[goes_on]
+            u[todo], v[todo] = self._step_over(row, edge, u[todo], v[todo])
         return k, u, v, distance, enters, facing, normal, is_met
 
     def _is_within(self, outside: Floats, row: Ints) -> Bools:
-        return outside.min(axis=1) >= -BEYOND
+        return outside.min(axis=1) >= -EDGE
 
-    def _step_over(self, row: Ints, following: Ints, edge: Ints, u: Floats, v: Floats) -> tuple[Ints, Floats, Floats]:
-        """Neighbours across edges, and the place on them next to where u, v left their faces."""
+    def _step_over(self, row: Ints, edge: Ints, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Places on the neighbours across edges next to where u, v left their faces."""
         along = np.choose(edge, [u, v, 1 - u - v])  # weight of the corner in which the edge ends
         along = np.clip(along, 0.0, 1.0)
         weights = np.zeros((len(row), 3))
         n, theirs = np.arange(len(row)), self.neighbour_edge[row, edge].astype(int)
         weights[n, theirs], weights[n, (theirs + 1) % 3] = along, 1 - along  # it runs the other way there
-        return following, weights[:, 1], weights[:, 2]
+        return weights[:, 1], weights[:, 2]
 
     def _newton(
         self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats

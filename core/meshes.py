@@ -58,6 +58,11 @@ def find_edges(triangles: Ints) -> Edges:
     return Edges(i // 3, j // 3, i % 3, j % 3, start[i] == start[j], int((counts != 2).sum()))
 
 
+def box_of(corners: Floats) -> Floats:
+    """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
+    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+
+
 def geometric_normals(corners: Floats) -> Floats:
     """Unit normals (t, 3) of triangles with corners (t, 3, 3); zero for a triangle without area."""
     return normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
@@ -73,14 +78,13 @@ def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     return first, np.stack([values[edges.second, start], values[edges.second, end]], axis=1)
 
 
-def find_patches(normals: Floats, edges: Edges) -> Ints:
-    """Label (t,) of the patch of each triangle: faces joined where the corner normals agree at both ends of an edge.
+def find_joined(normals: Floats, edges: Edges) -> Bools:
+    """Which edges (e,) join two faces to one patch: those at both of whose ends the corner normals agree.
 
     normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
     """
     first, second = edge_corners(normals, edges)
-    joined = np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL
-    return components(len(normals), edges.first[joined], edges.second[joined])
+    return np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL
 
 
 def interpolate(values: Floats, u: Floats, v: Floats) -> Floats:

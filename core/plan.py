@@ -14,7 +14,7 @@ from .errors import RigError
 from .media import Media, boxes_touch, make_media
 from .optics import dot
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
-from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Plate, Rig
+from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig
 from .surfaces import Surface, contains, make_surface, solids_from_mesh
 
 Thing = TypeVar("Thing")
@@ -135,7 +135,7 @@ def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
 
 def plate_surface(plate: Plate) -> Surface:
     """A plate's triangles as one patch of one plane; RigError when they do not lie in one."""
-    surface = make_surface(plate.mesh)
+    surface = make_surface(plate.mesh.flat())
     corners = surface.corners.reshape(-1, 3)
     centre = corners.mean(axis=0)
     areas = np.cross(surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0])
@@ -148,7 +148,7 @@ def plate_surface(plate: Plate) -> Surface:
     if np.abs((corners - centre) @ normal).max() > FLAT * np.ptp(corners, axis=0).max():
         raise RigError(f"The plate '{plate.name}' is not flat: a plate has to be a plane.")
     n = len(surface.corners)
-    return replace(surface.as_flat(), normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
+    return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
 class Kept:
@@ -188,14 +188,22 @@ def read_solids(rig: Rig, kept: Kept) -> tuple[list[Surface], list[str], list[Gl
     return solids, keys, glass_of
 
 
-def read_sheets(rig: Rig) -> list[tuple[Kind, Surface]]:
-    """Everything that is no solid, the display last."""
-    display = replace(make_surface(rig.display.mesh).as_flat(), patch=uv_islands(rig.display.mesh))
+def read_sheets(rig: Rig, kept: Kept) -> list[tuple[Kind, Surface, str]]:
+    """Everything that is no solid, the display last, with a key for each."""
+
+    def mirror(mesh: Mesh) -> tuple[Kind, Surface, str]:
+        key = fingerprint(mesh)
+        return Kind.MIRROR, kept.get(key, lambda: make_surface(mesh)), f"{key}/0"
+
+    def flat(kind: Kind, mesh: Mesh, surface: Surface) -> tuple[Kind, Surface, str]:
+        return kind, surface, f"{fingerprint(mesh.flat())}/0"
+
+    display = replace(make_surface(rig.display.mesh.flat()), patch=uv_islands(rig.display.mesh))
     return [
-        *((Kind.PLATE, plate_surface(plate)) for plate in rig.plates),
-        *((Kind.MIRROR, make_surface(mirror.mesh)) for mirror in rig.mirrors),
-        *((Kind.BLOCKER, make_surface(blocker.mesh).as_flat()) for blocker in rig.blockers),
-        (Kind.DISPLAY, display),
+        *(flat(Kind.PLATE, plate.mesh, plate_surface(plate)) for plate in rig.plates),
+        *(mirror(part.mesh) for part in rig.mirrors),
+        *(flat(Kind.BLOCKER, part.mesh, make_surface(part.mesh.flat())) for part in rig.blockers),
+        flat(Kind.DISPLAY, rig.display.mesh, display),
     ]
 
 
@@ -244,9 +252,9 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     rig.check()
     kept = kept or Kept()
     solids, keys, glass_of = read_solids(rig, kept)
-    sheets = read_sheets(rig)
-    surfaces = solids + [surface for _, surface in sheets]
-    keys += [fingerprint(surface.corners, surface.curved) for _, surface in sheets]
+    sheets = read_sheets(rig, kept)
+    surfaces = solids + [surface for _, surface, _ in sheets]
+    keys += [key for *_, key in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
@@ -295,7 +303,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         is_bent=np.concatenate([surface.is_bent for surface in surfaces]),
         patch=np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)]),
         part=np.repeat(np.arange(len(surfaces)), np.diff(starts)),
-        kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, _ in sheets]),
+        kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets]),
         is_closed=is_closed,
         cluster=cluster,
         bit=bit,
@@ -310,5 +318,8 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=tuple(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
         n_open=tuple(of_glass("n_open")),
-        n_contradicted=(*of_glass("n_contradicted"), *(s.n_contradicted for kind, s in sheets if kind == Kind.MIRROR)),
+        n_contradicted=(
+            *of_glass("n_contradicted"),
+            *(surface.n_contradicted for kind, surface, _ in sheets if kind == Kind.MIRROR),
+        ),
     )  # fmt: skip

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .curved import FINE, MOST_PARTS, STARTS, CurvedFaces, grid
-from .meshes import interpolate
+from .curved import EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid
+from .meshes import box_of, interpolate
 from .optics import dot
 from .rig import Bools, Floats, Ints
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 MANY_TRIANGLES = 10_000  # from here on a curved face is searched from one place only
 FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
-EDGE = 1e-10  # barycentric slack of the float64 test, so that a ray through an edge or vertex meets a face
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
@@ -145,7 +144,7 @@ class Layer:
             self._owner, self._parts = np.concatenate([flat, np.repeat(curved.triangle, k * k)]), weights[parts]
             self._n_whole = len(flat)
             corners = np.concatenate([corners[flat], curved.hull(k)])
-        self.bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+        self.bounds = box_of(corners)
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
@@ -368,7 +367,7 @@ class Layer:
             flat = np.arange(self.n_triangles)
             if self.curved is not None:
                 flat = flat[self.curved.row < 0]
-                i, k = np.nonzero(self.curved.may_meet(o[:, None], d[:, None]) & (self.curved.row >= 0))
+                i, k = np.nonzero(self.curved.may_meet(o, d) & (self.curved.row >= 0))
                 # a ray that grazes can meet a large face twice, but not a small one
                 starts = np.array(STARTS if self.n_triangles < MANY_TRIANGLES else STARTS[:1])
                 at = np.repeat(starts, len(i), axis=0).T

@@ -1,7 +1,7 @@
 """The rig: viewers, elements, display and picture, as plain frozen data in metres and float64."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,10 @@ class Mesh:
     surface: Literal["smooth", "facets"] = "smooth"
     has_mean_normals: bool = False
     rounding: float = 0.0
+
+    def flat(self) -> "Mesh":
+        """The same triangles, each flat whatever its shading."""
+        return replace(self, corner_normals=None, is_smooth=None)
 
     @property
     def corners(self) -> Floats:

@@ -28,7 +28,7 @@ from .curved import (
     tangents,
     value,
 )
-from .meshes import SAME_NORMAL, Edges, components, edge_corners
+from .meshes import Edges, components
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints
 
@@ -123,6 +123,14 @@ class _Fields:
     coefficients: Floats
 
 
+def _tangent_planes(v: _Vertices) -> _Fields:
+    """Fields of height 0 over all vertices."""
+    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
+    distance = np.linalg.norm(v.at[v.end] - v.at[v.start], axis=1)
+    size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
+    return _Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
+
+
 def _around(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
     """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
     end = v.end[pairs]
@@ -138,9 +146,11 @@ def _gradients(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, normal: F
     return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(theirs, fields.axis_y[some, None]) / upright
 
 
-def _system(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice) -> tuple[Floats, Floats, Floats]:
-    """Weighted rows (n, 3m, terms) of heights and slopes, weights (n, 3m), and the normal equations' matrix."""
-    x, y, _, distance, is_used = _around(v, fields, some, pairs)
+def _system(
+    v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix; heights (n, m)."""
+    x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
     rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
     # a height tells as much of the slope as the slope itself does, over its distance
@@ -151,27 +161,18 @@ def _system(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice
     scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
     diagonal = np.arange(matrix.shape[1])
     matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
-    return rows, weights, matrix
+    return rows, weights, matrix, z
 
 
 def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
     """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
-    n = len(v.at)
-    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
-    fields = _Fields(axis_x, axis_y, _sizes(v), np.zeros((n, N_TERMS)))
+    fields = _tangent_planes(v)
     for some, pairs in v.by_valence(wanted):
-        rows, weights, matrix = _system(v, fields, some, pairs, slice(2, None))
-        z = _around(v, fields, some, pairs)[2]
+        rows, weights, matrix, z = _system(v, fields, some, pairs, slice(2, None))
         right = np.concatenate([z, *_gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
         solved = np.linalg.solve(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
         fields.coefficients[some, 2:] = solved[..., 0]
     return fields
-
-
-def _sizes(v: _Vertices) -> Floats:
-    """Mean distance (f,) of each vertex's neighbours."""
-    distance = np.linalg.norm(v.at[v.end] - v.at[v.start], axis=1)
-    return np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
 
 
 def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
@@ -180,18 +181,16 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme: fourth order from
     one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at least halve the error.
     """
-    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
-    fields = _Fields(axis_x, axis_y, _sizes(v), np.empty((0, N_TERMS)))
+    fields = _tangent_planes(v)
     solvers = []
     for some, pairs in v.by_valence(wanted):
-        rows, weights, matrix = _system(v, fields, some, pairs, slice(None))
+        rows, weights, matrix, z = _system(v, fields, some, pairs, slice(None))
         weighted = rows * weights[..., None]
         slope = np.zeros((len(some), N_TERMS, 2))
         slope[:, [0, 1], [0, 1]] = 1.0
         # rows of the pseudo-inverse that give the slope; the matrix is symmetric
         inverse = np.matmul(weighted, np.linalg.solve(matrix, slope))
         m = pairs.shape[1]
-        z = _around(v, fields, some, pairs)[2]
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
     normal = v.normal.copy()
     for _ in range(SWEEPS):
@@ -199,7 +198,7 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
         for some, pairs, from_heights, from_slopes in solvers:
             theirs = np.concatenate(_gradients(v, fields, some, pairs, normal), axis=1)
             slope = from_heights + np.einsum("nrk,nr->nk", from_slopes, theirs)
-            found = v.normal[some] - slope[:, :1] * axis_x[some] - slope[:, 1:] * axis_y[some]
+            found = v.normal[some] - slope[:, :1] * fields.axis_x[some] - slope[:, 1:] * fields.axis_y[some]
             found = normalise(found)
             change = max(change, float(np.abs(found - normal[some]).max(initial=0.0)))
             normal[some] = found
@@ -300,6 +299,7 @@ def make_curved(
     corner_normals: Floats,
     wanted: Bools,
     edges: Edges,
+    is_joined: Bools,
     facets: Floats,
     has_mean_normals: bool,
 ) -> CurvedFaces | None:
@@ -310,17 +310,16 @@ def make_curved(
     vertices, triangles : (v, 3) m, (t, 3)
     corner_normals : (t, 3, 3) unit; a flat triangle has its own three times
     wanted : (t,) smooth triangles
-    edges : of the triangles
+    edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
     facets : (t, 3) normals of the triangles, unit
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
     """
     corners = vertices[triangles]
     asked = wanted
-    wanted = wanted & (np.einsum("tij,tj->ti", corner_normals, facets) > STEEPEST).all(axis=1)
-    first, second = edge_corners(corner_normals, edges)
-    is_joined = (np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL) & ~edges.is_same_way
-    usable = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1) > 0
-    v = _find_vertices(vertices, triangles, corner_normals, usable, edges, is_joined)
+    least = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1)
+    wanted = wanted & (least > STEEPEST)
+    is_joined = is_joined & ~edges.is_same_way
+    v = _find_vertices(vertices, triangles, corner_normals, least > 0, edges, is_joined)
     is_used = np.zeros(len(v.at), bool)
     is_used[v.of_corner[wanted]] = True
     if has_mean_normals:

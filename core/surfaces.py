@@ -1,11 +1,11 @@
 """What is traced of a mesh: its surface, the shells it falls into, the solids they enclose."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .curved import CurvedFaces, grid
-from .meshes import SAME_NORMAL, components, find_edges, find_patches, geometric_normals
+from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
 from .surface_fit import make_curved
@@ -23,6 +23,12 @@ def contains(corners: Floats, points: Floats) -> Bools:
         below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
         winding[k] = np.arctan2(top, below).sum() / (2 * np.pi)
     return np.abs(winding) > 0.5
+
+
+def volume_of(corners: Floats) -> float:
+    """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
+    a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
+    return float(dot(a, np.cross(b, c)).sum() / 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +52,12 @@ class Surface:
 
     @property
     def bounds(self) -> Floats:
-        return np.stack([self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))])
+        return box_of(self.corners)
 
     @property
     def volume(self) -> float:
         """Enclosed volume of the facets, m^3, positive for a solid."""
-        a, b, c = np.moveaxis(self.corners - self.corners[0, 0], 1, 0)
-        return float(dot(a, np.cross(b, c)).sum() / 6)
-
-    def as_flat(self) -> "Surface":
-        """The same triangles, each flat whatever its shading."""
-        return replace(self, curved=None, corner_normals=None, is_bent=np.zeros(len(self.corners), bool),
-                       n_contradicted=0)  # fmt: skip
+        return volume_of(self.corners)
 
 
 def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None) -> Surface:
@@ -84,11 +84,15 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         is_bent = is_smooth & is_usable & ~(np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL)
         by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
         n_contradicted = int((is_smooth & ~is_usable).sum())
-        turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max(initial=0.0)
+    is_joined = find_joined(by_corner, edges)
+    if is_bent.any() and mesh.surface == "smooth":
+        turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
         # what rounding does to the slopes of faces through the vertices, against what bent normals miss
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
-        if mesh.surface == "smooth" and turn > max(LEAST_TURN, np.sqrt(8 * slope)):
-            curved = make_curved(mesh.vertices, index, by_corner, is_bent, edges, normals, mesh.has_mean_normals)
+        if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
+            curved = make_curved(
+                mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals
+            )
             if curved is not None:
                 is_bent &= curved.row < 0
             n_contradicted += int(is_bent.sum())
@@ -98,7 +102,7 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         curved,
         by_corner if is_bent.any() else None,
         is_bent,
-        find_patches(by_corner, edges),
+        components(len(index), edges.first[is_joined], edges.second[is_joined]),
         edges.n_open,
         n_contradicted,
     )
@@ -190,23 +194,21 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
     A closed shell inside an odd number of others is a cavity, whichever way its faces were drawn. A shell with a
     boundary has no inside of its own: it stays as drawn.
     """
-    shells = []
+    shells = []  # their facets say which holds which: surfaces, which cost more, are made of whole solids only
     for chosen, is_flipped in split_shells(mesh):
-        surface = make_surface(mesh, chosen, is_flipped)
-        if surface.n_open == 0 and surface.volume < 0:
+        index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])
+        corners = mesh.vertices[index]
+        is_closed = find_edges(index).n_open == 0
+        if is_closed and volume_of(corners) < 0:
             is_flipped = ~is_flipped
-            surface = make_surface(mesh, chosen, is_flipped)
-        shells.append((chosen, is_flipped, surface))
-    if len(shells) == 1:
-        return [shells[0][2]]
-    boxes = np.stack([surface.bounds for *_, surface in shells])
+        shells.append((chosen, is_flipped, corners, is_closed))
+    boxes = np.stack([box_of(corners) for *_, corners, _ in shells])
     holders: list[list[int]] = []
-    for i, (*_, inner) in enumerate(shells):
+    for i, (*_, inner, _) in enumerate(shells):
         around = (boxes[:, 0] <= boxes[i, 0]).all(axis=1) & (boxes[:, 1] >= boxes[i, 1]).all(axis=1)
         around[i] = False
-        point = inner.corners[0, :1]
-        holders.append([j for j in np.flatnonzero(around) if shells[j][2].n_open == 0
-                        and contains(shells[j][2].corners, point)[0]])  # fmt: skip
+        holders.append([j for j in np.flatnonzero(around) if shells[j][3]
+                        and contains(shells[j][2], inner[0, :1])[0]])  # fmt: skip
     depth = np.array([len(h) for h in holders])
     members: dict[int, list[int]] = {i: [i] for i in np.flatnonzero(depth % 2 == 0)}
     for i in np.flatnonzero(depth % 2 == 1):

@@ -197,7 +197,7 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
     rays.add_to_branch(beside, np.full(len(beside), plan.patch[-1]), _LAND)
 
 
-def _shading_normals(plan: Plan, hits: Hits) -> tuple[Floats, Floats]:
+def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
     """Geometric and shading normals (n, 3), both turned against the ray."""
     geometric = plan.normals[hits.triangle]
     shading = geometric
@@ -217,15 +217,10 @@ def _shading_normals(plan: Plan, hits: Hits) -> tuple[Floats, Floats]:
     if shading is geometric:
         geometric = np.where(front, geometric, -geometric)
         return geometric, geometric
-    return np.where(front, geometric, -geometric), np.where(front, shading, -shading)
-
-
-def _facing_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
-    """The same, but where the shading normal looks away from the ray the geometric one in its place."""
-    geometric, shading = _shading_normals(plan, hits)
-    if shading is not geometric:
-        away = dot(directions, shading) >= 0
-        shading[away] = geometric[away]
+    geometric, shading = np.where(front, geometric, -geometric), np.where(front, shading, -shading)
+    # where the shading normal looks away from the ray the face's own one is kept
+    away = dot(directions, shading) >= 0
+    shading[away] = geometric[away]
     return geometric, shading
 
 
@@ -248,7 +243,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     if not len(i):
         return
     directions = rays.directions[i]
-    geometric, shading = _facing_normals(plan, directions, hits)
+    geometric, shading = _shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1 / n2)
     # a bent normal can send light to the wrong side of the face it met: there the face's own normal is used
     wrong = (dot(out, geometric) > 0) != is_tir
@@ -270,7 +265,7 @@ def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
 
 def _meet_mirror(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     directions = rays.directions[i]
-    geometric, shading = _facing_normals(plan, directions, hits)
+    geometric, shading = _shading_normals(plan, directions, hits)
     out = reflect(directions, shading)
     wrong = dot(out, geometric) < 0
     out[wrong] = reflect(directions[wrong], geometric[wrong])
