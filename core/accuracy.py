@@ -31,6 +31,9 @@ class _Parabolic(CurvedFaces):
         # paraboloids have no neighbours to go on to
         return outside.min(axis=1) >= np.where(row >= self.first, -WIDE, -EDGE)
 
+    def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
+        return super()._is_in_box(k, origins, directions) | (self.row[k] >= self.first)
+
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:
         centre = self.corners.mean(axis=1)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import perm
 
 import numpy as np
 
@@ -81,6 +82,14 @@ def _lower(degree: int) -> Floats:
     return matrix
 
 
+def _to_bezier() -> Floats:
+    """Matrix (15, 14): Bezier points of a quartic triangle from the coefficients of its terms."""
+    # u^a v^b is the sum over i, j of i! / (i - a)!  j! / (j - b)!  (4 - a - b)! / 4!  times Bernstein's polynomials
+    numbers = [(i, j) for i in range(5) for j in range(5 - i)]
+    return np.array([[perm(i, a) * perm(j, b) / perm(4, a + b) for a, b in POWERS] for i, j in numbers])
+
+
+TO_BEZIER = _to_bezier()
 LOWER = {degree: _lower(degree) for degree in (2, 3)}
 
 
@@ -257,8 +266,8 @@ class CurvedFaces:
         """Points (n, 3), m, of the curved faces of triangles k at u, v (n,)."""
         return self.corners[k, 0] + value(self._load(self.coefficients, self.row[k], k), u, v).T
 
-    def may_meet(self, origins: Floats, directions: Floats) -> Bools:
-        """Do the lines of rays (n, 3) come near the triangles (t,), so near that they could meet a curved face?"""
+    def may_meet(self, origins: Floats, directions: Floats) -> tuple[Ints, Ints]:
+        """Rays (n, 3) and curved faces, as indices of rays (m,) and of triangles (m,): those whose lines may meet."""
         centre, radius = self._spheres
         middle = self.corners[0, 0]  # from near here the squares lose nothing that matters
         o = origins - dot(origins - middle, directions)[:, None] * directions - middle
@@ -266,7 +275,25 @@ class CurvedFaces:
         # distance of the centres from the lines, squared; by products of matrices, many times as fast
         along = directions @ away.T
         apart = dot(away, away) + dot(o, o)[:, None] - 2 * (o @ away.T) - along * along
-        return apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()
+        i, k = np.nonzero((apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()) & (self.row >= 0))
+        parts = [slice(first, first + CHUNK) for first in range(0, len(i), CHUNK)]
+        holds = [self._is_in_box(k[some], origins[i[some]], directions[i[some]]) for some in parts]
+        chosen = np.concatenate([np.zeros(0, bool), *holds])
+        return i[chosen], k[chosen]
+
+    def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
+        """As seen along each ray, does the box around the Bezier points of the curved face of triangle k hold it?"""
+        c = self._load(self.coefficients, self.row[k], k)
+        away = (self.corners[k, 0] - origins).T
+        holds = np.ones(len(k), bool)
+        for axis in tangents(directions):
+            a = axis.T
+            seen = TO_BEZIER @ (c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2])
+            low, high = seen.min(axis=0), seen.max(axis=0)
+            at = -(away * a).sum(axis=0)
+            slack = 2 * EDGE * (high - low)
+            holds &= (low - slack <= at) & (at <= high + slack)
+        return holds
 
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:
@@ -318,7 +345,8 @@ class CurvedFaces:
         triangle (n,), u (n,), v (n,), distance (n,) m; enters (n,) the ray comes from the front; normal (n, 3) of the
         face and the one (n, 3) by which it refracts, neither unit; is_met (n,)
         """
-        *found, is_met = self._roots(k, u, v, origins, directions)
+        walks = 2 if is_last else WALKS
+        *found, is_met = self._roots(k, u, v, origins, directions, walks)
         if leaves is None:
             return *found, is_met
 
@@ -329,7 +357,7 @@ class CurvedFaces:
         if len(odd):
             k, u, v = (x[odd] for x in found[:3])
             o, d = origins[odd], directions[odd]
-            *other, is_other = self._roots(k, *self._across(k, u, v, d), o, d)
+            *other, is_other = self._roots(k, *self._across(k, u, v, d), o, d, walks)
             better = is_other & (other[4] != leaves[odd])
             for mine, theirs in zip(found, other, strict=True):
                 mine[odd[better]] = theirs[better]
@@ -353,7 +381,7 @@ class CurvedFaces:
         k, i = np.tile(faces[i, j], len(STARTS)), np.tile(i, len(STARTS))
         u, v = np.repeat(np.array(STARTS), len(k) // len(STARTS), axis=0).T
         rays = odd[i]
-        *other, is_other = self._roots(k, u, v, origins[rays], directions[rays])
+        *other, is_other = self._roots(k, u, v, origins[rays], directions[rays], WALKS)
         # light on its way in meets the front before the back it was found to meet; within, the back is beyond
         beyond = (other[3] - found[3][rays]) * np.where(leaves[rays], 1.0, -1.0) > 0
         good = np.flatnonzero(is_other & (other[4] != leaves[rays]) & beyond)
@@ -384,16 +412,16 @@ class CurvedFaces:
         return u + way * np.nan_to_num(a), v + way * np.nan_to_num(b)
 
     def _roots(
-        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
+        self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats, walks: int
     ) -> tuple[Ints, Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
-        """As `meet`, for whichever side."""
+        """As `meet`, for whichever side; a root is followed over that many faces."""
         k, u, v = k.copy(), np.array(u), np.array(v)
         distance, enters = np.full(len(k), np.inf), np.zeros(len(k), bool)
         facing = np.zeros((len(k), 3))
         normal = np.zeros((len(k), 3)) if self.has_straight_edges else facing
         is_met = np.zeros(len(k), bool)
         todo = np.arange(len(k))
-        for _ in range(WALKS):
+        for _ in range(walks):
             parts = [
                 self._newton(k[some], u[some], v[some], origins[some], directions[some])
                 for some in np.split(todo, range(CHUNK, len(todo), CHUNK))

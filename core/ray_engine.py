@@ -367,7 +367,7 @@ class Layer:
             flat = np.arange(self.n_triangles)
             if self.curved is not None:
                 flat = flat[self.curved.row < 0]
-                i, k = np.nonzero(self.curved.may_meet(o, d) & (self.curved.row >= 0))
+                i, k = self.curved.may_meet(o, d)
                 # a ray that grazes can meet a large face twice, but not a small one
                 starts = np.array(STARTS if self.n_triangles < MANY_TRIANGLES else STARTS[:1])
                 at = np.repeat(starts, len(i), axis=0).T

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
 from .ray_engine import Hits
 from .rig import Bools, Floats, Ints
+
+Words = NDArray[np.uint64]
 
 CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache
 
@@ -82,7 +85,7 @@ def trace_all(plan: Plan, origins: Floats, directions: Floats) -> Landings:
 class _Rays:
     """The state of the rays of one batch; `live` are those still under way."""
 
-    def __init__(self, origins: Floats, directions: Floats) -> None:
+    def __init__(self, origins: Floats, directions: Floats, course: Words | None, is_recorded: bool) -> None:
         n = len(origins)
         self.positions = np.array(origins, float)
         self.directions = np.array(directions, float)
@@ -97,22 +100,56 @@ class _Rays:
         self.has_met_plate = np.zeros(n, bool)
         self.last_part = np.full(n, -1)
         self.live = np.arange(n)
+        self.course, self.is_recorded = course, is_recorded
+        self.n_words = np.zeros(n, np.int64)
+        self.is_astray = np.zeros(n, bool)
 
     def add_to_branch(self, rays: Ints, patch: Ints, event: Ints | int) -> None:
         with np.errstate(over="ignore"):
             word = (patch * 8 + event + 1).astype(np.uint64)
             mixed = (self.branch[rays] ^ word) * _MIX
             self.branch[rays] = mixed ^ (mixed >> np.uint64(29))
+        if self.course is None:
+            return
+        place = rays, self.n_words[rays]
+        if self.is_recorded:
+            self.course[place] = self.branch[rays]
+        else:
+            self.is_astray[rays] = self.course[place] != self.branch[rays]
+        self.n_words[rays] += 1
 
 
-def trace(plan: Plan, origins: Floats, directions: Floats) -> Landings:
+def courses(plan: Plan, origins: Floats, directions: Floats) -> Words:
+    """What the branch of each ray (n, 3) was after each of its events: (n, max_events + 1), for `trace` to compare."""
+    course = np.zeros((len(origins), plan.settings.max_events + 1), np.uint64)
+    _follow(plan, _Rays(origins, directions, course, is_recorded=True))
+    return course
+
+
+def trace(plan: Plan, origins: Floats, directions: Floats, course: Words | None = None) -> Landings:
     """Follow rays backward from the viewer until each has landed on the display or is lost.
 
     Parameters
     ----------
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
+    course : (n, m) as `courses` gives them: a ray is given up, without a landing, as soon as it leaves its course
     """
-    rays = _Rays(origins, directions)
+    rays = _Rays(origins, directions, course, is_recorded=False)
+    _follow(plan, rays)
+    rays.xy[rays.is_astray] = np.nan
+    return Landings(
+        np.arange(len(origins)),
+        rays.reason,
+        np.where(np.isfinite(rays.xy[:, 0]), np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
+        rays.xy,
+        rays.positions,
+        rays.directions,
+        rays.throughput,
+        rays.n_events,
+    )
+
+
+def _follow(plan: Plan, rays: _Rays) -> None:
     for _ in range(plan.settings.max_events):
         if not len(rays.live):
             break
@@ -130,17 +167,7 @@ def trace(plan: Plan, origins: Floats, directions: Floats) -> Landings:
             chosen = np.flatnonzero(kind == of_kind)
             if len(chosen):
                 meet(plan, rays, rays.live[chosen], hits.at(chosen), [other.at(chosen) for other in by_layer])
-        rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY)]
-    return Landings(
-        np.arange(len(origins)),
-        rays.reason,
-        np.where(np.isfinite(rays.xy[:, 0]), np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
-        rays.xy,
-        rays.positions,
-        rays.directions,
-        rays.throughput,
-        rays.n_events,
-    )
+        rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY) & ~rays.is_astray[rays.live]]
 
 
 def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:

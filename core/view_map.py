@@ -11,9 +11,11 @@ import numpy as np
 
 from .plan import Plan
 from .rig import Bools, Floats, Ints
-from .trace import CHUNK, trace
+from .trace import CHUNK, Words, courses, trace
 
-BISECTIONS = 14  # a border is known to 2^-14 of a viewer pixel
+BISECTIONS = 12  # a border is known to 2^-12 of a viewer pixel
+BATCH = 8192  # rays that are traced in not much more time than a few
+MOST_PARTS = 4  # binary digits of a border's place that are found in one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +99,15 @@ def _is_near_display(xy: Floats, size: Ints) -> Bools:
     return ((high > 0) & (low < size)).all(axis=1) | lost
 
 
-def _trace_points(plan: Plan, view: Floats, start: float, stop: float) -> Generator[float, None, _Points]:
-    """Trace viewer points (n, 2) in chunks; yields progress from start to stop."""
+def _trace_points(
+    plan: Plan, view: Floats, start: float, stop: float, course: Words | None = None
+) -> Generator[float, None, _Points]:
+    """Trace viewer points (n, 2), on their courses, in chunks; yields progress from start to stop."""
     n = len(view)
     points = _Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
     for first in range(0, n, CHUNK):
         some = slice(first, first + CHUNK)
-        landings = trace(plan, *plan.rig.viewer.rays(view[some]))
+        landings = trace(plan, *plan.rig.viewer.rays(view[some]), None if course is None else course[some])
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
         yield start + (stop - start) * min(1.0, (first + CHUNK) / n)
@@ -192,15 +196,25 @@ def _bisect(
     plan: Plan, points: _Points, near: Ints, far: Ints
 ) -> Generator[float, None, tuple[Floats, Floats, Floats, int]]:
     """Last points on the branch of points `near` towards points `far`: viewer px, display px, throughput, rays."""
-    wanted = points.branch[near]
     low, high = np.zeros(len(near)), np.ones(len(near))
     xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
     a, b = points.view[near], points.view[far]
-    for k in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        share = 0.18 / BISECTIONS
-        found = yield from _trace_points(plan, a + middle[:, None] * (b - a), 0.8 + k * share, 0.8 + (k + 1) * share)
-        holds = found.branch == wanted
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-        xy[holds], throughput[holds] = found.xy[holds], found.throughput[holds]
-    return a + low[:, None] * (b - a), xy, throughput, BISECTIONS * len(near)
+    course = np.concatenate([courses(plan, *plan.rig.viewer.rays(a[i : i + CHUNK])) for i in range(0, len(a), CHUNK)])
+    n_rays = len(near)
+    # many places at once where there are few borders: a batch of rays costs as much as hundreds of its rays
+    parts = 2 ** int(np.clip(np.log2(BATCH / len(near)), 1, MOST_PARTS))
+    n_steps = int(np.ceil(BISECTIONS / np.log2(parts)))
+    for k in range(n_steps):
+        at = low + (high - low) * np.arange(1, parts)[:, None] / parts
+        view = (a + at[..., None] * (b - a)).reshape(-1, 2)
+        share = 0.18 / n_steps
+        found = yield from _trace_points(
+            plan, view, 0.8 + k * share, 0.8 + (k + 1) * share, np.tile(course, (parts - 1, 1))
+        )
+        n_rays += len(view)
+        n_held = np.logical_and.accumulate(found.branch.reshape(at.shape) == points.branch[near]).sum(axis=0)
+        held = np.flatnonzero(n_held)
+        last = (n_held[held] - 1) * len(near) + held
+        xy[held], throughput[held] = found.xy[last], found.throughput[last]
+        low, high = low + (high - low) * n_held / parts, low + (high - low) * (n_held + 1) / parts
+    return a + low[:, None] * (b - a), xy, throughput, n_rays
