@@ -20,6 +20,7 @@ from .surfaces import Surface, contains, make_surface, solids_from_mesh
 Thing = TypeVar("Thing")
 
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 
 
@@ -29,6 +30,7 @@ class Settings:
 
     Parameters
     ----------
+    tolerance : display pixels by which landings may be off; LEAST_TOLERANCE to MOST_TOLERANCE
     max_events : surfaces a ray may meet before it counts as lost
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
@@ -36,11 +38,20 @@ class Settings:
     wavelength : m
     """
 
+    tolerance: float = 0.1
     max_events: int = 32
     only_through_glass: bool = True
     brightness: bool = False
     margin: int = 0
     wavelength: float = WAVELENGTH
+
+    def check(self) -> None:
+        """Raise RigError when the tolerance is none that can be kept."""
+        if not LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE:
+            raise RigError(
+                f"The tolerance is {self.tolerance:g} display pixels: set one from {LEAST_TOLERANCE:g}"
+                f" to {MOST_TOLERANCE:g}."
+            )
 
 
 class Kind(IntEnum):

@@ -116,6 +116,7 @@ class Session:
             clock = now
 
         rig.check()
+        settings.check()
         key = fingerprint(replace(rig, pictures=()), replace(settings, margin=0))
         lap("fingerprint")
         n_rays = 0

@@ -111,19 +111,23 @@ class _Rays:
             self.branch[rays] = mixed ^ (mixed >> np.uint64(29))
         if self.course is None:
             return
-        place = rays, self.n_words[rays]
+        n_words = self.n_words[rays]
+        width = self.course.shape[1]
         if self.is_recorded:
-            self.course[place] = self.branch[rays]
+            if n_words.max(initial=0) >= width:
+                self.course = np.pad(self.course, ((0, 0), (0, width)))
+            self.course[rays, n_words] = self.branch[rays]
         else:
-            self.is_astray[rays] = self.course[place] != self.branch[rays]
+            expected = np.where(n_words < width, self.course[rays, np.minimum(n_words, width - 1)], np.uint64(0))
+            self.is_astray[rays] = expected != self.branch[rays]
         self.n_words[rays] += 1
 
 
 def courses(plan: Plan, origins: Floats, directions: Floats) -> Words:
-    """What the branch of each ray (n, 3) was after each of its events: (n, max_events + 1), for `trace` to compare."""
-    course = np.zeros((len(origins), plan.settings.max_events + 1), np.uint64)
-    _follow(plan, _Rays(origins, directions, course, is_recorded=True))
-    return course
+    """What the branch of each ray (n, 3) was after each of its m events at the most: (n, m), for `trace` to compare."""
+    rays = _Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
+    _follow(plan, rays)
+    return rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
 
 
 def trace(plan: Plan, origins: Floats, directions: Floats, course: Words | None = None) -> Landings:

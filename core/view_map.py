@@ -199,7 +199,7 @@ def _bisect(
     low, high = np.zeros(len(near)), np.ones(len(near))
     xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
     a, b = points.view[near], points.view[far]
-    course = np.concatenate([courses(plan, *plan.rig.viewer.rays(a[i : i + CHUNK])) for i in range(0, len(a), CHUNK)])
+    course = courses(plan, *plan.rig.viewer.rays(a))
     n_rays = len(near)
     # many places at once where there are few borders: a batch of rays costs as much as hundreds of its rays
     parts = 2 ** int(np.clip(np.log2(BATCH / len(near)), 1, MOST_PARTS))

@@ -47,6 +47,7 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
     """How the scene wants to be solved."""
     ours = scene.kiriko
     return Settings(
+        tolerance=ours.tolerance,
         max_events=ours.max_events,
         only_through_glass=ours.only_through_glass,
         brightness=ours.brightness,

@@ -136,6 +136,18 @@ class KirikoScene(bpy.types.PropertyGroup):
         description="Picture in the viewer's own pixels: what the viewer shall see, over the whole camera frame",
         type=bpy.types.Image,
     )
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="By how many display pixels the result may be off: smaller takes longer",
+        default=0.1,
+        min=1e-6,
+        soft_min=1e-3,
+        soft_max=2.0,
+        max=100.0,
+        precision=3,
+        step=1,
+        subtype="PIXEL",
+    )
     max_events: IntProperty(
         name="Max Events",
         description="Surfaces a ray may meet before it counts as lost: more follow longer paths of total reflection",

@@ -16,6 +16,7 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         layout.use_property_decorate = False
         ours = context.scene.kiriko
         column = layout.column()
+        column.prop(ours, "tolerance")
         column.prop(ours, "only_through_glass")
         column.prop(ours, "brightness")
         column.prop(ours, "margin")
