@@ -47,19 +47,39 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, area: F
     short_way = _homography(picture.mesh, viewer)
     if short_way is None:
         return _by_tracing(picture, viewer, view_xy, area)
-    matrix, (low, high) = short_way
-    homogeneous = view_xy @ matrix[:, :2].T + matrix[:, 2]
-    w = homogeneous[:, 2]
-    seen = w > 0
-    w = np.where(seen, w, 1.0)
-    uv = homogeneous[:, :2] / w[:, None]
-    stretch = abs(np.linalg.det(matrix)) / w**3
-    footprint_uv = np.sqrt(area * stretch)
+    n = len(view_xy)
+    points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty(n))
+    for first in range(0, n, CHUNK):
+        some = slice(first, first + CHUNK)
+        _place(points, some, view_xy[some], area[some], size, *short_way)
+    return points
+
+
+def _place(
+    points: PicturePoints,
+    some: slice,
+    view_xy: Floats,
+    area: Floats,
+    size: Floats,
+    matrix: Floats,
+    bounds: tuple[Floats, Floats],
+) -> None:
+    """Set some points, by the matrix from viewer pixels to UV; column by column, rows of two are slow in numpy."""
+    x, y = view_xy[:, 0], view_xy[:, 1]
+    u, v, w = (a * x + b * y + c for a, b, c in matrix)
+    is_seen = w > 0
+    inverse = 1.0 / np.where(is_seen, w, 1.0)
+    u *= inverse
+    v *= inverse
+    footprint = np.sqrt(area * abs(np.linalg.det(matrix)) * inverse * inverse * inverse)
+    blur = np.maximum(footprint, 1e-300)
     shape = np.sqrt(size[0] / size[1])  # the footprint is taken square in picture pixels
-    to_edge = np.minimum(uv - low, high - uv)
-    blur = np.maximum(footprint_uv, 1e-300)[:, None] / np.array([shape, 1 / shape])
-    cover = np.clip(to_edge / blur + 0.5, 0, 1).prod(axis=1) * seen
-    return PicturePoints(_pixels(uv, size), cover, footprint_uv * np.sqrt(size.prod()))
+    (low_u, low_v), (high_u, high_v) = bounds
+    across = np.clip(np.minimum(u - low_u, high_u - u) * shape / blur + 0.5, 0, 1)
+    along = np.clip(np.minimum(v - low_v, high_v - v) / (shape * blur) + 0.5, 0, 1)
+    points.xy[some, 0], points.xy[some, 1] = u * size[0], (1 - v) * size[1]
+    points.cover[some] = across * along * is_seen
+    points.footprint[some] = footprint * np.sqrt(size.prod())
 
 
 def _pixels(uv: Floats, size: Floats) -> Floats:

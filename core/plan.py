@@ -16,6 +16,7 @@ from .optics import dot
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig
 from .surfaces import Surface, contains, make_surface, solids_from_mesh
+from .thin_parts import ThinParts
 
 Thing = TypeVar("Thing")
 
@@ -76,6 +77,7 @@ class Plan:
     n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
+    thin_parts: all triangles, to be asked what rays passed by.
     """
 
     rig: Rig
@@ -94,6 +96,7 @@ class Plan:
     layer_triangles: tuple[Ints, ...]
     layer_bits: tuple[np.ndarray, ...]
     layer_solids: tuple[np.ndarray | None, ...]
+    thin_parts: ThinParts
     display_start: int
     display_plane: DisplayPlane | None
     merge_distance: float
@@ -286,6 +289,10 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         np.bitwise_or.at(every, cluster[solid], bit[solid])
         layer_bits.append(closed)
         layer_solids.append(every if len(solid) == len(group) else None)
+    patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
+    part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
+    corners = np.concatenate([surface.corners for surface in surfaces])
+    thin_parts = kept.get("boxes of " + "+".join(keys), lambda: ThinParts(corners, patch, part))
     kept.forget()
 
     has_bent = any(surface.corner_normals is not None for surface in surfaces)
@@ -312,8 +319,8 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
             np.zeros_like(s.corners) if s.corner_normals is None else s.corner_normals for s in surfaces
         ]) if has_bent else None,
         is_bent=np.concatenate([surface.is_bent for surface in surfaces]),
-        patch=np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)]),
-        part=np.repeat(np.arange(len(surfaces)), np.diff(starts)),
+        patch=patch,
+        part=part,
         kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets]),
         is_closed=is_closed,
         cluster=cluster,
@@ -323,6 +330,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         layer_triangles=tuple(layer_triangles),
         layer_bits=tuple(layer_bits),
         layer_solids=tuple(layer_solids),
+        thin_parts=thin_parts,
         display_start=int(starts[-2]),
         display_plane=display_plane(rig.display, surfaces[-1]),
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),

@@ -6,6 +6,7 @@ no ray engine.
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
 from typing import TypeVar
 
@@ -71,7 +72,13 @@ class Solution:
 
     def seen(self, source: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear."""
-        return seen_image(self.shares, self.source if source is None else source)
+        return seen_image(self._seen_shares, self.source if source is None else source)
+
+    @cached_property
+    def _seen_shares(self) -> Shares:
+        """Shares each of which lies in one viewer pixel: those that paint may be larger."""
+        is_weighed = self.shares.throughput is not None
+        return finish(_rasterise(self.view_map, is_weighed, at_pixels=True))
 
 
 def finish(steps: Generator[float, None, Result]) -> Result:
@@ -129,7 +136,7 @@ class Session:
             view_map = yield from _scaled(sample(plan), 0.8)
             lap("tracing")
             n_rays = view_map.n_rays
-            shares = yield from _rasterise(view_map, settings)
+            shares = yield from _rasterise(view_map, settings.brightness)
             _refuse_if_dark(view_map, shares)
             lap("shares")
             tessellation = tessellation_error(plan)
@@ -143,7 +150,7 @@ class Session:
         colours = Pyramid(rig.picture.image).sample(self._placed[1])
         source = paint(shares, colours, settings.margin)
         lap("painting")
-        seen_share = view_coverage(shares)
+        seen_share = np.where(view_map.is_whole, 1.0, view_coverage(shares))
         picture_coverage, misses = _of_the_picture(rig, view_map, seen_share)
         lap("coverage")
         yield 1.0
@@ -203,18 +210,14 @@ def _scaled(work: Generator[float, None, ViewMap], share: float) -> Generator[fl
             return done.value
 
 
-def _rasterise(view_map: ViewMap, settings: Settings) -> Generator[float, None, Shares]:
+def _rasterise(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> Generator[float, None, Shares]:
     """Shares of all cells, some at a time; yields progress 0.8..0.95."""
-    parts, n_done = [], 0
-    n_cells = len(view_map.quads) + len(view_map.triangles)
-    for kind in (view_map.quads, view_map.triangles):
-        for first in range(0, max(len(kind), 1), CELLS_AT_ONCE):
-            cells = kind[first : first + CELLS_AT_ONCE]
-            throughput = view_map.throughput[cells].mean(axis=1) if settings.brightness else None
-            view, display = view_map.view_points[cells], view_map.display_points[cells]
-            parts.append(rasterise(view_map.display_size, view_map.view_size, view, display, throughput))
-            n_done += len(cells)
-            yield 0.8 + 0.15 * n_done / max(n_cells, 1)
+    sizes = view_map.display_size, view_map.view_size
+    empty = np.empty((0, 4, 2))
+    parts = [rasterise(*sizes, empty, empty, np.empty(0) if is_weighed else None)]
+    for view, display, throughput in view_map.pieces(at_pixels):
+        parts.append(rasterise(*sizes, view, display, throughput if is_weighed else None))
+        yield 0.95 - 0.15 / len(parts)
     return concatenate(*parts)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,20 @@ def trace_all(plan: Plan, origins: Floats, directions: Floats) -> Landings:
     return join(parts)
 
 
+class Step(NamedTuple):
+    """What became of rays between two events: those that met something, where and on which patch; and the others.
+
+    rays (h,) and left (l,) indices; place (h, 3) and patch (h,) of what was met; start and direction (l, 3)
+    """
+
+    rays: Ints
+    place: Floats
+    patch: Ints
+    left: Ints
+    start: Floats
+    direction: Floats
+
+
 class _Rays:
     """The state of the rays of one batch; `live` are those still under way."""
 
@@ -130,16 +145,19 @@ def courses(plan: Plan, origins: Floats, directions: Floats) -> Words:
     return rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
 
 
-def trace(plan: Plan, origins: Floats, directions: Floats, course: Words | None = None) -> Landings:
+def trace(
+    plan: Plan, origins: Floats, directions: Floats, course: Words | None = None, steps: list[Step] | None = None
+) -> Landings:
     """Follow rays backward from the viewer until each has landed on the display or is lost.
 
     Parameters
     ----------
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
     course : (n, m) as `courses` gives them: a ray is given up, without a landing, as soon as it leaves its course
+    steps : is filled with what happened at each event
     """
     rays = _Rays(origins, directions, course, is_recorded=False)
-    _follow(plan, rays)
+    _follow(plan, rays, steps)
     rays.xy[rays.is_astray] = np.nan
     return Landings(
         np.arange(len(origins)),
@@ -153,17 +171,21 @@ def trace(plan: Plan, origins: Floats, directions: Floats, course: Words | None 
     )
 
 
-def _follow(plan: Plan, rays: _Rays) -> None:
+def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
     for _ in range(plan.settings.max_events):
         if not len(rays.live):
             break
         hits, by_layer = _first_hits(plan, rays)
         hit = hits.triangle >= 0
+        left = rays.live[~hit]
         if not hit.all():
-            _end_without_hit(plan, rays, rays.live[~hit])
+            _end_without_hit(plan, rays, left)
             rays.live, hits, by_layer = rays.live[hit], hits.at(hit), [other.at(hit) for other in by_layer]
         rays.positions[rays.live] += hits.distance[:, None] * rays.directions[rays.live]
         rays.n_events[rays.live] += 1
+        if steps is not None:
+            where = rays.live, rays.positions[rays.live], plan.patch[hits.triangle]
+            steps.append(Step(*where, left, rays.positions[left], rays.directions[left]))
         part = plan.part[hits.triangle]
         rays.last_part[rays.live] = part
         kind = plan.kind[part]

@@ -1,21 +1,52 @@
 """Which rays to trace: the view map, viewer pixels to display pixels, as cells.
 
-The corners of the viewer's pixels are traced. A pixel whose corners lie on one branch is one cell. Where they do
-not, the border is found on the pixel's edges by bisection and the pixel is cut along it, a piece a branch.
+Squares of the viewer's image are traced at 5 x 5 nodes. Where these lie on one branch and a biquartic through them
+keeps the tolerance, at two more rays too, the square is one cell; elsewhere it is quartered, down to 4 pixels. There
+the nodes are the pixels' corners: pixels whose corners lie on one branch are cells, the others are cut in pieces.
 """
 
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from . import interpolation
+from .borders import Paths, Pixels, Points, cut, in_triangles, is_seen, trace_points
+from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
-from .trace import CHUNK, Words, courses, trace
+from .trace import Reason
 
-BISECTIONS = 12  # a border is known to 2^-12 of a viewer pixel
-BATCH = 8192  # rays that are traced in not much more time than a few
-MOST_PARTS = 4  # binary digits of a border's place that are found in one step
+ACROSS = 16  # squares along the longer side of the viewer's image to begin with
+MARGIN = 0.25  # of a square's extent on the display: its image may reach further out than its nodes
+FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
+SHARE = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
+PLACES = 4  # along a display pixel, from which it takes its colour
+MOST_QUADS = 128  # along the side of a smooth cell
+QUADS_AT_ONCE = 1 << 16
+SAMPLED = 1024  # pieces of pixels whose error is measured, at the most
+LAST = 0.999  # quantile of the error that keeps to the tolerance
+
+
+@dataclass(frozen=True)
+class MapError:
+    """Errors of the view map as measured by rays that it was not made from, over what of the viewer's image it covers.
+
+    rms, percentile : display px, the latter of 99.9 % of the area
+    facet_limited, unresolved : shares of the viewer's image, 0..1, that are off by more than the tolerance: squares on
+        one branch that are not smooth, because facets bend the picture, and pieces of pixels that were cut
+    facet_error, unresolved_error : rms of those two kinds of cells, display px, as far as they are known
+    n_checked : rays
+    """
+
+    rms: float
+    percentile: float
+    facet_limited: float
+    facet_error: float
+    unresolved: float
+    unresolved_error: float
+    n_checked: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,198 +54,397 @@ class ViewMap:
     """Cells of the viewer's image and where the display shows them.
 
     view_size, display_size : width, height in pixels
-    view_points, display_points : (p, 2) viewer px and display px of the traced points
-    throughput : (p,) of each point
-    quads, triangles : (q, 4), (t, 3) indices of points, in order around each cell
-    reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels
+    points : traced, with viewer px and display px
+    corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper left corner and side, viewer px, indices of points
+    quads, triangles : (q, 4), (t, 3) indices of points, in order: whole pixels and pieces of pixels
+    reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
+    tolerance : display px
     n_rays : rays traced
     """
 
     view_size: tuple[int, int]
     display_size: tuple[int, int]
-    view_points: Floats
-    display_points: Floats
-    throughput: Floats
+    points: Points
+    corner: Ints
+    size: Ints
+    nodes: Ints
     quads: Ints
     triangles: Ints
     reason: np.ndarray
+    tolerance: float
+    error: MapError
     n_rays: int
 
+    @cached_property
+    def _n_parts(self) -> Ints:
+        """Into how many quads (c,) the sides of smooth cells are cut.
 
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """What is kept of traced points: viewer px (n, 2), landings on the display (n, 2), branch, reason, throughput."""
+        They keep the tolerance, and are not much larger than viewer pixels or a part of a display pixel: one that lay
+        in a single quad would take its colour from one place.
+        """
+        xy = self.points.xy[self.nodes]
+        parts = interpolation.parts_for(xy, SHARE * self.tolerance, MOST_QUADS)
+        low, high = _box(xy)
+        pixels = np.minimum(self.size, np.maximum(PLACES * (high - low).max(axis=1), 1.0))
+        parts = np.maximum(parts, 2 ** np.log2(pixels).astype(np.int64))
+        at_fold = interpolation.is_folded(xy)
+        return np.where(self._is_inside & ~at_fold, parts, np.maximum(parts, self.size))
 
-    view: Floats
-    xy: Floats
-    branch: np.ndarray
-    reason: np.ndarray
-    throughput: Floats
+    @cached_property
+    def _is_inside(self) -> Bools:
+        """Are smooth cells (c,) inside of both images, wholly?"""
+        low, high = _box(self.points.xy[self.nodes])
+        return (
+            ((low >= 0) & (high <= self.display_size)).all(axis=1)
+            & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
+        )  # fmt: skip
+
+    @property
+    def is_whole(self) -> Bools:
+        """Viewer pixels (h, w) that are connected to the display all over."""
+        some = self._is_inside
+        return _filled(self.view_size, self.corner[some], self.size[some], np.ones(int(some.sum()), bool), False)
+
+    def pieces(self, at_pixels: bool = False) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Quads and triangles (n, 4 or 3, 2) that make up the map, viewer px and display px, and throughput (n,).
+
+        Each lies within one viewer pixel when asked to.
+        """
+        parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
+        for m, cells in _by(parts):
+            step = max(1, QUADS_AT_ONCE // m**2)
+            for first in range(0, len(cells), step):
+                yield self._quads_of(cells[first : first + step], m)
+        for kind in (self.quads, self.triangles):
+            for first in range(0, len(kind), QUADS_AT_ONCE):
+                some = kind[first : first + QUADS_AT_ONCE]
+                points = self.points
+                yield points.view[some], points.xy[some], points.throughput[some].mean(axis=1)
+
+    def _quads_of(self, cells: Ints, m: int) -> tuple[Floats, Floats, Floats]:
+        points, nodes = self.points, self.nodes[cells]
+        grid = interpolation.on_grid(np.concatenate([points.xy[nodes], points.throughput[nodes][..., None]], axis=2), m)
+        side = np.arange(m + 1) / m
+        x, y = np.meshgrid(side, side)
+        place = np.stack([x, y], axis=2)
+        view = self.corner[cells][:, None, None] + self.size[cells][:, None, None, None] * place
+        xy, throughput = _quads(grid[..., :2]), _quads(grid[..., 2:])[..., 0].mean(axis=1)
+        view = _quads(view)
+        if (self.corner[cells] + self.size[cells][:, None] <= self.view_size).all():
+            return view, xy, throughput
+        is_there = (view[:, 0] < self.view_size).all(axis=1)
+        return view[is_there], xy[is_there], throughput[is_there]
+
+    def display_from_view(self, xy: Floats) -> Floats:
+        """Display pixels (n, 2) that viewer pixels (n, 2) show, also beyond a flat display; NaN where nothing lands."""
+        w, h = self.view_size
+        xy = np.asarray(xy, float)
+        found = np.full(xy.shape, np.nan)
+        in_image = np.flatnonzero(((xy >= 0) & (xy <= self.view_size)).all(axis=1))
+        column, row = np.clip(xy[in_image].astype(np.int64), 0, (w - 1, h - 1)).T
+        pixel = row * w + column
+        owner = self._owner[row, column]
+        smooth = np.flatnonzero(owner >= 0)
+        rays, cells = in_image[smooth], owner[smooth]
+        places = (xy[rays] - self.corner[cells]) / self.size[cells, None]
+        found[rays] = interpolation.at_places(self.points.xy[self.nodes[cells]], places)
+        whole = np.flatnonzero(owner < -1)
+        rays, quads = in_image[whole], self.quads[-2 - owner[whole]]
+        found[rays] = _bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
+        triangles, of_pixel = self._triangles_by_pixel
+        first, last = (np.searchsorted(of_pixel, pixel, side) for side in ("left", "right"))
+        for k in range(int((last - first).max(initial=0))):
+            some = np.flatnonzero(first + k < last)
+            rays, corners = in_image[some], triangles[first[some] + k]
+            inside, at = in_triangles(self.points.view[corners], self.points.xy[corners], xy[rays])
+            found[rays[inside]] = at[inside]
+        return found
+
+    @cached_property
+    def _owner(self) -> Ints:
+        """Cell of each viewer pixel (h, w): a smooth one's number, -2 - that of a quad, -1 for neither."""
+        numbers = np.arange(len(self.size), dtype=np.int32)
+        owner = _filled(self.view_size, self.corner, self.size, numbers, -1)
+        column, row = self.points.view[self.quads[:, 0]].astype(np.int64).T
+        owner[row, column] = -2 - np.arange(len(self.quads))
+        return owner
+
+    @cached_property
+    def _triangles_by_pixel(self) -> tuple[Ints, Ints]:
+        """Triangles (t, 3) in the order of their pixels, and these (t,)."""
+        middle = self.points.view[self.triangles].mean(axis=1).astype(np.int64)
+        pixel = middle[:, 1] * self.view_size[0] + middle[:, 0]
+        order = np.argsort(pixel, kind="stable")
+        return self.triangles[order], pixel[order]
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
     """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
-    viewer, display = plan.rig.viewer, plan.rig.display
-    w, h = viewer.width, viewer.height
-    x, y = np.meshgrid(np.arange(w + 1.0), np.arange(h + 1.0))
-    points = yield from _trace_points(plan, np.stack([x.ravel(), y.ravel()], axis=1), 0.0, 0.8)
-    whole, mixed = _sort_cells(points, w, h, np.array([display.width, display.height]))
-    cut = yield from _cut(plan, points, mixed)
-    return ViewMap(
-        (w, h),
-        (display.width, display.height),
-        np.concatenate([points.view, cut.view_points]),
-        np.concatenate([points.xy, cut.display_points]),
-        np.concatenate([points.throughput, cut.throughput]),
-        whole,
-        cut.triangles,
-        points.reason.reshape(h + 1, w + 1),
-        len(points.view) + cut.n_rays,
-    )
-
-
-def _sort_cells(points: _Points, w: int, h: int, display_size: Ints) -> tuple[Ints, Ints]:
-    """Cells (m, 4) of the viewer's pixels that lie on one branch whole, and those that lie on it in part."""
-    whole, mixed = [], []
-    rows = max(1, CHUNK // w)  # a few rows at a time: a large viewer has more cells than fit in memory several times
-    for first in range(0, h, rows):
-        corner = np.arange(first * w, min(first + rows, h) * w, dtype=np.int32)
-        corner += corner // w  # the corners of a row are one more than its pixels
-        cells = np.stack([corner, corner + 1, corner + w + 2, corner + w + 1], axis=1)
-        branch = points.branch[cells]
-        is_one = (branch == branch[:, :1]).all(axis=1)
-        is_near = _is_near_display(points.xy[cells], display_size)
-        whole.append(cells[is_one & (branch[:, 0] != 0) & is_near])
-        mixed.append(cells[~is_one & is_near])
-    return np.concatenate(whole), np.concatenate(mixed)
-
-
-def _is_near_display(xy: Floats, size: Ints) -> Bools:
-    """Can cells with corners on display pixels (m, 4, 2), NaN without a landing, reach the display's image?
-
-    The border of a cell with a corner lost may lie further out than its corners: it counts as near.
-    """
-    lost = np.isnan(xy).any(axis=(1, 2))
-    low, high = np.fmin.reduce(xy, axis=1), np.fmax.reduce(xy, axis=1)
-    return ((high > 0) & (low < size)).all(axis=1) | lost
-
-
-def _trace_points(
-    plan: Plan, view: Floats, start: float, stop: float, course: Words | None = None
-) -> Generator[float, None, _Points]:
-    """Trace viewer points (n, 2), on their courses, in chunks; yields progress from start to stop."""
-    n = len(view)
-    points = _Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
-    for first in range(0, n, CHUNK):
-        some = slice(first, first + CHUNK)
-        landings = trace(plan, *plan.rig.viewer.rays(view[some]), None if course is None else course[some])
-        for name in ("xy", "branch", "reason", "throughput"):
-            getattr(points, name)[some] = getattr(landings, name)
-        yield start + (stop - start) * min(1.0, (first + CHUNK) / n)
-    return points
+    work = _Sampling(plan).run()
+    n_done, n_left = 0, 0
+    while True:
+        try:
+            n = next(work)
+        except StopIteration as end:
+            return replace(end.value, n_rays=n_done)
+        n_left = n_left or 4 * n  # how many there will be is not known, only that the first are a part of them
+        n_done += n
+        yield n_done / (n_done + n_left)
 
 
 @dataclass(frozen=True, eq=False)
-class _Cut:
-    view_points: Floats
-    display_points: Floats
-    throughput: Floats
-    triangles: Ints
-    n_rays: int
+class _Squares:
+    """Squares of the viewer's image: upper left corner (n, 2), side (n,), px."""
+
+    corner: Ints
+    size: Ints
+
+    def __len__(self) -> int:
+        return len(self.size)
+
+    def at(self, which: Bools | Ints) -> "_Squares":
+        return _Squares(self.corner[which], self.size[which])
+
+    def and_more(self, others: "_Squares") -> "_Squares":
+        return _Squares(np.concatenate([self.corner, others.corner]), np.concatenate([self.size, others.size]))
+
+    def quarters(self) -> "_Squares":
+        half = np.repeat(self.size // 2, 4)
+        step = np.tile([[0, 0], [1, 0], [0, 1], [1, 1]], (len(self), 1))
+        return _Squares(np.repeat(self.corner, 4, axis=0) + half[:, None] * step, half)
+
+    def nodes(self) -> tuple[Ints, Ints]:
+        """Columns and rows (n, 25) of the nodes."""
+        step = self.size[:, None] // PARTS
+        return self.corner[:, :1] + step * COLUMN, self.corner[:, 1:] + step * ROW
+
+    def checks(self) -> Floats:
+        """Viewer px (n, 2, 2) of the places at which the interpolation is checked."""
+        return self.corner[:, None] + self.size[:, None, None] * CHECKS
 
 
-def _cut(plan: Plan, points: _Points, cells: Ints) -> Generator[float, None, _Cut]:
-    """Cut the cells (m, 4) whose corners lie on several branches along the borders between them.
+class _Sampling:
+    """The work of making a view map: the points traced so far and the number of that at each node, -1 for none."""
 
-    A cell's outline has twelve places: each corner, then for the edge that follows it the last point on the
-    corner's own branch and the first on the next corner's. The places on one branch, in order, are a convex piece.
-    """
-    m = len(cells)
-    if not m:
-        return _Cut(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty((0, 3), np.int64), 0)
-    cells = cells.astype(np.int64)
-    branch, n = points.branch[cells], len(points.view)
-    following = np.roll(cells, -1, axis=1)
-    differs = branch != np.roll(branch, -1, axis=1)
-    # each border is looked for once, from each of its two sides that has a landing
-    sides = np.concatenate([
-        np.stack([cells, following], axis=2)[differs & (branch != 0)],
-        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
-    ])  # fmt: skip
-    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
-    border = yield from _bisect(plan, points, key // n, key % n)
-    # places: 0 where there is none, else 1 + index of the point
-    places = np.zeros((m, 4, 3), np.int64)
-    places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
-    n_from_corner = int((differs & (branch != 0)).sum())
-    number = inverse.ravel() + n + 1
-    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
-    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
-    group = yield from _groups(plan, points, cells)
-    place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 12)
-    places = places.reshape(m, 12)
-    triangles = [
-        _fans(places, (places > 0) & (place_group == leader)) for leader in range(4)
-    ]  # a leader that leads no corner gives no piece
-    xy, landed, throughput, n_rays = border
-    return _Cut(xy, landed, throughput, np.concatenate(triangles) - 1, n_rays)
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        viewer, display = plan.rig.viewer, plan.rig.display
+        self.view_size, self.display_size = (viewer.width, viewer.height), (display.width, display.height)
+        self.tolerance = plan.settings.tolerance
+        self.first_size = max(PARTS, 2 ** int(np.log2(max(self.view_size) / ACROSS)))
+        n_columns, n_rows = (-(-n // self.first_size) for n in self.view_size)
+        self.number = np.full((n_rows * self.first_size + 1, n_columns * self.first_size + 1), -1, np.int32)
+        x, y = np.meshgrid(np.arange(n_columns), np.arange(n_rows))
+        corner = self.first_size * np.stack([x.ravel(), y.ravel()], axis=1)
+        self.first = _Squares(corner, np.full(len(corner), self.first_size))
+        self.points = Points.none()
+        self.paths = Paths(plan.thin_parts.size)
 
+    def run(self) -> Generator[int, None, ViewMap]:
+        none = self.first.at(slice(0))
+        todo, checking, smooth, finest = self.first, none, none, none
+        measured = [np.empty(0)]
+        while len(todo) or len(checking):
+            column, row = todo.nodes()
+            missing = np.unique((row * self.number.shape[1] + column)[self.number[row, column] < 0])
+            nodes = np.stack([missing % self.number.shape[1], missing // self.number.shape[1]], axis=1).astype(float)
+            checks = checking.checks()
+            found = yield from trace_points(self.plan, np.concatenate([nodes, checks.reshape(-1, 2)]), paths=self.paths)
+            first = len(self.points)
+            self.points = self.points.and_more(found)
+            self.number.ravel()[missing] = first + np.arange(len(missing))
+            missed, missed_by_quads = self._missed(checking, first + len(missing))
+            good = (missed <= (1 - SHARE) * self.tolerance) | (checking.size == PARTS) & (missed <= missed_by_quads)
+            measured.append(missed[good])
+            smooth = smooth.and_more(checking.at(good))
+            is_smooth, is_done = self._sorted(todo)
+            refused = todo.at(~is_smooth & ~is_done).and_more(checking.at(~good))
+            checking = todo.at(is_smooth)
+            finest = finest.and_more(refused.at(refused.size == PARTS))
+            todo = refused.at(refused.size > PARTS).quarters()
+        return (yield from self._finished(smooth, finest, np.concatenate(measured)))
 
-def _fans(places: Ints, is_member: np.ndarray) -> Ints:
-    """Triangles (t, 3) of the convex polygons whose corners are the members of each row, in order."""
-    order = np.argsort(~is_member, axis=1, kind="stable")
-    polygon = np.take_along_axis(places, order, axis=1)
-    n_corners = is_member.sum(axis=1)
-    fans = [
-        np.stack([polygon[:, 0], polygon[:, k], polygon[:, k + 1]], axis=1)[n_corners > k + 1]
-        for k in range(1, polygon.shape[1] - 1)
-    ]
-    return np.concatenate(fans)
+    def _at_nodes(self, squares: _Squares) -> Ints:
+        """Numbers (n, 25) of the points at the nodes of squares."""
+        column, row = squares.nodes()
+        return self.number[row, column]
 
+    def _sorted(self, squares: _Squares) -> tuple[Bools, Bools]:
+        """Which squares (n,) are smooth cells if checks confirm it, and which show nothing of the display?"""
+        nodes = self._at_nodes(squares)
+        branch, xy = self.points.branch[nodes], self.points.xy[nodes]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        is_dark = is_one & (branch[:, 0] == 0)
+        is_one &= ~is_dark
+        is_aside = _is_aside(xy, branch, np.array(self.display_size))
+        is_smooth = is_one & ~is_aside
+        expected = interpolation.expected_error(xy[is_smooth])
+        is_smooth[is_smooth] = (expected <= (1 - SHARE) * self.tolerance) | (squares.size[is_smooth] == PARTS)
+        settled = np.flatnonzero((is_smooth | is_dark | is_aside) & (squares.size > PARTS))
+        touched = settled[self.plan.thin_parts.touch(self.paths.places[nodes[settled]], self.paths.met[nodes[settled]])]
+        is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
+        return is_smooth, is_dark | is_aside
 
-def _groups(plan: Plan, points: _Points, cells: Ints) -> Generator[float, None, Ints]:
-    """For each corner (m, 4) the first corner whose piece it belongs to; -1 without a landing.
+    def _missed(self, squares: _Squares, first: int) -> tuple[Floats, Floats]:
+        """By how much (n,), display px, smooth squares miss the points traced to check them; inf on another branch.
 
-    Opposite corners on one branch between two that are not belong together only when the middle is on it too.
-    """
-    branch = points.branch[cells]
-    same = branch[:, :, None] == branch[:, None, :]
-    opposite = np.zeros((4, 4), bool)
-    opposite[[0, 1, 2, 3], [2, 3, 0, 1]] = True
-    beside = same & ~opposite & ~np.eye(4, dtype=bool)
-    alone = ~beside.any(axis=2)
-    saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
-    if saddle.any():
-        middle = yield from _trace_points(plan, points.view[cells[saddle]].mean(axis=1), 0.98, 1.0)
-        holds = middle.branch[:, None] == branch[saddle]
-        split = alone[saddle] & ~holds
-        same[saddle] &= ~(opposite[None] & split[:, :, None])
-    return np.where(branch != 0, same.argmax(axis=2), -1)
+        And by how much they would as quads between their nodes.
+        """
+        n = len(squares)
+        nodes, checks = self._at_nodes(squares), first + np.arange(2 * n).reshape(n, 2)
+        by_cell, by_quads = np.zeros(n), np.zeros(n)
+        for k, place in enumerate(CHECKS):
+            column, row = (PARTS * place).astype(int)
+            quad = nodes[:, (PARTS + 1) * row + column + np.array([0, 1, PARTS + 2, PARTS + 1])]
+            expected = (
+                interpolation.at_places(self.points.xy[nodes], np.tile(place, (n, 1))),
+                _bilinear(self.points.xy[quad], PARTS * place[None] - [column, row]),
+            )
+            xy = self.points.xy[checks[:, k]]
+            is_one = self.points.branch[checks[:, k]] == self.points.branch[nodes[:, 0]]
+            for missed, at in zip((by_cell, by_quads), expected, strict=True):
+                off = np.where(is_one, np.linalg.norm(at - xy, axis=1), np.inf)
+                np.maximum(missed, np.where(is_seen(at, xy, self.display_size), off, 0.0), out=missed)
+        return by_cell, by_quads
 
-
-def _bisect(
-    plan: Plan, points: _Points, near: Ints, far: Ints
-) -> Generator[float, None, tuple[Floats, Floats, Floats, int]]:
-    """Last points on the branch of points `near` towards points `far`: viewer px, display px, throughput, rays."""
-    low, high = np.zeros(len(near)), np.ones(len(near))
-    xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
-    a, b = points.view[near], points.view[far]
-    course = courses(plan, *plan.rig.viewer.rays(a))
-    n_rays = len(near)
-    # many places at once where there are few borders: a batch of rays costs as much as hundreds of its rays
-    parts = 2 ** int(np.clip(np.log2(BATCH / len(near)), 1, MOST_PARTS))
-    n_steps = int(np.ceil(BISECTIONS / np.log2(parts)))
-    for k in range(n_steps):
-        at = low + (high - low) * np.arange(1, parts)[:, None] / parts
-        view = (a + at[..., None] * (b - a)).reshape(-1, 2)
-        share = 0.18 / n_steps
-        found = yield from _trace_points(
-            plan, view, 0.8 + k * share, 0.8 + (k + 1) * share, np.tile(course, (parts - 1, 1))
+    def _finished(self, smooth: _Squares, finest: _Squares, measured: Floats) -> Generator[int, None, ViewMap]:
+        """Cells of the pixels of the squares that were refused to the last, and the whole map."""
+        column, row = finest.nodes()
+        at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
+        corners = np.stack([at, at + 1, at + PARTS + 2, at + PARTS + 1], axis=1)
+        is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
+        cells = self._at_nodes(finest)[:, corners][is_there]
+        is_aside = _is_aside(self.points.xy[cells], self.points.branch[cells], np.array(self.display_size))
+        is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
+        pixels = yield from cut(self.plan, self.points, cells[~is_aside & ~is_beside_glass])
+        error = yield from self._measure(pixels, smooth, measured)
+        return ViewMap(
+            self.view_size,
+            self.display_size,
+            pixels.points,
+            smooth.corner,
+            smooth.size,
+            self._at_nodes(smooth),
+            pixels.quads,
+            pixels.triangles,
+            self._reasons(),
+            self.tolerance,
+            error,
+            n_rays=0,
         )
-        n_rays += len(view)
-        n_held = np.logical_and.accumulate(found.branch.reshape(at.shape) == points.branch[near]).sum(axis=0)
-        held = np.flatnonzero(n_held)
-        last = (n_held[held] - 1) * len(near) + held
-        xy[held], throughput[held] = found.xy[last], found.throughput[last]
-        low, high = low + (high - low) * n_held / parts, low + (high - low) * (n_held + 1) / parts
-    return a + low[:, None] * (b - a), xy, throughput, n_rays
+
+    def _measure(self, pixels: Pixels, smooth: _Squares, missed: Floats) -> Generator[int, None, MapError]:
+        """Errors of the whole map, from checks of smooth cells and of pixels, and from rays through some pieces."""
+        points, triangles = pixels.points, pixels.triangles
+        some = triangles[:: -(-len(triangles) // SAMPLED) or 1]
+        found = yield from trace_points(self.plan, points.view[some].mean(axis=1))
+        expected = points.xy[some].mean(axis=1)
+        # the error of a piece with another branch in its middle is not known
+        off = np.where(found.branch == points.branch[some[:, 0]], np.linalg.norm(found.xy - expected, axis=1), np.inf)
+        area = _area(points.view[some])
+        area *= _area(points.view[triangles]).sum() / max(area.sum(), 1e-300)
+        seen = is_seen(expected, found.xy, self.display_size)
+        off, area = off[seen], area[seen]
+        of_cells, of_quads = smooth.size**2.0, np.ones(len(pixels.missed))
+        n_pixels = self.view_size[0] * self.view_size[1]
+
+        def above(off: Floats, area: Floats) -> float:
+            return float(area[off > self.tolerance].sum() / n_pixels)
+
+        is_rough = missed > (1 - SHARE) * self.tolerance  # of 4 px, where nothing did better
+        rough = np.concatenate([missed[is_rough], pixels.missed]), np.concatenate([of_cells[is_rough], of_quads])
+        whole = np.concatenate([missed, pixels.missed, off]), np.concatenate([of_cells, of_quads, area])
+        n_checked = 2 * len(missed) + len(pixels.missed) + len(off)
+        return MapError(
+            _rms(*whole),
+            _quantile(*whole, LAST),
+            above(*rough),
+            _rms(*rough),
+            above(off, area),
+            _rms(off, area),
+            n_checked,
+        )
+
+    def _reasons(self) -> np.ndarray:
+        """Reason at the corners (h + 1, w + 1) of the viewer's pixels: those not traced have that of a node nearby."""
+        step = self.first_size // PARTS
+        at = self.number[::step, ::step]
+        reasons = self.points.reason[at]
+        while step > 1:
+            step //= 2
+            at = self.number[::step, ::step]
+            rows, columns = ((np.arange(n) + 1) // 2 for n in at.shape)
+            reasons = np.where(at >= 0, self.points.reason[at], reasons[rows[:, None], columns])
+        w, h = self.view_size
+        return reasons[: h + 1, : w + 1].copy()
+
+
+def _by(values: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each different value, and where it stands."""
+    for value in np.unique(values):
+        yield int(value), np.flatnonzero(values == value)
+
+
+def _box(xy: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
+    return np.fmin.reduce(xy, axis=1), np.fmax.reduce(xy, axis=1)
+
+
+def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
+    """Do squares (n,) with nodes that land at (n, k, 2), NaN for lost ones, show nothing of the display?
+
+    Those on one branch do so when they land beside it. Where some nodes are lost the others may tend anywhere, but not
+    back from further beside the display than it is wide.
+    """
+    low, high = _box(xy)
+    is_one = (branch == branch[:, :1]).all(axis=1)
+    margin = np.where(is_one[:, None], MARGIN * (high - low), FAR * display_size)
+    is_single = branch.max(axis=1, keepdims=True) == np.where(branch == 0, branch.max(axis=1, keepdims=True), branch)
+    with np.errstate(invalid="ignore"):
+        is_beside = (high + margin <= 0) | (low - margin >= display_size)
+    return is_beside.any(axis=1) & is_single.all(axis=1)
+
+
+def _filled(view_size: tuple[int, int], corner: Ints, size: Ints, values: np.ndarray, blank: int) -> np.ndarray:
+    """An image (h, w) with squares of values (n,) on blank: their corners and sizes are multiples of 4 pixels."""
+    w, h = view_size
+    image = np.full((-(-h // PARTS), -(-w // PARTS)), blank, values.dtype)
+    for side, some in _by(size // PARTS):
+        column, row = (corner[some].T // PARTS)[..., None] + np.arange(side)
+        row, column = row[:, :, None], column[:, None, :]
+        is_there = (row < image.shape[0]) & (column < image.shape[1])
+        row, column, value = (a[is_there] for a in np.broadcast_arrays(row, column, values[some][:, None, None]))
+        image[row, column] = value
+    return image.repeat(PARTS, axis=0).repeat(PARTS, axis=1)[:h, :w]
+
+
+def _quads(grid: Floats) -> Floats:
+    """Quads (n m^2, 4, c) between the points of grids (n, m + 1, m + 1, c), corners in order."""
+    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    return np.stack(corners, axis=3).reshape(-1, 4, grid.shape[-1])
+
+
+def _bilinear(corners: Floats, place: Floats) -> Floats:
+    """Points (n, 2) at places (n, 2), in 0..1, of quads (n, 4, 2)."""
+    x, y = place[:, :1], place[:, 1:]
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)
+
+
+def _area(polygons: Floats) -> Floats:
+    """Area (n,) of triangles (n, 3, 2)."""
+    a, b = polygons[:, 1] - polygons[:, 0], polygons[:, 2] - polygons[:, 0]
+    return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _rms(off: Floats, area: Floats) -> float:
+    """Root mean square of errors (n,) over areas (n,), as far as they are known."""
+    known = np.isfinite(off)
+    return float(np.sqrt((area[known] * off[known] ** 2).sum() / max(area[known].sum(), 1e-300)))
+
+
+def _quantile(off: Floats, area: Floats, share: float) -> float:
+    """The error that this share of the area stays below; 0 without any."""
+    order = np.argsort(off)
+    below = np.cumsum(area[order])
+    return float(off[order[np.searchsorted(below, share * below[-1])]]) if len(off) and below[-1] > 0 else 0.0

@@ -90,6 +90,57 @@ def torus(major, minor, segments=32, rings=16):
     return smooth_mesh(middle + minor * normals, split_quads(index), normals)
 
 
+def barrel(radius, height, bulge, segments=128, rings=64):
+    """A round vessel about z, wider by `bulge` in the middle, smooth around and with flat ends; no inner wall."""
+    z, a = np.linspace(-height / 2, height / 2, rings + 1), 2 * np.pi * np.arange(segments) / segments
+    r = radius + bulge * np.cos(np.pi * z / height) ** 2
+    slope = -bulge * np.pi / height * np.sin(2 * np.pi * z / height)
+    r, z, slope, a = (x.ravel() for x in np.broadcast_arrays(r[:, None], z[:, None], slope[:, None], a[None]))
+    v = np.stack([r * np.cos(a), r * np.sin(a), z], axis=1)
+    index = np.pad(np.arange(len(v)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap")
+    side = smooth_mesh(v, split_quads(index)[:, ::-1], np.stack([np.cos(a), np.sin(a), -slope], axis=1))
+    low, high = (np.full(segments, len(v) + k) for k in (0, 1))
+    ends = np.concatenate([
+        np.stack([low, index[0, 1:], index[0, :-1]], axis=1), np.stack([high, index[-1, :-1], index[-1, 1:]], axis=1)
+    ])  # fmt: skip
+    own = np.repeat([[0, 0, -1.0], [0, 0, 1.0]], segments, axis=0)
+    return Mesh(
+        np.concatenate([v, [[0, 0, -height / 2], [0, 0, height / 2]]]),
+        np.concatenate([side.triangles, ends]),
+        np.concatenate([side.corner_normals, np.repeat(own[:, None], 3, axis=1)]),
+        np.r_[side.is_smooth, np.zeros(len(ends), bool)],
+    )
+
+
+def bottle(wall=0.004):
+    """A hollow vessel of 0.1 m, thicker in the middle than at its ends."""
+    outer, inner = barrel(0.022, 0.1, 0.003), barrel(0.022 - wall, 0.1 - 2 * wall, 0.002)
+    return Mesh(
+        np.concatenate([outer.vertices, inner.vertices]),
+        np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.vertices)]),
+        np.concatenate([outer.corner_normals, -inner.corner_normals[:, ::-1]]),
+        np.concatenate([outer.is_smooth, inner.is_smooth]),
+    )
+
+
+def rod(start, end, radius, sides=8):
+    """A thin flat-shaded prism from one point to another."""
+    start, end = np.asarray(start, float), np.asarray(end, float)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.cross(along, np.roll(along, 1) + [0.3, 0.5, 0.8])
+    across /= np.linalg.norm(across)
+    a = 2 * np.pi * np.arange(sides) / sides
+    ring = radius * (np.cos(a)[:, None] * across + np.sin(a)[:, None] * np.cross(along, across))
+    index = np.pad(np.arange(2 * sides).reshape(2, sides), ((0, 0), (0, 1)), mode="wrap")
+    low, high = (np.full(sides, 2 * sides + k) for k in (0, 1))
+    triangles = [
+        split_quads(index)[:, ::-1],
+        np.stack([low, index[0, 1:], index[0, :-1]], axis=1),
+        np.stack([high, index[1, :-1], index[1, 1:]], axis=1),
+    ]
+    return Mesh(np.concatenate([start + ring, end + ring, [start, end]]), np.concatenate(triangles))
+
+
 def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
     """Slab across y of 4 n^2 + 8 n triangles: wavy, smooth front and back (docs/closed_forms.md), flat sides."""
     across = np.linspace(-size / 2, size / 2, n + 1)

@@ -16,17 +16,15 @@ def view_map(a_rig, **settings):
     return drain(sample(make_plan(a_rig, Settings(**settings))))
 
 
-def areas(points, cells):
-    x, y = np.moveaxis(points[cells], 2, 0)
+def areas(polygons):
+    x, y = np.moveaxis(polygons, 2, 0)
     return 0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
 
 
 def coverage(found):
     """Area (h, w) of the cells on each viewer pixel, by rasterising them onto the viewer's own image."""
-    parts = []
-    for cells in (found.quads, found.triangles):
-        p = found.view_points[cells]
-        parts.append(rasterise(found.view_size, found.view_size, p, p))
+    sizes = found.view_size, found.view_size
+    parts = [rasterise(*sizes, view, view) for view, _, _ in found.pieces(at_pixels=True)]
     n = found.view_size[0] * found.view_size[1]
     return sum(np.bincount(s.display_index, s.display_area, n) for s in parts).reshape(found.view_size[::-1])
 
@@ -49,7 +47,7 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
     square = corners @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + 25
     exact = rasterise((50, 50), (50, 50), square[None], square[None])
     expected = np.bincount(exact.display_index, exact.display_area, 2500).reshape(50, 50)
-    # a border is known to 2^-14 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
+    # a border is known to 2^-12 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
     error = np.abs(coverage(found) - expected)
     assert np.sort(error.ravel())[-5] < 2e-3
     assert error.max() < 0.2
@@ -59,8 +57,8 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
 def test_every_piece_has_the_same_orientation_and_none_is_empty():
     """Pieces of cut pixels are convex and wound as the pixels are: positive area each, at most 1 in a pixel."""
     found = view_map(cube_rig(pixels=128))
-    assert (areas(found.view_points, found.quads) == 1).all()
-    assert (areas(found.view_points, found.triangles) > -1e-12).all()
+    for view, _, _ in found.pieces():
+        assert (areas(view) > (-1e-12 if view.shape[1] == 3 else 0)).all()
     assert coverage(found).max() < 1 + 1e-9
 
 
@@ -89,9 +87,11 @@ def test_a_saddle_pixel_is_not_covered_twice():
 def test_faceted_glass_is_cut_at_its_edges():
     """A flat-shaded ball maps each facet by its own prism: cells join no two facets, so they map affinely."""
     found = view_map(rig(icosphere(0.025, 1, smooth=False), pixels=64, display=0.2))
-    p, q = found.view_points[found.quads], found.display_points[found.quads]
-    inside = (q > 0).all(axis=(1, 2)) & (q < 512).all(axis=(1, 2))
-    bow = np.abs(q[:, 0] - q[:, 1] + q[:, 2] - q[:, 3]).max(axis=1)  # 0 for an affine map
-    assert inside.sum() > 100
-    assert bow[inside].max() < 0.05 * np.abs(q[:, 2] - q[:, 0]).max()
-    assert p.shape == q.shape
+    n_inside = 0
+    for _, q, _ in found.pieces(at_pixels=True):
+        if q.shape[1] == 4:
+            inside = (q > 0).all(axis=(1, 2)) & (q < 512).all(axis=(1, 2))
+            bow = np.abs(q[:, 0] - q[:, 1] + q[:, 2] - q[:, 3]).max(axis=1)  # 0 for an affine map
+            assert bow[inside].max(initial=0.0) < 0.05 * np.abs(q[:, 2] - q[:, 0]).max()
+            n_inside += inside.sum()
+    assert n_inside > 100

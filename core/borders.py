@@ -1,0 +1,283 @@
+"""Where branches meet: a pixel whose corners lie on several branches is cut along the borders between them."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .plan import Plan
+from .rig import Bools, Floats, Ints
+from .trace import Step, Words, courses, trace
+
+CHUNK = 1 << 14  # rays traced together: a step of the work
+DIGITS = 12  # binary: a border is known to 2^-12 of a viewer pixel
+MOST_DIGITS = 4  # that are found in one step
+BATCH = 8192  # rays that are traced in not much more time than a few
+
+MOST_EVENTS = 12  # of a path that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Traced points: viewer px (n, 2), landings on the display (n, 2), branch, reason, throughput (n,)."""
+
+    view: Floats
+    xy: Floats
+    branch: np.ndarray
+    reason: np.ndarray
+    throughput: Floats
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    @classmethod
+    def none(cls) -> "Points":
+        """No points."""
+        two = np.empty((0, 2))
+        return cls(two, two, np.empty(0, np.uint64), np.empty(0, np.uint8), np.empty(0))
+
+    def at(self, which: Ints) -> "Points":
+        """Some of these points."""
+        return Points(*(getattr(self, f.name)[which] for f in fields(Points)))
+
+    def and_more(self, others: "Points") -> "Points":
+        """These points, followed by others."""
+        return Points(*(np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(Points)))
+
+
+class Paths:
+    """Where traced rays went, up to the twelfth event, in the order of the points.
+
+    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the last. A ray that leaves
+    the rig goes on for `reach`, m.
+    """
+
+    def __init__(self, reach: float) -> None:
+        self.reach = reach
+        self.places, self.met = np.empty((0, MOST_EVENTS + 1, 3)), np.empty((0, MOST_EVENTS), np.int32)
+
+    def add(self, origins: Floats, steps: list[Step]) -> None:
+        """Take up the paths of rays from origins (n, 3)."""
+        n = len(origins)
+        places, met = np.full((n, MOST_EVENTS + 1, 3), np.nan), np.full((n, MOST_EVENTS), -1, np.int32)
+        places[:, 0] = origins
+        for k, step in enumerate(steps[:MOST_EVENTS]):
+            places[step.left, k + 1] = step.start + self.reach * step.direction
+            places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
+        self.places, self.met = np.concatenate([self.places, places]), np.concatenate([self.met, met])
+
+
+def trace_points(
+    plan: Plan, view: Floats, course: Words | None = None, paths: Paths | None = None
+) -> Generator[int, None, Points]:
+    """Trace viewer points (n, 2), on their courses; yields the number of rays after each chunk of them.
+
+    paths : take up where the rays went
+    """
+    n = len(view)
+    points = Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
+    for first in range(0, n, CHUNK):
+        some = slice(first, first + CHUNK)
+        origins, directions = plan.rig.viewer.rays(view[some])
+        steps = None if paths is None else []
+        landings = trace(plan, origins, directions, None if course is None else course[some], steps)
+        if paths is not None:
+            paths.add(origins, steps)
+        for name in ("xy", "branch", "reason", "throughput"):
+            getattr(points, name)[some] = getattr(landings, name)
+        yield len(landings.xy)
+    return points
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
+
+    missed : (q,) display px by which whole pixels miss the ray through their middle
+    """
+
+    points: Points
+    quads: Ints
+    missed: Floats
+    triangles: Ints
+
+
+def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pixels]:
+    """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
+
+    A ray through the middle tells whether more goes on than the corners know: where it takes another branch than the
+    piece it lies in, or lands elsewhere than expected, four triangles around the middle take the pixel's place.
+    """
+    branch = points.branch[cells]
+    is_one = (branch == branch[:, :1]).all(axis=1)
+    mixed = np.flatnonzero(~is_one)
+    points, triangles, owner = yield from _cut(plan, points, cells[mixed])
+    owner = mixed[owner]
+    middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
+    expected_branch = np.where(is_one, branch[:, 0], np.uint64(0))
+    expected = np.where(is_one[:, None], points.xy[cells].mean(axis=1), np.nan)
+    holds, at = in_triangles(points.view[triangles], points.xy[triangles], middle.view[owner])
+    expected_branch[owner[holds]], expected[owner[holds]] = points.branch[triangles[holds, 0]], at[holds]
+    off = np.linalg.norm(expected - middle.xy, axis=1)
+    size = plan.rig.display.width, plan.rig.display.height
+    off[~is_seen(expected, middle.xy, size)] = 0.0
+    again = (expected_branch != middle.branch) | (off > plan.settings.tolerance)
+    whole = is_one & (branch[:, 0] != 0) & ~again
+    triangles = triangles[~again[owner]]
+    if again.any():
+        number, around = len(points) + np.flatnonzero(again), cells[again]
+        points = points.and_more(middle)
+        parts = [np.stack([number, around[:, k], around[:, (k + 1) % 4]], axis=1) for k in range(4)]
+        parts = np.concatenate(parts)
+        branch = points.branch[parts]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        points, more, _ = yield from _cut(plan, points, parts[~is_one])
+        triangles = np.concatenate([triangles, parts[is_one & (branch[:, 0] != 0)], more])
+    return Pixels(points, cells[whole], off[whole], triangles)
+
+
+def _cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """Cut cells (m, k) with k corners; returns all points, triangles (t, 3) and the cells (t,) they are pieces of.
+
+    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point on the
+    corner's own branch and the first on the next corner's. The places on one branch, in order, are a convex piece.
+    """
+    (m, k), n = cells.shape, len(points)
+    if not m:
+        return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    cells = cells.astype(np.int64)
+    branch = points.branch[cells]
+    following = np.roll(cells, -1, axis=1)
+    differs = branch != np.roll(branch, -1, axis=1)
+    # each border is looked for once, from each of its two sides that has a landing
+    sides = np.concatenate([
+        np.stack([cells, following], axis=2)[differs & (branch != 0)],
+        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
+    ])  # fmt: skip
+    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    border = yield from _both_ways(plan, points, key // n, key % n)
+    # places: 0 where there is none, else 1 + index of the point
+    places = np.zeros((m, k, 3), np.int64)
+    places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
+    n_from_corner = int((differs & (branch != 0)).sum())
+    number = inverse.ravel() + n + 1
+    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
+    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
+    group = yield from _groups(plan, points, cells)
+    place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 3 * k)
+    places = places.reshape(m, 3 * k)
+    # a leader that leads no corner gives no piece
+    pieces = [_fans(places, (places > 0) & (place_group == leader)) for leader in range(k)]
+    triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return points.and_more(border), triangles - 1, owner
+
+
+def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
+    """Are points (n, 2) in triangles (n, 3, 2) of the viewer's image, and where (n, 2) does the display show them?"""
+    a, b = view[:, 1] - view[:, 0], view[:, 2] - view[:, 0]
+    p = at - view[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
+        v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
+        inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+        return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (xy[:, 2] - xy[:, 0])
+
+
+def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
+    """Is either of display pixels a and b (n, 2) in the image? What is beside it by both accounts matters to nobody."""
+    return ((np.fmax(a, b) >= 0) & (np.fmin(a, b) <= display_size)).all(axis=1)
+
+
+def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
+    """Triangles (t, 3) of convex polygons, whose corners are the members of each row in order, and the rows (t,)."""
+    order = np.argsort(~is_member, axis=1, kind="stable")
+    polygon = np.take_along_axis(places, order, axis=1)
+    n_corners = is_member.sum(axis=1)
+    fans, rows = [], []
+    for k in range(1, polygon.shape[1] - 1):
+        row = np.flatnonzero(n_corners > k + 1)
+        fans.append(polygon[row][:, [0, k, k + 1]])
+        rows.append(row)
+    return np.concatenate(fans), np.concatenate(rows)
+
+
+def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
+    """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
+
+    Opposite corners on one branch between two that are not belong together only when the middle is on it too.
+    """
+    branch = points.branch[cells]
+    same = branch[:, :, None] == branch[:, None, :]
+    k = cells.shape[1]
+    if k == 4:
+        corner = np.arange(k)
+        opposite = np.abs(corner[:, None] - corner) == 2
+        beside = same & ~opposite & ~np.eye(k, dtype=bool)
+        alone = ~beside.any(axis=2)
+        saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
+        if saddle.any():
+            middle = yield from trace_points(plan, points.view[cells[saddle]].mean(axis=1))
+            holds = middle.branch[:, None] == branch[saddle]
+            split = alone[saddle] & ~holds
+            same[saddle] &= ~(opposite[None] & split[:, :, None])
+    return np.where(branch != 0, same.argmax(axis=2), -1)
+
+
+def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[int, None, Points]:
+    """Last points (n,) on the branch of points `near` (n,) towards points `far`, sorted by near, then far.
+
+    Where both have a landing the other's branch most often begins where the one's ends: it is looked for there first.
+    """
+    n = len(points)
+    key, back = near * n + far, far * n + near
+    at = np.minimum(np.searchsorted(key, back), len(key) - 1)
+    is_second = (key[at] == back) & (near > far)
+    first, second = np.flatnonzero(~is_second), np.flatnonzero(is_second)
+    place, found = yield from _last_on_branch(plan, points, near[first], far[first], np.ones(len(first)))
+    if not len(second):
+        return found
+    rank = np.empty(len(key), np.int64)
+    rank[first] = np.arange(len(first))
+    end = np.minimum(1 - place[rank[at[second]]], 1.0)
+    _, others = yield from _last_on_branch(plan, points, near[second], far[second], end)
+    order = np.argsort(np.concatenate([first, second]))
+    return found.and_more(others).at(order)
+
+
+def _last_on_branch(
+    plan: Plan, points: Points, near: Ints, far: Ints, end: Floats
+) -> Generator[int, None, tuple[Floats, Points]]:
+    """Last points (n,) on the branch of points `near` towards points `far`, by bisection in several parts.
+
+    They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first unless it is `far`.
+    Returned before the points is where (n,) the branch has ended.
+    """
+    xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
+    a, b = points.view[near], points.view[far]
+    low, width = np.zeros(len(near)), end.copy()
+    course = courses(plan, *plan.rig.viewer.rays(a))
+    yield len(near)
+    todo = np.arange(len(near))
+    parts = 1
+    while len(todo):
+        # the first time the end alone is tried; then several places at once, the more the fewer borders there are: a
+        # batch of rays costs as much as hundreds of its rays
+        steps = np.arange(1, parts)[:, None] / parts if parts > 1 else np.ones((1, 1))
+        at = low[todo] + width[todo] * steps
+        view = (a[todo] + at[..., None] * (b - a)[todo]).reshape(-1, 2)
+        if parts > 1 or (end < 1).any():
+            found = yield from trace_points(plan, view, np.tile(course[todo], (len(steps), 1)))
+            holds = found.branch.reshape(at.shape) == points.branch[near[todo]]
+            n_held = np.logical_and.accumulate(holds).sum(axis=0)
+            held = np.flatnonzero(n_held)
+            last = (n_held[held] - 1) * len(todo) + held
+            xy[todo[held]], throughput[todo[held]] = found.xy[last], found.throughput[last]
+            width[todo] /= parts
+            low[todo] += width[todo] * n_held
+            if parts == 1:
+                width[todo[held]] = 0.0
+        todo = todo[width[todo] > 2.0**-DIGITS]
+        parts = 2 ** int(np.clip(np.log2(BATCH / max(len(todo), 1)), 1, MOST_DIGITS))
+    landed = Points(a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput)
+    return low + width, landed

@@ -1,0 +1,167 @@
+"""What a bundle of rays may have passed by: parts of the rig, near to it, that none of its rays met."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .optics import dot
+from .ray_engine import Frames
+from .rig import Bools, Floats, Ints
+
+MOST_PATCHES = 4096  # with more patches whole parts are looked for
+CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
+PAIRS_AT_ONCE, TRIANGLES_AT_ONCE = 1 << 18, 1 << 13
+WIDEST = 1 / 16  # of the rig's size: a bundle that is wider would touch everything
+DIGITS = 10  # binary, of each coordinate by which triangles are sorted
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundles:
+    """Rays between two of their events, k at a time: ends (n, 2, k, 3); owner (n,), the path that they belong to.
+
+    middle (n, 2, 3) and radius (n, 2): ends of a cone around all of them
+    """
+
+    ends: Floats
+    owner: Ints
+
+    @cached_property
+    def middle(self) -> Floats:
+        return self.ends[:, :, self.ends.shape[2] // 2]
+
+    @cached_property
+    def radius(self) -> Floats:
+        return np.linalg.norm(self.ends - self.middle[:, :, None], axis=3).max(axis=2)
+
+
+class ThinParts:
+    """Triangles in boxes, to be asked which bundles of rays come near a patch that none of the rays met.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) m
+    patch, part : (t,) of each triangle
+    """
+
+    def __init__(self, corners: Floats, patch: Ints, part: Ints) -> None:
+        n = len(patch)
+        _, unit = np.unique(patch, return_inverse=True)
+        unit = unit.ravel() if unit.max() < MOST_PATCHES else part
+        self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
+        self._unit_of_patch[patch] = unit
+        order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
+        self._corners, unit = corners[order], unit[order]
+        self.n_units = int(unit[-1]) + 1
+        first = np.flatnonzero(np.diff(unit, prepend=-1))
+        within = np.arange(n) - first[unit]
+        self._starts = [np.append(first, n), *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS)]
+        low, high = self._corners.min(axis=1), self._corners.max(axis=1)
+        self._boxes = [
+            (np.minimum.reduceat(low, s[:-1]), np.maximum.reduceat(high, s[:-1])) for s in self._starts
+        ]  # fmt: skip
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal, m, of the box around all triangles."""
+        low, high = self._boxes[0]
+        return float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+
+    @cached_property
+    def _frames(self) -> Frames:
+        return Frames.of(self._corners)
+
+    def touch(self, places: Floats, met: Ints) -> Bools:
+        """Which bundles (s,) of k rays come near a patch that none of them met?
+
+        Parameters
+        ----------
+        places : (s, k, m + 1, 3) m, where the rays began and where their events were; NaN after the last
+        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge.
+        """
+        touched = np.zeros(len(places), bool)
+        is_met = np.zeros((len(places), self.n_units), bool)
+        is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
+        bundles = _bundles(places, met, WIDEST * self.size)
+        at_once = max(1, PAIRS_AT_ONCE // self.n_units)
+        for first in range(0, len(bundles.owner), at_once):
+            i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
+            i += first
+            for level, boxes in enumerate(self._boxes):
+                if level:
+                    i, node = self._within(level, i, node)
+                near = _is_in_boxes(bundles, i, *(side[node] for side in boxes))
+                i, node = i[near], node[near]
+            for some in np.split(np.arange(len(i)), range(TRIANGLES_AT_ONCE, len(i), TRIANGLES_AT_ONCE)):
+                near = self._is_near(bundles.ends[i[some]], node[some])
+                touched[bundles.owner[i[some[near]]]] = True
+        return touched
+
+    def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
+        """Pairs of bundles and boxes of a level, from those of the level above."""
+        low, high = (np.searchsorted(self._starts[level], self._starts[level - 1][node + k]) for k in (0, 1))
+        owner = np.repeat(np.arange(len(i)), high - low)
+        return i[owner], np.arange(len(owner)) - (np.cumsum(high - low) - high)[owner]
+
+    def _is_near(self, ends: Floats, k: Ints) -> Bools:
+        """Is any of triangles k (n,) touched by the hull of rays with ends (n, 2, r, 3)?
+
+        Not when all rays stay on one side of its plane, or pass it beyond the same of its edges.
+        """
+        frames = self._frames
+        corner, normal = frames.corner[k][:, None], frames.normal[k][:, None]
+        before, after = (dot(ends[:, end] - corner, normal) for end in (0, 1))
+        one_side = np.minimum(before, after).min(axis=1) > 0
+        one_side |= np.maximum(before, after).max(axis=1) < 0
+        with np.errstate(invalid="ignore", divide="ignore"):
+            t = before / (before - after)
+            at = ends[:, 0] + t[..., None] * (ends[:, 1] - ends[:, 0]) - corner
+            u, v = dot(at, frames.axis_u[k][:, None]), dot(at, frames.axis_v[k][:, None])
+            beyond = (np.fmax.reduce(x, axis=1) < 0 for x in (u, v, 1 - u - v))
+        return ~one_side & ~np.any(list(beyond), axis=0)
+
+
+def _along_curve(points: Floats) -> Ints:
+    """Place (n,) of points (n, 3) along a curve that fills space (Morton's): neighbours on it are near each other."""
+    low = points.min(axis=0)
+    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(np.int64)
+    place = np.zeros(len(points), np.int64)
+    for digit in range(DIGITS):
+        for axis in range(3):
+            place |= (steps[:, axis] >> digit & 1) << (3 * digit + axis)
+    return place
+
+
+def _bundles(places: Floats, met: Ints, widest: float) -> _Bundles:
+    """The rays of bundles between their events, as far as they stay together, within a distance (m)."""
+    parted = np.zeros(len(places), bool)
+    ends, owner = [], []
+    for k in range(met.shape[2]):
+        both = np.moveaxis(places[:, :, k : k + 2], 2, 1)
+        with np.errstate(invalid="ignore"):
+            parted |= ~(np.ptp(places[:, :, k + 1], axis=1).max(axis=1) < widest)
+        chosen = np.flatnonzero(~parted)
+        if not len(chosen):
+            break
+        ends.append(both[chosen])
+        owner.append(chosen)
+        parted |= (met[:, :, k] != met[:, :1, k]).any(axis=1)
+    if not ends:
+        return _Bundles(np.empty((0, 2, places.shape[1], 3)), np.empty(0, np.int64))
+    return _Bundles(np.concatenate(ends), np.concatenate(owner))
+
+
+def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
+    """Do the cones around bundles i (n,) meet boxes with corners low and high (n, 3)?"""
+    start, way = bundles.middle[i, 0], bundles.middle[i, 1] - bundles.middle[i, 0]
+    radius = bundles.radius[i]
+    widest = radius.max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / way
+        for _ in range(2):  # the second time no wider than the cone is where it meets the box
+            a, b = (low - widest[:, None] - start) * inverse, (high + widest[:, None] - start) * inverse
+            enter = np.fmax.reduce(np.fmin(a, b), axis=1, initial=0.0)
+            leave = np.fmin.reduce(np.fmax(a, b), axis=1, initial=1.0)
+            widest = radius[:, 0] + (radius[:, 1] - radius[:, 0]) * np.where(radius[:, 1] > radius[:, 0], leave, enter)
+            widest = np.clip(widest, 0.0, radius.max(axis=1))
+    return enter <= leave
