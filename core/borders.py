@@ -94,12 +94,14 @@ class Pixels:
     """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
 
     missed : (q,) display px by which whole pixels miss the ray through their middle
+    is_bent : (t,) pieces of pixels that are as their corners tell, only that the map is not bilinear there
     """
 
     points: Points
     quads: Ints
     missed: Floats
     triangles: Ints
+    is_bent: Bools
 
 
 def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pixels]:
@@ -124,16 +126,17 @@ def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pixels]
     again = (expected_branch != middle.branch) | (off > plan.settings.tolerance)
     whole = is_one & (branch[:, 0] != 0) & ~again
     triangles = triangles[~again[owner]]
-    if again.any():
-        number, around = len(points) + np.flatnonzero(again), cells[again]
-        points = points.and_more(middle)
-        parts = [np.stack([number, around[:, k], around[:, (k + 1) % 4]], axis=1) for k in range(4)]
-        parts = np.concatenate(parts)
-        branch = points.branch[parts]
-        is_one = (branch == branch[:, :1]).all(axis=1)
-        points, more, _ = yield from _cut(plan, points, parts[~is_one])
-        triangles = np.concatenate([triangles, parts[is_one & (branch[:, 0] != 0)], more])
-    return Pixels(points, cells[whole], off[whole], triangles)
+    number, around = len(points) + np.flatnonzero(again), cells[again]
+    points = points.and_more(middle)
+    parts = np.concatenate([np.stack([number, around[:, k], around[:, (k + 1) % 4]], axis=1) for k in range(4)])
+    branch = points.branch[parts]
+    is_one = (branch == branch[:, :1]).all(axis=1)
+    points, more, _ = yield from _cut(plan, points, parts[~is_one])
+    is_whole = is_one & (branch[:, 0] != 0)
+    is_bent = np.tile((expected_branch == middle.branch)[again], 4)[is_whole]
+    is_bent = np.concatenate([np.zeros(len(triangles), bool), is_bent, np.zeros(len(more), bool)])
+    triangles = np.concatenate([triangles, parts[is_whole], more])
+    return Pixels(points, cells[whole], off[whole], triangles, is_bent)
 
 
 def _cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, tuple[Points, Ints, Ints]]:

@@ -31,11 +31,12 @@ LAST = 0.999  # quantile of the error that keeps to the tolerance
 
 @dataclass(frozen=True)
 class MapError:
-    """Errors of the view map as measured by rays that it was not made from, over what of the viewer's image it covers.
+    """Errors of the view map as measured by rays, over the part of the viewer's image that it covers.
 
     rms, percentile : display px, the latter of 99.9 % of the area
-    facet_limited, unresolved : shares of the viewer's image, 0..1, that are off by more than the tolerance: squares on
-        one branch that are not smooth, because facets bend the picture, and pieces of pixels that were cut
+    facet_limited, unresolved : shares of the viewer's image, 0..1, that are off by more than the tolerance: quarters
+        of pixels on one branch where the map is not smooth, most often because of the mesh's facets, and pieces of
+        pixels that were cut at borders
     facet_error, unresolved_error : rms of those two kinds of cells, display px, as far as they are known
     n_checked : rays
     """
@@ -253,8 +254,8 @@ class _Sampling:
             first = len(self.points)
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
-            missed, missed_by_quads = self._missed(checking, first + len(missing))
-            good = (missed <= (1 - SHARE) * self.tolerance) | (checking.size == PARTS) & (missed <= missed_by_quads)
+            missed = self._missed(checking, first + len(missing))
+            good = missed <= (1 - SHARE) * self.tolerance
             measured.append(missed[good])
             smooth = smooth.and_more(checking.at(good))
             is_smooth, is_done = self._sorted(todo)
@@ -279,33 +280,24 @@ class _Sampling:
         is_aside = _is_aside(xy, branch, np.array(self.display_size))
         is_smooth = is_one & ~is_aside
         expected = interpolation.expected_error(xy[is_smooth])
-        is_smooth[is_smooth] = (expected <= (1 - SHARE) * self.tolerance) | (squares.size[is_smooth] == PARTS)
+        is_smooth[is_smooth] = expected <= (1 - SHARE) * self.tolerance
         settled = np.flatnonzero((is_smooth | is_dark | is_aside) & (squares.size > PARTS))
         touched = settled[self.plan.thin_parts.touch(self.paths.places[nodes[settled]], self.paths.met[nodes[settled]])]
         is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
         return is_smooth, is_dark | is_aside
 
-    def _missed(self, squares: _Squares, first: int) -> tuple[Floats, Floats]:
-        """By how much (n,), display px, smooth squares miss the points traced to check them; inf on another branch.
-
-        And by how much they would as quads between their nodes.
-        """
+    def _missed(self, squares: _Squares, first: int) -> Floats:
+        """By how much (n,), display px, smooth squares miss the points traced to check them; inf on another branch."""
         n = len(squares)
         nodes, checks = self._at_nodes(squares), first + np.arange(2 * n).reshape(n, 2)
-        by_cell, by_quads = np.zeros(n), np.zeros(n)
+        missed = np.zeros(n)
         for k, place in enumerate(CHECKS):
-            column, row = (PARTS * place).astype(int)
-            quad = nodes[:, (PARTS + 1) * row + column + np.array([0, 1, PARTS + 2, PARTS + 1])]
-            expected = (
-                interpolation.at_places(self.points.xy[nodes], np.tile(place, (n, 1))),
-                _bilinear(self.points.xy[quad], PARTS * place[None] - [column, row]),
-            )
+            expected = interpolation.at_places(self.points.xy[nodes], np.tile(place, (n, 1)))
             xy = self.points.xy[checks[:, k]]
             is_one = self.points.branch[checks[:, k]] == self.points.branch[nodes[:, 0]]
-            for missed, at in zip((by_cell, by_quads), expected, strict=True):
-                off = np.where(is_one, np.linalg.norm(at - xy, axis=1), np.inf)
-                np.maximum(missed, np.where(is_seen(at, xy, self.display_size), off, 0.0), out=missed)
-        return by_cell, by_quads
+            off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
+            missed = np.maximum(missed, np.where(is_seen(expected, xy, self.display_size), off, 0.0))
+        return missed
 
     def _finished(self, smooth: _Squares, finest: _Squares, measured: Floats) -> Generator[int, None, ViewMap]:
         """Cells of the pixels of the squares that were refused to the last, and the whole map."""
@@ -335,34 +327,34 @@ class _Sampling:
 
     def _measure(self, pixels: Pixels, smooth: _Squares, missed: Floats) -> Generator[int, None, MapError]:
         """Errors of the whole map, from checks of smooth cells and of pixels, and from rays through some pieces."""
-        points, triangles = pixels.points, pixels.triangles
-        some = triangles[:: -(-len(triangles) // SAMPLED) or 1]
-        found = yield from trace_points(self.plan, points.view[some].mean(axis=1))
-        expected = points.xy[some].mean(axis=1)
-        # the error of a piece with another branch in its middle is not known
-        off = np.where(found.branch == points.branch[some[:, 0]], np.linalg.norm(found.xy - expected, axis=1), np.inf)
-        area = _area(points.view[some])
-        area *= _area(points.view[triangles]).sum() / max(area.sum(), 1e-300)
-        seen = is_seen(expected, found.xy, self.display_size)
-        off, area = off[seen], area[seen]
-        of_cells, of_quads = smooth.size**2.0, np.ones(len(pixels.missed))
-        n_pixels = self.view_size[0] * self.view_size[1]
-
-        def above(off: Floats, area: Floats) -> float:
-            return float(area[off > self.tolerance].sum() / n_pixels)
-
-        is_rough = missed > (1 - SHARE) * self.tolerance  # of 4 px, where nothing did better
-        rough = np.concatenate([missed[is_rough], pixels.missed]), np.concatenate([of_cells[is_rough], of_quads])
-        whole = np.concatenate([missed, pixels.missed, off]), np.concatenate([of_cells, of_quads, area])
-        n_checked = 2 * len(missed) + len(pixels.missed) + len(off)
+        points = pixels.points
+        areas, errors = [smooth.size**2.0, np.ones(len(pixels.missed))], [missed, pixels.missed]
+        for triangles in (pixels.triangles[pixels.is_bent], pixels.triangles[~pixels.is_bent]):
+            some = triangles[:: -(-len(triangles) // SAMPLED) or 1]
+            found = yield from trace_points(self.plan, points.view[some].mean(axis=1))
+            expected = points.xy[some].mean(axis=1)
+            # the error of a piece with another branch in its middle is not known
+            is_one = found.branch == points.branch[some[:, 0]]
+            off = np.where(is_one, np.linalg.norm(found.xy - expected, axis=1), np.inf)
+            area = _area(points.view[some])
+            area *= _area(points.view[triangles]).sum() / max(area.sum(), 1e-300)
+            seen = is_seen(expected, found.xy, self.display_size)
+            areas.append(area[seen])
+            errors.append(off[seen])
+        error, area = np.concatenate(errors), np.concatenate(areas)
+        shares = [
+            float(a[e > self.tolerance].sum() / (self.view_size[0] * self.view_size[1]))
+            for e, a in zip(errors[2:], areas[2:], strict=True)
+        ]
+        rms = [_rms(e, a) for e, a in zip(errors[2:], areas[2:], strict=True)]
         return MapError(
-            _rms(*whole),
-            _quantile(*whole, LAST),
-            above(*rough),
-            _rms(*rough),
-            above(off, area),
-            _rms(off, area),
-            n_checked,
+            _rms(error, area),
+            _quantile(error, area, LAST),
+            shares[0],
+            rms[0],
+            shares[1],
+            rms[1],
+            len(error) + len(missed),
         )
 
     def _reasons(self) -> np.ndarray:

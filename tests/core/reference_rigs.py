@@ -127,7 +127,7 @@ def rod(start, end, radius, sides=8):
     """A thin flat-shaded prism from one point to another."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     along = (end - start) / np.linalg.norm(end - start)
-    across = np.cross(along, np.roll(along, 1) + [0.3, 0.5, 0.8])
+    across = np.cross(along, np.roll(along, 1) + np.array([0.3, 0.5, 0.8]))
     across /= np.linalg.norm(across)
     a = 2 * np.pi * np.arange(sides) / sides
     ring = radius * (np.cos(a)[:, None] * across + np.sin(a)[:, None] * np.cross(along, across))

@@ -1,14 +1,16 @@
 """The view map's cells: what they cover, where they are cut."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, cube_rig, icosphere, rig
+from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rig, rod, wavy_slab
 from work import drain
 
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.rig import Glass, Mesh
+from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.shares import rasterise
-from kiriko.core.trace import Reason
+from kiriko.core.trace import Reason, trace_all
 from kiriko.core.view_map import sample
 
 
@@ -95,3 +97,126 @@ def test_faceted_glass_is_cut_at_its_edges():
             assert bow[inside].max(initial=0.0) < 0.05 * np.abs(q[:, 2] - q[:, 0]).max()
             n_inside += inside.sum()
     assert n_inside > 100
+
+
+def dense(a_rig, n=None):
+    """Viewer px (n, 2), pixel centres or n random places, and where rays traced there land, within the image or not."""
+    w, h = a_rig.viewer.width, a_rig.viewer.height
+    x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+    at = np.stack([x.ravel(), y.ravel()], axis=1) if n is None else np.random.default_rng(3).uniform(0, (w, h), (n, 2))
+    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(at))
+    return at, np.where((landings.branch != 0)[:, None], landings.xy, np.nan)
+
+
+def on_display(xy, a_rig):
+    with np.errstate(invalid="ignore"):
+        return ((xy >= 0) & (xy <= (a_rig.display.width, a_rig.display.height))).all(axis=1)
+
+
+SCENES = {
+    "ball": lambda: ball_rig(5, pixels=256),
+    "cube": lambda: cube_rig(pixels=256),
+    "bottle": lambda: rig(bottle(), pixels=256),
+    "gem": lambda: rig(icosphere(0.025, 0, smooth=False), pixels=256, display=0.2),
+    "wavy slab": lambda: rig(wavy_slab(64), pixels=256),
+    "critical curve": lambda: rig(wavy_slab(96, thickness=0.03, amplitude=0.003), pixels=256, display=0.1),
+}
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.02])
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_map_keeps_the_tolerance(scene, tolerance):
+    """Held to a ray through each pixel's middle: 99.9 % within the tolerance, the covered masks agree to 0.999."""
+    a_rig = SCENES[scene]()
+    found = view_map(a_rig, tolerance=tolerance)
+    at, exact = dense(a_rig)
+    got = found.display_from_view(at)
+    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    assert theirs.sum() > 10_000
+    assert np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs], 0.999) <= tolerance
+    assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.999
+    # whatever the rays through the middles told the map: places that it has never seen
+    at, exact = dense(a_rig, 20_000)
+    got = found.display_from_view(at)
+    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    off = np.linalg.norm(got - exact, axis=1)[mine & theirs]
+    known = (found.error.facet_limited + found.error.unresolved) * len(at) / len(off)
+    assert (off > tolerance).mean() < 1.5 * known + 2e-3
+    assert np.sqrt((off**2).mean()) < max(3 * found.error.rms, 0.1 * tolerance)
+    assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.995
+
+
+def test_a_critical_curve_runs_through_that_scene():
+    """The map of the scene so named is folded: det J has both signs on one branch."""
+    a_rig = SCENES["critical curve"]()
+    at, _ = dense(a_rig)
+    h = 1e-3
+    plan = make_plan(a_rig, Settings())
+    there = [trace_all(plan, *a_rig.viewer.rays(at + step)) for step in np.eye(2) * h]
+    here = trace_all(plan, *a_rig.viewer.rays(at))
+    by_x, by_y = ((x.xy - here.xy) / h for x in there)
+    det = by_x[:, 0] * by_y[:, 1] - by_x[:, 1] * by_y[:, 0]
+    branches, of_ray = np.unique(here.branch, return_inverse=True)
+    most = branches[np.bincount(of_ray.ravel(), weights=here.branch != 0).argmax()]
+    on_one = (here.branch == most) & (there[0].branch == most) & (there[1].branch == most)
+    assert (det[on_one] > 1e-3).sum() > 1000
+    assert (det[on_one] < -1e-3).sum() > 1000
+
+
+def test_smooth_optics_needs_few_rays():
+    """The ball at 512 px: a fifth of a ray a pixel; from 256 to 1024 px rays grow with less than the root of pixels."""
+    n_rays = {pixels: view_map(ball_rig(4, pixels=pixels)).n_rays for pixels in (256, 1024)}
+    assert n_rays[1024] < 0.2 * 1024**2
+    assert np.log(n_rays[1024] / n_rays[256]) / np.log(16) < 0.6
+
+
+THIN = {
+    "needle": lambda r: Glass("needle", rod((-0.012, 0, -0.008), (0.011, 0.004, 0.009), r), ConstantIndex(1.8)),
+    "bubble": lambda r: Glass("bubble", icosphere(r, 2, centre=(0.0061, 0.003, -0.0047)), ConstantIndex(1.0)),
+    "needle before": lambda r: Glass("needle", rod((-0.02, -0.06, 0.02), (0.015, -0.05, -0.02), r), ConstantIndex(1.8)),
+}
+
+
+@pytest.mark.parametrize("thing", THIN)
+def test_things_one_pixel_wide_are_found(thing):
+    """A needle and a bubble as wide as a pixel, seen through a ball: the map knows of every pixel that they change."""
+    pixels = 256
+    ball = Glass("ball", icosphere(0.025, 4), ConstantIndex(1.49))
+    # the ball magnifies what is in it by about 1.5
+    width = 0.05 / pixels * (1.0 if thing == "needle before" else 1 / 1.5)
+    a_rig = rig((ball, THIN[thing](width / 2)), pixels=pixels)
+    at, exact = dense(a_rig)
+    _, without = dense(rig((ball,), pixels=pixels))
+    is_changed = on_display(exact, a_rig) != on_display(without, a_rig)
+    with np.errstate(invalid="ignore"):
+        is_changed |= np.linalg.norm(exact - without, axis=1) > 1.0
+    assert is_changed.sum() >= (1 if thing == "bubble" else 100)
+    got = view_map(a_rig).display_from_view(at)
+    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    is_right = mine == theirs
+    both = mine & theirs
+    is_right[both] = np.linalg.norm(got[both] - exact[both], axis=1) < 0.5
+    assert is_right[is_changed].mean() > 0.98
+
+
+def test_a_viewer_of_any_size_is_covered_whole():
+    """Squares that stick out of the image are clipped: a slab fills views of odd sizes to the last pixel."""
+    for w, h in ((1, 1), (3, 5), (33, 17), (130, 67)):
+        a_rig = rig(box([0.3, 0.03, 0.3]), display=0.2)
+        viewer = replace(a_rig.viewers[0], width=w, height=h)
+        found = view_map(replace(a_rig, viewers=(viewer,)))
+        np.testing.assert_allclose(coverage(found), 1, atol=1e-9)
+        parts = [rasterise(found.display_size, found.view_size, v, d) for v, d, _ in found.pieces()]
+        assert sum(p.area.sum() for p in parts) == pytest.approx(w * h, rel=1e-9)
+
+
+def test_the_map_without_a_plate_in_reach_is_empty():
+    """Nothing lands: no cells, no error, and the reason at every pixel's corner."""
+    a_rig = rig(icosphere(0.025, 2), pixels=40)
+    away = replace(a_rig.plates[0].mesh, vertices=a_rig.plates[0].mesh.vertices + np.array([5.0, 0, 0]))
+    found = view_map(replace(a_rig, plates=(replace(a_rig.plates[0], mesh=away),)))
+    assert not list(found.pieces())
+    assert found.reason.shape == (41, 41)
+    assert not (found.reason == Reason.ARRIVED).any()
+    assert found.error.rms == 0
+    assert np.isnan(found.display_from_view(np.array([[20.0, 20.0]]))).all()
