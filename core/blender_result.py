@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from typing import Any
 
 import bpy
 import numpy as np
@@ -11,8 +12,9 @@ from .blender_image import image_from_pixels, pack
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
 from .session import Solution
+from .work_precision import cost
 
-__all__ = ["put_on_display", "render_map", "render_preview", "summary", "write_solution"]
+__all__ = ["put_on_display", "render_map", "render_preview", "summary", "write_ladder", "write_solution"]
 
 SOURCE = "Kiriko Source"
 OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
@@ -87,7 +89,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     reading : what `blender_scene.read` made of the scene: materials, notes, display size
     solution : core.session.Solution
     """
-    result = scene.kiriko.result
+    result, tolerance = scene.kiriko.result, scene.kiriko.tolerance
     coverage = float(min(max(solution.picture_coverage, 0.0), 1.0))
     text = summary(coverage, solution.misses)
     image = replace_image(result.source, SOURCE, solution.source)
@@ -112,6 +114,10 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
         "seconds": solution.seconds,
         "rays": solution.n_rays,
         "tessellation_error": solution.tessellation_error,
+        "tolerance": tolerance,
+        "map_error": asdict(solution.map_error),
+        "total_seconds": sum(solution.seconds.values()),
+        "cost": costs(scene, solution.seconds, tolerance),
         "used": list(solution.used),
         "left_out": list(solution.left_out),
         "display_size_m": None if reading.display_size is None else list(reading.display_size),
@@ -120,3 +126,29 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     result.source, result.summary, result.coverage = image, text, coverage
     result.details, result.notes = json.dumps(details), "\n".join(notes)
     return text
+
+
+def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:
+    """What a solve, of these seconds by part, would have cost at half and twice the tolerance (display px).
+
+    After one that traced nothing it is the costs of the solve before, whose cells it used.
+    """
+    before = json.loads(scene.kiriko.result.details or "{}")
+    if "tracing" not in seconds:
+        return before.get("cost", {})
+    ladder = json.loads(scene.kiriko.result.ladder or "[]")
+    others = {
+        name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}
+        for name, other in (("half", tolerance / 2), ("twice", tolerance * 2))
+    }
+    return {"is_measured": bool(ladder), **{k: v for k, v in others.items() if v["seconds"] is not None}}
+
+
+def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
+    """Keep what a report measured, tolerances (display px) and seconds, and tell the last result's costs by it."""
+    result = scene.kiriko.result
+    result.ladder = json.dumps(ladder)
+    if result.details:
+        details = json.loads(result.details)
+        details["cost"] = costs(scene, details["seconds"], details["tolerance"])
+        result.details = json.dumps(details)

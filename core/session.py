@@ -22,7 +22,7 @@ from .seen_image import seen_image
 from .shares import Shares, concatenate, display_coverage, rasterise, view_coverage
 from .source_image import paint
 from .trace import REASON_WORDS, Reason
-from .view_map import ViewMap, sample
+from .view_map import MapError, ViewMap, sample
 
 Result = TypeVar("Result")
 
@@ -65,6 +65,10 @@ class Solution:
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
+
+    @property
+    def map_error(self) -> MapError:
+        return self.view_map.error
 
     def ideal(self) -> NDArray[np.float32]:
         """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""

@@ -33,7 +33,7 @@ LAST = 0.999  # quantile of the error that keeps to the tolerance
 class MapError:
     """Errors of the view map as measured by rays, over the part of the viewer's image that it covers.
 
-    rms, percentile : display px, the latter of 99.9 % of the area
+    rms, percentile : display px, the latter of 99.9 % of the area; over what is not unknown for a border nearby
     facet_limited, unresolved : shares of the viewer's image, 0..1, that are off by more than the tolerance: quarters
         of pixels on one branch where the map is not smooth, most often because of the mesh's facets, and pieces of
         pixels that were cut at borders
@@ -436,7 +436,9 @@ def _rms(off: Floats, area: Floats) -> float:
 
 
 def _quantile(off: Floats, area: Floats, share: float) -> float:
-    """The error that this share of the area stays below; 0 without any."""
+    """The error that this share of the area stays below, as far as errors are known; 0 without any."""
+    known = np.isfinite(off)
+    off, area = off[known], area[known]
     order = np.argsort(off)
     below = np.cumsum(area[order])
     return float(off[order[np.searchsorted(below, share * below[-1])]]) if len(off) and below[-1] > 0 else 0.0

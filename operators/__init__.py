@@ -2,13 +2,14 @@
 
 import bpy
 
-from . import add_rig, command_line, export, preview, solve, work
+from . import add_rig, command_line, export, preview, report, solve, work
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
     solve.KIRIKO_OT_solve,
     preview.KIRIKO_OT_preview,
     export.KIRIKO_OT_export,
+    report.KIRIKO_OT_report,
 )
 _commands: list[object] = []
 

@@ -1,12 +1,11 @@
-"""`blender --background FILE --command kiriko solve --out DIR`: solve a saved rig and write the results to a folder."""
+"""`blender --background FILE --command kiriko VERB --out DIR`: solve or measure a saved rig, results in a folder."""
 
 import argparse
 import json
 import sys
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import bpy
 import numpy as np
@@ -14,9 +13,12 @@ import numpy as np
 from ..core import image_io
 from ..core.blender_preview import Preview
 from ..core.blender_result import write_solution
-from ..core.errors import ImageError, KirikoError, RigError
-from . import work
+from ..core.errors import KirikoError, RigError
+from ..core.work_precision import BUDGET
+from . import folder, report, work
 from .export import use_bundled_modules
+
+Result = TypeVar("Result")
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 
@@ -38,11 +40,22 @@ def parser() -> argparse.ArgumentParser:
         prog="blender --background FILE --command kiriko", description="Images inside glass, without a window."
     )
     verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
-    solve = verbs.add_parser("solve", help="compute the source image and write it to a folder")
-    solve.add_argument(
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument(
         "--out", required=True, type=_folder_name, metavar="DIR", help="folder for the results; made if need be"
     )
-    solve.add_argument("--overwrite", action="store_true", help="replace results that are there already")
+    shared.add_argument("--overwrite", action="store_true", help="replace results that are there already")
+    measure = verbs.add_parser("report", parents=[shared], help="measure error against run time and write a report")
+    measure.add_argument(
+        "--seconds",
+        type=_seconds,
+        default=BUDGET,
+        metavar="N",
+        help=f"time for the brute-force comparison ({BUDGET:g})",
+    )
+    measure.set_defaults(run=_report)
+    solve = verbs.add_parser("solve", parents=[shared], help="compute the source image and write it to a folder")
+    solve.set_defaults(run=_solve)
     solve.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
     solve.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
     solve.add_argument("--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)")
@@ -53,7 +66,7 @@ def run(argv: list[str]) -> int:
     """Called by Blender with what follows the command's name; what it returns is the exit code."""
     try:
         arguments = parser().parse_args(argv)
-        for line in solve(arguments):
+        for line in _into_folder(arguments):
             sys.stdout.write(f"kiriko: {line}\n")
             sys.stdout.flush()
     except SystemExit as end:  # --help
@@ -62,22 +75,6 @@ def run(argv: list[str]) -> int:
         sys.stderr.write(f"kiriko: {error}\n")
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     return 0
-
-
-@contextmanager
-def _folder(folder: Path) -> Iterator[None]:
-    """Make the folder and see that it can be written, before any work is done for it; gone again if it stays empty."""
-    is_new = not image_io.is_there(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
-    try:
-        image_io.check_folder(folder)
-        yield
-    finally:
-        if is_new and not any(folder.iterdir()):
-            folder.rmdir()
 
 
 def _count(text: str) -> int:
@@ -93,11 +90,40 @@ def _folder_name(text: str) -> Path:
     return Path(text)
 
 
+def _seconds(text: str) -> float:
+    number = float(text)
+    if not 0 <= number < float("inf"):
+        raise ValueError(f"{number} is no time")
+    return number
+
+
+def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Do what is asked for with the open file's scene, results in a folder; yields lines of progress."""
+    if not bpy.data.filepath:
+        # Blender goes on with its startup scene when the file it was given is missing
+        raise RigError("No .blend file was loaded: name an existing file before --command.")
+    use_bundled_modules()
+    with folder.made(arguments.out):
+        yield from arguments.run(arguments)
+
+
+def _progress(steps: Generator[float, None, Result]) -> Generator[str, None, Result]:
+    """Run long work; yields a line for every tenth of it."""
+    told = 0
+    while True:
+        try:
+            done = int(10 * next(steps))
+        except StopIteration as end:
+            return end.value
+        if done > told:
+            told = done
+            yield f"{10 * done} %"
+
+
 def _files(arguments: argparse.Namespace) -> dict[str, Path]:
-    """The files to write, by what they show; ImageError when one is there already and may not be replaced."""
-    form = arguments.format
+    """The files that solving writes, by what they show."""
     names = {
-        "source": str(image_io.named_for("source", form)),
+        "source": str(image_io.named_for("source", arguments.format)),
         "linear": "source.exr",
         "ideal": "ideal.png",
         "seen": "seen.png",
@@ -106,43 +132,31 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
     }
     if arguments.preview:
         names["preview"] = "preview.png"
-    files = {what: arguments.out / name for what, name in names.items()}
-    there = [path.name for path in files.values() if image_io.is_there(path)]
-    if there and not arguments.overwrite:
-        raise ImageError(
-            f"The folder '{arguments.out}' has {', '.join(there)} already: choose another or add --overwrite."
-        )
-    return files
+    return {what: arguments.out / name for what, name in names.items()}
 
 
-def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Solve the open file's scene and write the results; yields lines of progress."""
-    if not bpy.data.filepath:
-        # Blender goes on with its startup scene when the file it was given is missing
-        raise RigError("No .blend file was loaded: name an existing file before --command.")
-    use_bundled_modules()
-    image_io.openimageio()
-    with _folder(arguments.out):
-        yield from _solve_into(arguments, _files(arguments))
+def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Measure error against run time and write the report; yields lines of progress, then the table."""
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, report.NAMES, "add --overwrite")
+    yield f"measuring '{Path(bpy.data.filepath).name}'"
+    found = yield from _progress(report.measured(bpy.context, arguments.seconds))
+    report.write(arguments.out, found)
+    yield from report.table(found).splitlines()
+    yield f"wrote {len(report.NAMES)} files to '{arguments.out}'"
 
 
-def _solve_into(arguments: argparse.Namespace, files: dict[str, Path]) -> Generator[str, None, None]:
+def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve and write the files; yields lines of progress."""
+    image_io.openimageio()
+    files = _files(arguments)
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, (path.name for path in files.values()), "add --overwrite")
     context = bpy.context
     scene = context.scene
     reading = work.read(context)
     yield f"solving '{Path(bpy.data.filepath).name}'"
-    steps = work.session().solve(reading.rig, work.settings_of(scene))
-    told = 0
-    while True:
-        try:
-            done = int(10 * next(steps))
-        except StopIteration as end:
-            solution = end.value
-            break
-        if done > told:
-            told = done
-            yield f"{10 * done} %"
+    solution = yield from _progress(work.session().solve(reading.rig, work.settings_of(scene)))
     text = write_solution(scene, reading, solution)
     yield text
 
@@ -155,19 +169,19 @@ def _solve_into(arguments: argparse.Namespace, files: dict[str, Path]) -> Genera
         ("seen", solution.seen(), "PNG8", None),
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
-    report = _report(scene, text)
+    numbers = _numbers(scene, text)
     if arguments.preview:
         yield "rendering the preview in Cycles"
         with Preview(scene, reading, scene.kiriko.result.source, samples=arguments.samples) as preview:
             jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
-        report["preview_notes"] = preview.notes
+        numbers["preview_notes"] = preview.notes
     for what, pixels, form, area in jobs:
         image_io.write(files[what], pixels, form, size=area, title=f"Kiriko {what} image", overwrite=True)
-    image_io.write_text(files["report"], json.dumps(report, indent=2) + "\n")
+    image_io.write_text(files["report"], json.dumps(numbers, indent=2) + "\n")
     yield f"wrote {len(files)} files to '{arguments.out}'"
 
 
-def _report(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
+def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
     result = scene.kiriko.result
     return {
         "file": Path(bpy.data.filepath).name,

@@ -16,6 +16,15 @@ def use_bundled_modules() -> None:
         bpy.utils.expose_bundled_modules()
 
 
+def absolute(path: str) -> Path:
+    """The place that a path from the interface means; ImageError when it is relative to a .blend never saved."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise ImageError(
+            f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
+        )
+    return Path(bpy.path.abspath(path))
+
+
 def target(path: str, form: str) -> Path:
     """The file that a path from the interface means: absolute, with the format's suffix.
 
@@ -26,11 +35,7 @@ def target(path: str, form: str) -> Path:
     """
     if not path:
         raise ImageError("The export has no path: choose a file.")
-    if path.startswith("//") and not bpy.data.filepath:
-        raise ImageError(
-            f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
-        )
-    full = Path(bpy.path.abspath(path))
+    full = absolute(path)
     if (image_io.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
         full = full / "source"
     return image_io.named_for(full, form)

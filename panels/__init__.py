@@ -13,6 +13,7 @@ CLASSES = (
     result.VIEW3D_PT_kiriko_result,
     result.VIEW3D_PT_kiriko_details,
     export.VIEW3D_PT_kiriko_export,
+    export.VIEW3D_PT_kiriko_report,
     add_menu.VIEW3D_MT_kiriko_add,
 )
 

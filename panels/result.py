@@ -4,7 +4,7 @@ import json
 
 import bpy
 
-from .words import Sidebar, sentence
+from .words import Sidebar, pixels, sentence
 
 
 class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
@@ -22,8 +22,28 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         if result.source is not None:
             layout.progress(factor=result.coverage, text=f"{result.coverage:.1%} of the picture")
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
+        if result.details:
+            self.draw_cost(layout, context, json.loads(result.details))
         for note in result.notes.splitlines():
             sentence(layout, context, note, icon="INFO")
+
+    def draw_cost(self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
+        """The error beside the time it took, and what another tolerance would take."""
+        if "total_seconds" not in details:  # a result of an earlier version
+            return
+        errors = {"mesh": details["tessellation_error"]}
+        if details["map_error"]:
+            errors["map"] = details["map_error"]["percentile"]
+        known = [f"{what} {pixels(error)}" for what, error in errors.items() if error]
+        if known:
+            sentence(layout, context, f"Error: {', '.join(known)}", icon="DRIVER_DISTANCE")
+        sentence(layout, context, f"Solved in {details['total_seconds']:.2g} s", icon="TIME")
+        cost = details["cost"]
+        for name in ("half", "twice"):
+            if name in cost:
+                other = cost[name]
+                text = f"Tolerance {other['tolerance']:.3g} px: about {other['seconds']:.2g} s"
+                sentence(layout, context, text, icon="BLANK1")
 
 
 class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):

@@ -118,6 +118,9 @@ class KirikoResult(bpy.types.PropertyGroup):
         subtype="FACTOR",
     )
     details: StringProperty(name="Details", description="Numbers of the last result as JSON")
+    ladder: StringProperty(
+        name="Ladder", description="Tolerances and the seconds they took, as the last report measured, as JSON"
+    )
     notes: StringProperty(name="Notes", description="What was read from the scene but not followed, one remark a line")
 
 
@@ -192,6 +195,13 @@ class KirikoScene(bpy.types.PropertyGroup):
         name="Overwrite",
         description="Replace a file that is already there",
         default=False,
+    )
+    report_folder: StringProperty(
+        name="Folder",
+        description="Where the report on accuracy and time is written",
+        default="//report",
+        subtype="DIR_PATH",
+        options=RELATIVE_PATH,
     )
     result: PointerProperty(name="Result", description="What the last solve found", type=KirikoResult)
 

@@ -6,8 +6,10 @@ import argparse
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from environments import (
+    BENCH,
     PYTHONS,
     ROOT,
     ToolError,
@@ -53,15 +55,22 @@ def bench(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_solve.py", arguments.rest)
 
 
+def compare(arguments: argparse.Namespace) -> None:
+    """Measure Kiriko beside Mitsuba and the splat (further options go to scripts/bench_side_by_side.py)."""
+    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
+    run_with_tests("bench_side_by_side.py", arguments.rest, set_up(BENCH, newest_blender()[1]), **one_thread)
+
+
 def surface(arguments: argparse.Namespace) -> None:
     """Measure the error of meshes against closed forms (further options go to scripts/bench_surface.py)."""
     run_with_tests("bench_surface.py", arguments.rest)
 
 
-def run_with_tests(script: str, rest: list[str]) -> None:
+def run_with_tests(script: str, rest: list[str], interpreter: Path | None = None, **extra: str) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
-    interpreter = set_up(*newest_blender())
-    variables = clean_environment(PYTHONPATH=os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core"))))
+    interpreter = interpreter or set_up(*newest_blender())
+    path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))
+    variables = clean_environment(PYTHONPATH=path, **extra)
     sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
 
@@ -83,13 +92,13 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, surface, pictures, lint, build, setup):
+    for verb in (demo, test, bench, compare, surface, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {"demo", "bench", "surface", "pictures"}:
+    if rest and arguments.verb not in {"demo", "bench", "compare", "surface", "pictures"}:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

@@ -21,9 +21,17 @@ WINDOWS = os.name == "nt"
 # Environment -> Python. Each has its pins in requirements-<name>.txt. The ones with Blender: newest first.
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
+# Without Blender, for any Python that has one, and set up only when `dev.py compare` asks for it.
+BENCH = "bench"
 
 # What Blender needs and a bare Debian or Ubuntu lacks; without the last two EEVEE aborts the process.
 LIBRARIES = "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1 libgl1-mesa-dri"
+
+LEAST_LLVM = 17  # Dr.Jit takes 15 and 16 too, and with them aborts the process on some processors
+MISSING_LLVM = (
+    "Mitsuba finds no LLVM that it can use: install libLLVM 19 ('apt install libllvm19' on Debian 12), or set"
+    " DRJIT_LIBLLVM_PATH to the file of that library, and run this again."
+)
 
 # A Python without ensurepip makes no virtual environment, and a free-threaded one ("3.13t") has no bpy.
 PROBE = """
@@ -136,6 +144,8 @@ def set_up(name: str, python: Path) -> Path:
     run([interpreter, "-m", "pip", "install", "--disable-pip-version-check", *quiet, "-r", requirements])
     if name in BLENDERS:
         provide_libraries(interpreter)
+    if name == BENCH:
+        provide_llvm(interpreter)
     stamp.write_text(wanted, encoding="utf-8")
     return interpreter
 
@@ -149,7 +159,22 @@ def link_package() -> Path:
     return link.parent
 
 
-# Blender's system libraries
+# System libraries
+
+
+def can_install() -> bool:
+    """Is this a Debian or Ubuntu, and are we allowed to install its packages?"""
+    return bool(shutil.which("apt-get")) and hasattr(os, "geteuid") and os.geteuid() == 0
+
+
+def install(packages: Sequence[str]) -> None:
+    """Install packages of Debian or Ubuntu."""
+    run(["apt-get", "-qq", "update"])
+    command = ["apt-get", "-qq", "install", "--yes", "--no-install-recommends", *packages]
+    run(command, DEBIAN_FRONTEND="noninteractive")
+
+
+# Those of Blender
 
 
 @contextmanager
@@ -182,11 +207,30 @@ def provide_libraries(interpreter: Path) -> None:
     missing = missing_library(interpreter)
     if missing is None:
         return
-    if shutil.which("apt-get") and hasattr(os, "geteuid") and os.geteuid() == 0:
+    if can_install():
         print(f"Blender lacks {missing}: installing system packages with apt-get ...", flush=True)
-        run(["apt-get", "-qq", "update"])
-        install = ["apt-get", "-qq", "install", "--yes", "--no-install-recommends", *LIBRARIES.split()]
-        run(install, DEBIAN_FRONTEND="noninteractive")
+        install(LIBRARIES.split())
         missing = missing_library(interpreter)
     if missing is not None:
         raise ToolError(f"Blender lacks {missing}: install the packages {LIBRARIES} and run this again.")
+
+
+# That of Mitsuba
+
+
+def finds_llvm(interpreter: Path) -> bool:
+    """Does Mitsuba find an LLVM that is new enough? Asked in another process, which an unfit library may abort."""
+    probe = "import drjit, mitsuba; mitsuba.set_variant('llvm_ad_rgb'); print(drjit.detail.llvm_version()[0])"
+    found = ask([interpreter, "-c", probe])
+    return bool(found) and int(found[-1]) >= LEAST_LLVM
+
+
+def provide_llvm(interpreter: Path) -> None:
+    """Install the LLVM that Mitsuba compiles with where that is possible, else say which."""
+    if finds_llvm(interpreter):
+        return
+    if can_install():
+        print("Mitsuba lacks LLVM: installing a system package with apt-get ...", flush=True)
+        install(["libllvm19"])
+    if not finds_llvm(interpreter):
+        raise ToolError(MISSING_LLVM)

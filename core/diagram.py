@@ -1,0 +1,123 @@
+"""A log-log diagram of curves as SVG: plain lines, circles and text that any viewer shows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import ceil, floor, log10
+
+WIDTH, HEIGHT = 760, 520  # px
+LEFT, RIGHT, TOP, BOTTOM = 90, 30, 56, 64  # margins around the axes, px
+PLAIN = 3  # powers of ten up to this, either way, are written out
+LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
+FONT = "Helvetica, Arial, sans-serif"
+COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")  # told apart by colour-blind people as well, with the marks
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points (x, y) with a label each; x and y above 0."""
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    labels: tuple[str, ...]
+
+
+def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()) -> str:
+    """Draw curves on logarithmic axes with ticks at powers of ten.
+
+    Parameters
+    ----------
+    title, x_label, y_label : text; the labels name their units
+    notes : lines below the title
+    """
+    x_range = _decades([x for curve in curves for x, _ in curve.points])
+    y_range = _decades([y for curve in curves for _, y in curve.points])
+    top = TOP + 16 * len(notes)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        across = (log10(x) - x_range[0]) / (x_range[1] - x_range[0])
+        up = (log10(y) - y_range[0]) / (y_range[1] - y_range[0])
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - BOTTOM - top)
+
+    low, high = (place(10.0**x, 10.0**y) for x, y in zip(x_range, y_range, strict=True))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}"'
+        f' font-family="{FONT}" font-size="12">',
+        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
+        _text(LEFT, 28, title, size=16),
+        *(_text(LEFT, 48 + 16 * n, note, fill="#555555") for n, note in enumerate(notes)),
+    ]
+    for k in range(x_range[0], x_range[1] + 1):
+        x, _ = place(10.0**k, 10.0 ** y_range[0])
+        parts += [_line(x, low[1], x, high[1]), _text(x, low[1] + 18, _power(k), "middle", css="x tick")]
+    for k in range(y_range[0], y_range[1] + 1):
+        _, y = place(10.0 ** x_range[0], 10.0**k)
+        parts += [_line(low[0], y, high[0], y), _text(LEFT - 8, y + 4, _power(k), "end", css="y tick")]
+    middle = (low[1] + high[1]) / 2
+    parts += [
+        f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}" height="{low[1] - high[1]:.2f}"'
+        ' fill="none" stroke="black"/>',
+        _text((low[0] + high[0]) / 2, HEIGHT - 18, x_label, "middle", size=14),
+        f'<g transform="translate(24 {middle:.2f}) rotate(-90)">{_text(0, 0, y_label, "middle", size=14)}</g>',
+    ]
+    for n, curve in enumerate(curves):
+        parts += _drawn(curve, n, [place(*point) for point in curve.points])
+    parts.append(_legend(curves, high[0] - 12, high[1] + 20))
+    return "\n".join([*parts, "</svg>", ""])
+
+
+def _decades(values: Sequence[float]) -> tuple[int, int]:
+    """Powers of ten around all values, at least one decade apart."""
+    if not values:
+        return 0, 1
+    low, high = floor(log10(min(values))), ceil(log10(max(values)))
+    return low, max(high, low + 1)
+
+
+def _power(k: int) -> str:
+    return f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN else f"1e{k}"
+
+
+def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]:
+    colour = COLOURS[n % len(COLOURS)]
+    line = " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
+    parts = [f'<g class="curve" fill="{colour}">', f"<title>{escape(curve.name)}</title>"]
+    parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
+    written: list[tuple[float, float]] = []
+    for (x, y), label in zip(at, curve.labels, strict=True):
+        parts.append(_mark(n, x, y))
+        if all(abs(x - a) > LABEL[0] or abs(y - b) > LABEL[1] for a, b in written):
+            is_last = x > WIDTH - RIGHT - LABEL[0]
+            at_x, anchor = (x - 7, "end") if is_last else (x + 7, "start")
+            parts.append(_text(at_x, y + (14 if n % 2 else -5), label, anchor, size=10, fill=colour))
+            written.append((x, y))
+    return [*parts, "</g>"]
+
+
+def _mark(n: int, x: float, y: float) -> str:
+    if n % 2 == 0:
+        return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="4"/>'
+    return f'<rect class="mark" x="{x - 3.5:.2f}" y="{y - 3.5:.2f}" width="7" height="7"/>'
+
+
+def _legend(curves: Sequence[Curve], right: float, top: float) -> str:
+    parts = []
+    for n, curve in enumerate(curves):
+        y = top + 18 * n
+        parts += [_mark(n, right - 4, y - 4), _text(right - 16, y, curve.name, "end", fill="black")]
+        parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
+    return "\n".join(['<g class="legend">', *parts, "</g>"])
+
+
+def _line(x0: float, y0: float, x1: float, y1: float) -> str:
+    return f'<line x1="{x0:.2f}" y1="{y0:.2f}" x2="{x1:.2f}" y2="{y1:.2f}" stroke="#dddddd"/>'
+
+
+def _text(
+    x: float, y: float, text: str, anchor: str = "start", size: int = 12, fill: str = "black", css: str = ""
+) -> str:
+    kind = f' class="{css}"' if css else ""
+    return (
+        f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}" fill="{fill}">'
+        f"{escape(text)}</text>"
+    )

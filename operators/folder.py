@@ -1,0 +1,31 @@
+"""A folder that results are written to: made if need be, seen to be writable before any work, gone again if unused."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..core import image_io
+from ..core.errors import ImageError
+
+
+@contextmanager
+def made(folder: Path) -> Iterator[None]:
+    """Make the folder and see that it can be written, before any work is done for it; gone again if it stays empty."""
+    is_new = not image_io.is_there(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+    try:
+        image_io.check_folder(folder)
+        yield
+    finally:
+        if is_new and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
+    """Raise ImageError when files of these names are in the folder already; `remedy` ends its sentence."""
+    there = [name for name in names if image_io.is_there(folder / name)]
+    if there:
+        raise ImageError(f"The folder '{folder}' has {', '.join(there)} already: choose another or {remedy}.")

@@ -1,0 +1,113 @@
+"""Report: measure error against run time on the scene's own rig and write it to a folder."""
+
+import os
+import platform
+import tempfile
+from collections.abc import Generator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core import image_io
+from ..core.blender_result import write_ladder
+from ..core.errors import ImageError
+from ..core.report import NAMES, as_csv, as_json, as_svg, table
+from ..core.work_precision import BUDGET, WorkPrecision, measure
+from . import folder, work
+from .export import absolute, use_bundled_modules
+
+__all__ = ["NAMES", "measured", "table", "write"]
+
+
+def measured(context: bpy.types.Context, budget: float) -> Generator[float, None, WorkPrecision]:
+    """Measure the scene's rig, reading and writing included; yields progress 0..1. The scene stays as it is."""
+    use_bundled_modules()
+    rig = work.read(context).rig
+    form = context.scene.kiriko.export_format
+    with tempfile.TemporaryDirectory(prefix="kiriko-") as scratch:
+
+        def save(image: np.ndarray) -> None:
+            image_io.write(Path(scratch) / "source", image, form, overwrite=True)
+
+        return (
+            yield from measure(
+                rig,
+                work.settings_of(context.scene),
+                budget=budget,
+                read=lambda: work.read(context),
+                write=save if _can_write() else None,
+            )
+        )
+
+
+def _can_write() -> bool:
+    """Is there what image files are written with? The report itself is text and does without."""
+    try:
+        image_io.openimageio()
+    except ImageError:
+        return False
+    return True
+
+
+def write(target: Path, found: WorkPrecision) -> None:
+    """Write the report's files to a folder, each whole or not at all; ImageError when they cannot be written."""
+    about = {
+        "file": Path(bpy.data.filepath).name,
+        "blender": bpy.app.version_string,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "system": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+    }
+    texts = as_csv(found), as_json(found, about), as_svg(found)
+    for name, text in zip(NAMES, texts, strict=True):
+        image_io.write_text(target / name, text)
+
+
+class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
+    """Measure what accuracy costs on this rig: error against time, as a table, a diagram and numbers in a folder"""
+
+    bl_idname = "kiriko.report"
+    bl_label = "Write Report"
+    bl_options = {"REGISTER"}
+
+    directory: bpy.props.StringProperty(
+        name="Folder",
+        description="Where to write; empty: the folder in the panel",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite", description="Replace a report that is there already", options={"SKIP_SAVE"}
+    )
+    seconds: bpy.props.FloatProperty(
+        name="Brute Force",
+        description="Time for the brute-force comparison: with more, it gets to more samples a pixel",
+        default=BUDGET,
+        min=0.0,
+        soft_max=3600.0,
+        unit="TIME_ABSOLUTE",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = work.lacking(context.scene)
+        if reasons:
+            cls.poll_message_set(f"{reasons[0]}.")
+        return not reasons
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene = context.scene
+        path = self.directory or scene.kiriko.report_folder
+        if not path:
+            raise ImageError("The report has no folder: choose one.")
+        target = absolute(path)
+        with folder.made(target):
+            if not (self.overwrite or scene.kiriko.export_overwrite):
+                folder.refuse_existing(target, NAMES, "allow overwriting")
+            found = yield from measured(context, self.seconds)
+            write(target, found)
+        write_ladder(scene, found.ladder)
+        return f"Wrote {', '.join(NAMES)} to '{target}'."

@@ -1,0 +1,189 @@
+import csv
+import importlib
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import inventory, pixels, small_rig
+
+NAMES = ["report.csv", "report.json", "report.svg"]
+SECONDS = 0.5  # of brute force: a few samples a pixel
+
+
+@pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    """The function that Blender calls for `--command kiriko`."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+@pytest.fixture(autouse=True)
+def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs on a short ladder: what is tested here is the way to the files."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
+    whole = module.measure
+
+    def short(*args: object, **options: object) -> object:
+        return whole(*args, **options, tolerances=(1.0, 0.1), runs=2)
+
+    monkeypatch.setattr(module, "measure", short)
+
+
+@pytest.fixture
+def rig(kiriko: ModuleType, scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """A rig that is not in the session yet."""
+    importlib.import_module(f"{kiriko.__name__}.operators.work").forget()
+    return small_rig()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_report_writes_its_files_and_leaves_the_scene(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Three files that agree on the rungs; result, image and objects stay as they were, but for the costs."""
+    bpy.ops.kiriko.solve()
+    before, shown = inventory(), pixels(scene.kiriko.result.source).copy()
+    numbers = json.loads(scene.kiriko.result.details)
+    assert not numbers["cost"]["is_measured"]
+    assert bpy.ops.kiriko.report(directory=str(tmp_path / "new"), seconds=SECONDS) == {"FINISHED"}
+    assert names(tmp_path / "new") == NAMES
+    report = json.loads((tmp_path / "new" / "report.json").read_text())
+    with (tmp_path / "new" / "report.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 1 + len(report["rungs"])
+    ET.parse(tmp_path / "new" / "report.svg")
+    assert report["display_px"] == [64, 64]
+    assert report["tolerance_display_px"] == 0.1
+    assert report["about"]["blender"] == bpy.app.version_string
+    assert {"reading the scene", "plan", "tracing", "shares", "painting", "writing"} <= set(report["seconds_by_part"])
+    assert all(seconds is not None for seconds in report["seconds_by_part"].values())
+    assert inventory() == before
+    assert np.array_equal(shown, pixels(scene.kiriko.result.source))
+    after = json.loads(scene.kiriko.result.details)
+    assert after["cost"]["is_measured"]
+    assert after["cost"]["half"]["tolerance"] == pytest.approx(0.05)
+    assert {k: v for k, v in after.items() if k != "cost"} == {k: v for k, v in numbers.items() if k != "cost"}
+
+
+def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(
+    rig: dict, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """The measured ladder is kept with the scene: the next solve tells its costs by it; a re-paint keeps them."""
+    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS) == {"FINISHED"}
+    assert not scene.kiriko.result.details
+    bpy.ops.kiriko.solve()
+    first = json.loads(scene.kiriko.result.details)
+    assert first["cost"]["is_measured"]
+    assert first["total_seconds"] == pytest.approx(sum(first["seconds"].values()))
+    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
+    bpy.ops.kiriko.solve()
+    assert json.loads(scene.kiriko.result.details)["cost"] == first["cost"]
+
+
+def test_unsolvable_rig_writes_nothing(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """A plate that no ray reaches is one sentence; not even the folder is left, and the last result stays."""
+    bpy.ops.kiriko.solve()
+    before = scene.kiriko.result.details
+    rig["PLATE"].location.x += 10
+    with pytest.raises(RuntimeError, match="no ray reaches the plate: move or enlarge it"):
+        bpy.ops.kiriko.report(directory=str(tmp_path / "new"))
+    assert names(tmp_path) == []
+    assert scene.kiriko.result.details == before
+
+
+@pytest.mark.parametrize("role", ["GLASS", "DISPLAY"])
+def test_button_is_grey_and_says_what_is_missing(rig: dict, role: str) -> None:
+    """Without one of the parts the operator refuses, and names the part."""
+    rig[role].kiriko.role = "NONE"
+    with pytest.raises(RuntimeError, match=f"No {role.lower()}"):
+        bpy.ops.kiriko.report()
+
+
+def test_existing_report_is_replaced_only_when_told(rig: dict, tmp_path: Path) -> None:
+    """One of the files is enough to refuse, before any work; the others are not written beside it."""
+    (tmp_path / "report.svg").write_bytes(b"mine")
+    with pytest.raises(RuntimeError, match=r"has report\.svg already"):
+        bpy.ops.kiriko.report(directory=str(tmp_path))
+    assert names(tmp_path) == ["report.svg"]
+    assert (tmp_path / "report.svg").read_bytes() == b"mine"
+    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS, overwrite=True) == {"FINISHED"}
+    assert names(tmp_path) == NAMES
+    assert (tmp_path / "report.svg").read_bytes().startswith(b"<svg")
+
+
+def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path) -> None:
+    """A folder below a file, one beside a .blend never saved, and none at all."""
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(RuntimeError, match="cannot be written"):
+        bpy.ops.kiriko.report(directory=str(tmp_path / "file" / "below"))
+    with pytest.raises(RuntimeError, match="never saved"):
+        bpy.ops.kiriko.report()
+    bpy.context.scene.kiriko.report_folder = ""
+    with pytest.raises(RuntimeError, match="no folder"):
+        bpy.ops.kiriko.report()
+    assert names(tmp_path) == ["file"]
+
+
+def test_stopped_halfway_nothing_is_left(kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """What Esc does: the work is closed at any of its steps; no folder, no file, no change of the scene."""
+    operators = importlib.import_module(f"{kiriko.__name__}.operators.report")
+    before = inventory()
+    scene.kiriko.report_folder = str(tmp_path / "new")
+
+    class Asked:
+        directory, overwrite, seconds = "", False, SECONDS
+
+    for n_steps in (1, 8, 20):
+        work = operators.KIRIKO_OT_report.steps(Asked(), bpy.context)
+        for _ in range(n_steps):
+            next(work)
+        assert (tmp_path / "new").exists()
+        work.close()
+        assert names(tmp_path) == []
+    assert inventory() == before
+    assert not scene.kiriko.result.ladder
+
+
+def test_command_writes_the_report_and_prints_the_table(
+    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Exit code 0; progress and table on stdout, nothing on stderr, the files in the folder."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    assert run("report", "--out", out, "--seconds", SECONDS) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    for word in ("%", "adaptive 0.1 px", "splat 1 spp", "splat 1024 spp", "not run", "Peak memory"):
+        assert word in told.out
+    assert names(out) == NAMES
+    assert json.loads((out / "report.json").read_text())["about"]["file"] == "rig.blend"
+    assert run("report", "--out", out) == 1
+    assert "report.csv, report.json, report.svg already" in capsys.readouterr().err
+    assert run("report", "--out", out, "--overwrite", "--seconds", 0) == 0
+
+
+def test_command_on_a_broken_rig_is_one_sentence(
+    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Without a plate, and without a file, nothing is written."""
+    assert run("report", "--out", tmp_path / "out") == 1
+    assert "No .blend file" in capsys.readouterr().err
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    rig["PLATE"].kiriko.role = "NONE"
+    assert run("report", "--out", tmp_path / "out") == 1
+    assert "The rig has no plate" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "soon"])
+def test_a_budget_that_is_no_time_is_refused(
+    run: Callable[..., int], seconds: str, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Exit code 2 and one sentence."""
+    assert run("report", "--out", tmp_path / "out", f"--seconds={seconds}") == 2
+    assert "--seconds" in capsys.readouterr().err
