@@ -88,7 +88,10 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
         "neighbour": np.concatenate([old.neighbour, none]),
         "bent_row": np.concatenate([old.bent_row, none[:, 0]]),
     }
-    return layer.bent(_Parabolic(**columns, corner_normals=plan.corner_normals[triangles], first=first))
+    normals = plan.corner_normals[triangles]
+    if layer.motion is not None:
+        normals = normals @ layer.motion.rotation
+    return layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
 
 
 def _difference(one: Landings, other: Landings) -> float:

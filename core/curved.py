@@ -1,11 +1,12 @@
 """Curved faces over triangles: quartics in barycentric coordinates, and where rays meet them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import perm
 
 import numpy as np
 
+from .motion import Motion
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints
 
@@ -182,6 +183,11 @@ class CurvedFaces:
             vertex=np.concatenate(vertex),
             **{name: np.concatenate([getattr(part, name) for part in full]) for name in others},
         )
+
+    def moved(self, motion: Motion) -> "CurvedFaces":
+        """The same faces elsewhere."""
+        turned = {name: motion.directions(getattr(self, name)) for name in ("coefficients", "bent", "vertex_normal")}
+        return replace(self, corners=motion.points(self.corners), **turned)
 
     @property
     def triangle(self) -> Ints:

@@ -12,6 +12,7 @@ from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
+from .motion import Motion, find_motion
 from .optics import dot
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig
@@ -78,6 +79,8 @@ class Plan:
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
     thin_parts: all triangles, to be asked what rays passed by.
+    is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is nothing but a flat
+        display: such light is not traced any further.
     """
 
     rig: Rig
@@ -99,6 +102,7 @@ class Plan:
     thin_parts: ThinParts
     display_start: int
     display_plane: DisplayPlane | None
+    is_clear: Bools
     merge_distance: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]
@@ -165,6 +169,19 @@ def plate_surface(plate: Plate) -> Surface:
     return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
+def find_clear(surfaces: list[Surface], kind: Ints) -> Bools:
+    """Is all of the rig but the display on one side of each plate: (p, 2) none before its normal, none behind it?"""
+    is_clear = np.zeros((len(surfaces), 2), bool)
+    for i in np.flatnonzero(kind == Kind.PLATE):
+        normal = surfaces[i].normals[0]
+        boxes = np.stack([s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY])
+        # how far boxes reach along the normal; what bulges out of its facets stays well within half their size
+        middle, half = boxes.mean(axis=1), 0.75 * (boxes[:, 1] - boxes[:, 0])
+        height, reach = (middle - surfaces[i].corners[0, 0]) @ normal, half @ np.abs(normal)
+        is_clear[i] = (height - reach > 0).all(), (height + reach < 0).all()
+    return is_clear
+
+
 class Kept:
     """What can be used again from one plan to the next, by fingerprint of what it was made from.
 
@@ -181,25 +198,47 @@ class Kept:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
 
+    def get_solids(self, mesh: Mesh) -> tuple[str, list[Surface], Motion | None]:
+        """Key and solids of a mesh, or those of an earlier one, and the motion that takes them to this one's place."""
+        key = fingerprint(mesh)
+        if key not in self._old and key not in self._now:
+            for other, made in self._old.items():
+                motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None
+                if motion is not None:
+                    self._now[other] = made
+                    return other, made[1], motion
+        return key, self.get(key, lambda: (mesh, solids_from_mesh(mesh)))[1], None
+
     def forget(self) -> None:
         """Drop what was not asked for since the last call."""
         self._old, self._now = self._now, {}
 
 
-def read_solids(rig: Rig, kept: Kept) -> tuple[list[Surface], list[str], list[Glass]]:
-    """All solids of a rig, a key for each, and the glass each is of."""
-    solids: list[Surface] = []
-    keys: list[str] = []
-    glass_of: list[Glass] = []
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A solid of a glass, where it is; where it was made, under its key, and how it came from there."""
+
+    surface: Surface
+    key: str
+    glass: Glass
+    made: Surface
+    motion: Motion | None
+
+    @property
+    def key_here(self) -> str:
+        return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
+
+
+def read_solids(rig: Rig, kept: Kept) -> list[_Solid]:
+    """All solids of a rig."""
+    solids = []
     for glass in rig.glasses:
-        key = fingerprint(glass.mesh)
-        own = kept.get(key, lambda glass=glass: solids_from_mesh(glass.mesh))
-        for solid in own:
-            check_viewer_outside(rig, glass, solid)
-        solids += own
-        keys += [f"{key}/{i}" for i in range(len(own))]
-        glass_of += [glass] * len(own)
-    return solids, keys, glass_of
+        key, made, motion = kept.get_solids(glass.mesh)
+        here = made if motion is None else [surface.moved(motion) for surface in made]
+        for surface in here:
+            check_viewer_outside(rig, glass, surface)
+        solids += [_Solid(here[i], f"{key}/{i}", glass, made[i], motion) for i in range(len(made))]
+    return solids
 
 
 def read_sheets(rig: Rig, kept: Kept) -> list[tuple[Kind, Surface, str]]:
@@ -265,10 +304,11 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     """
     rig.check()
     kept = kept or Kept()
-    solids, keys, glass_of = read_solids(rig, kept)
+    read = read_solids(rig, kept)
+    solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
     surfaces = solids + [surface for _, surface, _ in sheets]
-    keys += [key for *_, key in sheets]
+    keys = [solid.key_here for solid in read] + [key for *_, key in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
@@ -280,8 +320,13 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     starts = np.cumsum([0] + [len(surface.corners) for surface in surfaces])
     layers, layer_triangles, layer_bits, layer_solids = [], [], [], []
     for group in group_parts(surfaces, touching):
-        members = [surfaces[i] for i in group]
-        layers.append(kept.get("+".join(keys[i] for i in group), lambda members=members: make_layer(members)))
+        motions = [read[i].motion if i < len(read) else None for i in group]
+        if motions[0] is not None and all(motion is motions[0] for motion in motions):
+            members, names = [read[i].made for i in group], [read[i].key for i in group]
+        else:
+            members, names, motions[0] = [surfaces[i] for i in group], [keys[i] for i in group], None
+        layer = kept.get("+".join(names), lambda members=members: make_layer(members))
+        layers.append(layer if motions[0] is None else layer.moved(motions[0]))
         layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
         solid = [i for i in group if i < len(solids)]
         closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
@@ -295,6 +340,9 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     thin_parts = kept.get("boxes of " + "+".join(keys), lambda: ThinParts(corners, patch, part))
     kept.forget()
 
+    plane = display_plane(rig.display, surfaces[-1])
+    kind = np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets])
+    is_clear = find_clear(surfaces, kind) & (plane is not None)
     has_bent = any(surface.corner_normals is not None for surface in surfaces)
 
     def of_glass(name: str) -> list[int]:
@@ -309,6 +357,10 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         ),
         "bent normals": (has_bent, "no flat face has any"),
         "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
+        "rays beyond the plate": (
+            not is_clear[kind == Kind.PLATE].any(axis=1).all(),
+            "a flat display is all there is",
+        ),
         "Fresnel": (settings.brightness, "brightness is not asked for"),
     }
     return Plan(
@@ -321,7 +373,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         is_bent=np.concatenate([surface.is_bent for surface in surfaces]),
         patch=patch,
         part=part,
-        kind=np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets]),
+        kind=kind,
         is_closed=is_closed,
         cluster=cluster,
         bit=bit,
@@ -332,7 +384,8 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         layer_solids=tuple(layer_solids),
         thin_parts=thin_parts,
         display_start=int(starts[-2]),
-        display_plane=display_plane(rig.display, surfaces[-1]),
+        display_plane=plane,
+        is_clear=is_clear,
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=tuple(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),

@@ -5,12 +5,13 @@ Embree (float32) only says *which* triangle; where the ray meets it is computed 
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .curved import EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid
 from .meshes import box_of, interpolate
+from .motion import Motion
 from .optics import dot
 from .rig import Bools, Floats, Ints
 
@@ -127,9 +128,11 @@ class Layer:
     """Triangles that are asked together for the first hit of each ray.
 
     Solids of one layer do not touch one another, so that hits at the same place are found in different layers.
+    Its triangles are those it was made of; what it is asked, and what it answers, is where it was moved to.
     """
 
     def __init__(self, corners: Floats, curved: CurvedFaces | None = None) -> None:
+        self.motion: Motion | None = None
         self.corners = corners
         self.frames = Frames.of(corners)
         self.curved = curved
@@ -149,6 +152,12 @@ class Layer:
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
         self._engine = None if self.has_engine is False else self._build(corners)
+
+    def moved(self, motion: Motion) -> "Layer":
+        """The same layer elsewhere: rays are taken to where it was made, so that its engine stays as it is."""
+        other = copy(self)
+        other.motion = motion
+        return other
 
     def bent(self, curved: CurvedFaces | None) -> "Layer":
         """The same layer with slightly other curved faces; what Embree is asked about stays."""
@@ -181,6 +190,15 @@ class Layer:
         accept : which hits are true ones
         leaves : (n,) the ray is inside a solid, so that only hits from behind can be; None where not all are solids
         """
+        if self.motion is None:
+            return self._first_hits(origins, directions, is_inside, accept, leaves)
+        hits = self._first_hits(*self.motion.back(origins, directions), is_inside, accept, leaves)
+        turned = (None if column is None else self.motion.directions(column) for column in (hits.facing, hits.normal))
+        return replace(hits, **dict(zip(("facing", "normal"), turned, strict=True)))
+
+    def _first_hits(
+        self, origins: Floats, directions: Floats, is_inside: Bools, accept: Accept, leaves: Bools | None
+    ) -> Hits:
         hits = Hits.none(len(origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
         enter, leave = slab(grown, origins, directions)

@@ -1,11 +1,12 @@
 """What is traced of a mesh: its surface, the shells it falls into, the solids they enclose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .curved import CurvedFaces, grid
 from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals
+from .motion import Motion
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
 from .surface_fit import make_curved
@@ -49,6 +50,16 @@ class Surface:
     patch: Ints
     n_open: int
     n_contradicted: int
+
+    def moved(self, motion: Motion) -> "Surface":
+        """The same surface elsewhere."""
+        return replace(
+            self,
+            corners=motion.points(self.corners),
+            normals=motion.directions(self.normals),
+            curved=None if self.curved is None else self.curved.moved(motion),
+            corner_normals=None if self.corner_normals is None else motion.directions(self.corner_normals),
+        )
 
     @property
     def bounds(self) -> Floats:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .curved import EDGE
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
@@ -118,6 +119,7 @@ class _Rays:
         self.course, self.is_recorded = course, is_recorded
         self.n_words = np.zeros(n, np.int64)
         self.is_astray = np.zeros(n, bool)
+        self.has_ended = np.zeros(n, bool)
 
     def add_to_branch(self, rays: Ints, patch: Ints, event: Ints | int) -> None:
         with np.errstate(over="ignore"):
@@ -135,6 +137,7 @@ class _Rays:
         else:
             expected = np.where(n_words < width, self.course[rays, np.minimum(n_words, width - 1)], np.uint64(0))
             self.is_astray[rays] = expected != self.branch[rays]
+            self.has_ended[rays] |= self.is_astray[rays]
         self.n_words[rays] += 1
 
 
@@ -193,7 +196,7 @@ def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
             chosen = np.flatnonzero(kind == of_kind)
             if len(chosen):
                 meet(plan, rays, rays.live[chosen], hits.at(chosen), [other.at(chosen) for other in by_layer])
-        rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY) & ~rays.is_astray[rays.live]]
+        rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY) & ~rays.has_ended[rays.live]]
 
 
 def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
@@ -236,18 +239,43 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
         [Reason.LOST_INSIDE, Reason.MISSED_GLASS, Reason.MISSED_PLATE],
         Reason.MISSED_DISPLAY,
     )
-    if plan.display_plane is None:
-        return
-    beside = lost[rays.reason[lost] == Reason.MISSED_DISPLAY]
+    if plan.display_plane is not None:
+        beside = lost[rays.reason[lost] == Reason.MISSED_DISPLAY]
+        xy, _, is_front = _on_plane(plan, rays, beside)
+        rays.xy[beside[is_front]] = xy[is_front]
+        rays.add_to_branch(beside[is_front], plan.patch[-1], _LAND)
+
+
+def _on_plane(plan: Plan, rays: _Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
+    """Where rays meet the plane of a flat display: display px (n, 2), distance (n,) m, and do they meet its front?"""
     plane = plan.display_plane
-    slope = rays.directions[beside] @ plane.normal
+    slope = rays.directions[i] @ plane.normal
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = ((plane.corner - rays.positions[beside]) @ plane.normal) / slope
-    ahead = (slope < 0) & (t > 0)
-    beside, t = beside[ahead], t[ahead]
-    at = rays.positions[beside] + t[:, None] * rays.directions[beside] - plane.corner
-    rays.xy[beside] = at @ plane.pixels.T + plane.origin
-    rays.add_to_branch(beside, np.full(len(beside), plan.patch[-1]), _LAND)
+        t = ((plane.corner - rays.positions[i]) @ plane.normal) / slope
+        at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
+    return at @ plane.pixels.T + plane.origin, t, (slope < 0) & (t > 0)
+
+
+def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
+    """End rays that have nothing before them but a flat display."""
+    rays.has_ended[i] = True
+    i = i[rays.n_events[i] < plan.settings.max_events]
+    xy, t, is_front = _on_plane(plan, rays, i)
+    with np.errstate(invalid="ignore"):
+        size = np.array([plan.rig.display.width, plan.rig.display.height])
+        hits = (t > 0) & ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
+    rays.positions[i[hits]] += t[hits, None] * rays.directions[i[hits]]
+    rays.n_events[i[hits]] += 1
+    has_met_glass = rays.has_met_glass[i]
+    counts = has_met_glass | (not plan.settings.only_through_glass)
+    rays.reason[i] = np.select(
+        [hits & ~counts, hits & ~is_front, hits, ~has_met_glass],
+        [Reason.MISSED_GLASS, Reason.BLOCKED, Reason.ARRIVED, Reason.MISSED_GLASS],
+        Reason.MISSED_DISPLAY,
+    )
+    lands = is_front & np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY))
+    rays.xy[i[lands]] = xy[lands]
+    rays.add_to_branch(i[lands], plan.patch[-1], _LAND)
 
 
 def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
@@ -314,6 +342,10 @@ def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     rays.directions[i] = plane_symmetry(rays.directions[i], plan.normals[hits.triangle])
     rays.has_met_plate[i] = True
     rays.add_to_branch(i, plan.patch[hits.triangle], _PLATE)
+    goes_along = (dot(rays.directions[i], plan.normals[hits.triangle]) > 0).astype(int)
+    clear = plan.is_clear[plan.part[hits.triangle], goes_along]
+    if clear.any():
+        _land_beyond_plate(plan, rays, i[clear])
 
 
 def _meet_mirror(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
