@@ -1,6 +1,6 @@
 """How far off is the result, as far as it can tell by itself?"""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from .ray_engine import Layer
 from .rig import Bools, Floats, Ints
 from .trace import Landings, trace_all
 
-SAMPLES = 48  # rays along each side of the viewer's image
+SAMPLES = 32  # rays along each side of the viewer's image
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
@@ -100,13 +100,13 @@ def _difference(one: Landings, other: Landings) -> float:
     return float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
 
 
-def tessellation_error(plan: Plan) -> float:
+def tessellation_error(plan: Plan) -> Generator[float, None, float]:
     """About how far landings are from those of the surface that was meant, rms in display px; 0 where all is flat.
 
     It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
     are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
     faces are of degree 4; what degree 5 would change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a
-    geometric sequence.
+    geometric sequence. Yields progress 0..1.
     """
     pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
     has_curved = any(layer.curved is not None for layer in plan.layers)
@@ -125,11 +125,16 @@ def tessellation_error(plan: Plan) -> float:
         return landings(curved)
 
     here, parts = landings(list(plan.layers)), []
+    yield 0.2
     if any(is_drawn):
         drawn = zip(pairs, is_drawn, strict=True)
         parts.append(_difference(here, landings([_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn])))
+        yield 0.4
     if has_curved:
-        square, cubic = (changed(lambda curved, degree=degree: replace(curved, degree=degree)) for degree in (2, 3))
+        square = changed(lambda curved: replace(curved, degree=2))
+        yield 0.6
+        cubic = changed(lambda curved: replace(curved, degree=3))
+        yield 0.8
         last, before = _difference(here, cubic), _difference(cubic, square)
         parts.append(last * min(1.0, last / before) if before else last)
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):

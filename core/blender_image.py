@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .image_io import encode
 
@@ -27,11 +27,17 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
     linear = next((space for space in LINEAR if space in spaces), None)
     if linear is not None:  # else a colour configuration of the user's own: a new float image is scene linear there
         image.colorspace_settings.name = linear
+    set_pixels(image, pixels)
+    return image
+
+
+def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give a float image of the same size other pixels (h, w, 3 or 4), linear, row 0 at the top; it stays unsaved."""
+    height, width, channels = pixels.shape
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :channels] = pixels[::-1]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
-    return image
 
 
 def pixels_from_image(image: bpy.types.Image) -> np.ndarray:

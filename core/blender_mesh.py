@@ -1,5 +1,6 @@
 """Turns Blender meshes into triangles in the world, and back. Blender's float32 numbers are taken as exact."""
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import bpy
@@ -86,6 +87,74 @@ def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
         mesh.update()
 
 
+@dataclass(frozen=True, eq=False)
+class LocalMesh:
+    """What is read from a Blender mesh before it is put into the world: all that does not change when it is moved.
+
+    vertices : (v, 3) float64, in the mesh's own units
+    triangles, loops : (t, 3) int, corners as vertices and as loops
+    is_smooth : (t,) bool; None where normals are not wanted or no triangle is smooth
+    normals : (l, 3) float64, of loops; None with is_smooth
+    uv : (t, 3, 2) float64 or None
+    """
+
+    vertices: Floats
+    triangles: Ints
+    loops: NDArray[np.int32]
+    is_smooth: Bools | None
+    normals: Floats | None
+    has_mean_normals: bool
+    uv: Floats | None
+
+
+def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool = False, uv_map: str = "") -> LocalMesh:
+    """Triangles of an evaluated Blender mesh in its own coordinates; parameters as for `read_mesh`."""
+    mesh.calc_loop_triangles()
+    found = mesh.loop_triangles
+    loops = column(found, "loops", 3, np.int32)
+    normals = is_smooth = uv = None
+    has_mean_normals = False
+    if has_normals:
+        is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[column(found, "polygon_index", 1, np.int32)]
+        if is_smooth.any():
+            normals = column(mesh.corner_normals, "vector", 3, np.float32).astype(float)
+            has_mean_normals = has_means(mesh)
+        else:
+            is_smooth = None
+    layer = uv_layer(mesh, uv_map) if has_uv else None
+    if layer is not None:
+        uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
+    with np.errstate(invalid="ignore"):  # vertices that are no numbers are for Mesh.check to name
+        vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
+    triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
+    return LocalMesh(vertices, triangles, loops, is_smooth, normals, has_mean_normals, uv)
+
+
+def in_world(local: LocalMesh, matrix: Floats, surface: Literal["smooth", "facets"] = "smooth") -> tuple[Mesh, int]:
+    """A mesh as read, in the world; parameters and result as for `read_mesh`."""
+    linear = matrix[:3, :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = turn(linear, local.vertices) + matrix[:3, 3]
+        size = float(np.abs(local.vertices).max(initial=0.0))
+        rounding = 2.0**-24 * size * float(np.linalg.norm(linear, axis=0).max())
+    triangles, loops, uv = local.triangles, local.loops, local.uv
+    if np.linalg.det(linear) < 0:
+        triangles, loops = triangles[:, ::-1], loops[:, ::-1]
+        uv = None if uv is None else uv[:, ::-1].copy()
+    keep = has_area(vertices, triangles)
+    n_dropped = int(len(keep) - keep.sum())
+    is_smooth, normals = local.is_smooth, None
+    if n_dropped:
+        triangles, loops = triangles[keep], loops[keep]
+        uv = None if uv is None else uv[keep]
+        is_smooth = None if is_smooth is None or not is_smooth[keep].any() else is_smooth[keep]
+    if is_smooth is not None:
+        normals = world_normals(local.normals, linear).take(loops, axis=0)
+    has_mean_normals = local.has_mean_normals and is_smooth is not None
+    triangles = np.ascontiguousarray(triangles)
+    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding), n_dropped
+
+
 def read_mesh(
     mesh: bpy.types.Mesh,
     matrix: Floats,
@@ -110,37 +179,7 @@ def read_mesh(
     -------
     the Mesh, and the number of triangles left out because they have no area
     """
-    mesh.calc_loop_triangles()
-    linear = matrix[:3, :3]
-    with np.errstate(invalid="ignore", over="ignore"):  # vertices that are no numbers are for Mesh.check to name
-        local = column(mesh.vertices, "co", 3, np.float32).astype(float)
-        vertices = turn(linear, local) + matrix[:3, 3]
-        rounding = 2.0**-24 * float(np.abs(local).max(initial=0.0)) * float(np.linalg.norm(linear, axis=0).max())
-    found = mesh.loop_triangles
-    triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
-    loops = column(found, "loops", 3, np.int32)
-    if np.linalg.det(linear) < 0:
-        triangles, loops = triangles[:, ::-1], loops[:, ::-1]
-    keep = has_area(vertices, triangles)
-    n_dropped = int(len(keep) - keep.sum())
-    if n_dropped:
-        triangles, loops = triangles[keep], loops[keep]
-    normals = is_smooth = uv = None
-    has_mean_normals = False
-    if has_normals:
-        polygons = column(found, "polygon_index", 1, np.int32)[keep]
-        is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[polygons]
-        if is_smooth.any():
-            normals = column(mesh.corner_normals, "vector", 3, np.float32).astype(float)
-            has_mean_normals = has_means(mesh)
-            normals = world_normals(normals, linear).take(loops, axis=0)
-        else:
-            is_smooth = None
-    layer = uv_layer(mesh, uv_map) if has_uv else None
-    if layer is not None:
-        uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
-    triangles = np.ascontiguousarray(triangles)
-    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding), n_dropped
+    return in_world(read_local(mesh, has_normals=has_normals, has_uv=has_uv, uv_map=uv_map), matrix, surface)
 
 
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:

@@ -8,13 +8,23 @@ import bpy
 import numpy as np
 
 from . import blender_shaders as shaders
-from .blender_image import image_from_pixels, pack
+from .blender_image import image_from_pixels, pack, set_pixels
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
 from .session import Solution
 from .work_precision import cost
 
-__all__ = ["put_on_display", "render_map", "render_preview", "summary", "write_ladder", "write_solution"]
+__all__ = [
+    "pack_source",
+    "put_on_display",
+    "render_map",
+    "render_preview",
+    "summary",
+    "update_solution",
+    "update_source",
+    "write_ladder",
+    "write_solution",
+]
 
 SOURCE = "Kiriko Source"
 OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
@@ -24,11 +34,51 @@ def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) ->
     """A packed float image with these pixels (linear, row 0 at the top) that takes the place and name of an old one."""
     image = image_from_pixels(f"{name} (new)", pixels)
     pack(image, name)
+    return _take_place(image, old, name)
+
+
+def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) -> bpy.types.Image:
+    """Give an image the place and name of an old one, which goes."""
     if old is not None:
         old.user_remap(image)
         bpy.data.images.remove(old)
     image.name = name
     return image
+
+
+def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
+    """Show other pixels (h, w, 3; linear, row 0 at the top) as the scene's source image, without packing it.
+
+    For pictures that follow each other fast: where the image has their size it stays the same datablock, so that no
+    material is built again. What is packed is out of date from then on; `pack_source` puts that right.
+    """
+    image = scene.kiriko.result.source
+    if image is None or not image.is_float or tuple(image.size) != pixels.shape[1::-1]:
+        image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
+        scene.kiriko.result.source = image
+    else:
+        set_pixels(image, pixels)
+    image.update_tag()  # for renderers in the viewport, which keep a copy
+    return image
+
+
+def pack_source(scene: bpy.types.Scene) -> None:
+    """Save the source image within the file after `update_source`."""
+    image = scene.kiriko.result.source
+    if image is not None:
+        pack(image, SOURCE)
+        image.buffers_free()  # read from what was packed when next asked for, it does not count as unsaved
+
+
+def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
+    """Does a display show an image by materials of ours on all its slots?"""
+    materials = [slot.material for slot in display.material_slots]
+    return bool(materials) and all(
+        m is not None
+        and m.get(OURS)
+        and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
+        for m in materials
+    )
 
 
 def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
@@ -89,10 +139,26 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     reading : what `blender_scene.read` made of the scene: materials, notes, display size
     solution : core.session.Solution
     """
+    image = replace_image(scene.kiriko.result.source, SOURCE, solution.source)
+    display = bpy.data.objects.get(reading.display_object)
+    return _write_numbers(scene, reading, solution, image, [] if display is None else put_on_display(display, image))
+
+
+def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
+    """The same, fast, for one of many solutions: see `update_source`; the display's material stays if it is right."""
+    image = update_source(scene, solution.source)
+    display = bpy.data.objects.get(reading.display_object)
+    is_shown = display is None or is_on_display(display, image)
+    return _write_numbers(scene, reading, solution, image, [] if is_shown else put_on_display(display, image))
+
+
+def _write_numbers(
+    scene: bpy.types.Scene, reading: Reading, solution: Solution, image: bpy.types.Image, remarks: list[str]
+) -> str:
+    """Write what the panel shows of a solution, and return it in one sentence."""
     result, tolerance = scene.kiriko.result, scene.kiriko.tolerance
     coverage = float(min(max(solution.picture_coverage, 0.0), 1.0))
     text = summary(coverage, solution.misses)
-    image = replace_image(result.source, SOURCE, solution.source)
     notes = [
         *reading.notes,
         *(
@@ -101,10 +167,8 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
             if read.ignored
         ),
         *solution.notes,
+        *remarks,
     ]
-    display = bpy.data.objects.get(reading.display_object)
-    if display is not None:
-        notes += put_on_display(display, image)
     details = {
         "materials": [asdict(material) for material in reading.materials],
         "picture_coverage": coverage,

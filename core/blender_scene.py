@@ -5,21 +5,23 @@ shows, and notes what it leaves out.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from .blender_material import Texture, read_refraction, read_texture
-from .blender_mesh import column, flat_size, read_mesh, sharpen_creases
-from .blender_picture import read_pixels
+from .blender_mesh import LocalMesh, column, flat_size, in_world, read_local, sharpen_creases
+from .blender_picture import read_pixels, stored_pixels
 from .blender_viewer import read_viewer
 from .errors import RigError
 from .rig import Blocker, ConstantIndex, Display, Floats, Glass, Mesh, Mirror, Picture, Plate, Rig, Viewer
 
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
+MAPPED = {"DISPLAY", "PICTURE"}  # roles whose UV map counts
 
 
 @dataclass(frozen=True)
@@ -71,11 +73,92 @@ class Part:
         return self.owner.kiriko.role
 
 
-def used_materials(shown: bpy.types.Object, mesh: bpy.types.Mesh) -> tuple[bpy.types.Material | None, ...]:
-    """Materials on the faces of an evaluated object, most faces first. A slot may override the mesh's material."""
+@dataclass(eq=False)
+class Shape:
+    """What was read of an object's mesh, and what it was in the world where it was last put.
+
+    slots : indices of material slots on the faces, most faces first
+    """
+
+    local: LocalMesh
+    slots: tuple[int, ...]
+    texture: Texture | None = None
+    matrix: Floats | None = None
+    placed: tuple[Mesh, int] | None = None
+
+    def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
+        """The mesh in the world by a matrix (4, 4), and its triangles without area; the same object if unmoved."""
+        if self.matrix is None or not np.array_equal(self.matrix, matrix):
+            self.matrix, self.placed = matrix, in_world(self.local, matrix, surface.lower())
+        return self.placed
+
+
+class Kept:
+    """Shapes and pixels kept from one reading to the next, by session uid; no datablock, which undo could take away.
+
+    Whoever keeps them has to hand on what Blender says of changes (`notice`), and forget all after undo.
+    """
+
+    def __init__(self) -> None:
+        self._shapes: dict[tuple[int, str, str], Shape] = {}
+        self._met: dict[tuple[int, str, str], Shape] = {}
+        self._pixels: tuple[tuple[object, ...], NDArray[np.float32], NDArray[np.float32]] | None = None
+        self._is_stale = True  # the pixels have to be compared
+        self._n_kept = 0  # shapes that the last reading asked for
+
+    @property
+    def is_whole(self) -> bool:
+        """Is nothing known to have changed but places and settings, so that the next reading is short?"""
+        return not self._is_stale and len(self._shapes) == self._n_kept > 0
+
+    def notice(self, updates: Iterable[bpy.types.DepsgraphUpdate], ours: Container[int] = ()) -> None:
+        """Take note of a depsgraph's updates, but for pixels of datablocks with the session uids `ours`."""
+        for update in updates:
+            block = update.id.original
+            if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
+                self._shapes = {key: shape for key, shape in self._shapes.items() if key[0] != block.session_uid}
+            elif isinstance(block, bpy.types.Image | bpy.types.Material) and block.session_uid not in ours:
+                self._is_stale = True  # a material, too: an image that is loaded again does not tell itself
+
+    def notice_frame(self) -> None:
+        """Take note of another frame: an image sequence may show another picture."""
+        self._is_stale = True
+
+    def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
+        """Of the object an iterator stands on. Instances are read each time: several share one uid."""
+        if instance.is_instance or owner.kiriko.role in MAPPED:
+            return read_shape(instance.object, owner)
+        key = (instance.object.original.session_uid, owner.kiriko.role, owner.kiriko.surface)
+        self._met[key] = self._shapes.get(key) or read_shape(instance.object, owner)
+        return self._met[key]
+
+    def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
+        """As by `read_pixels`; the same array as before while the image holds the same numbers."""
+        space = image.colorspace_settings
+        key = (image.session_uid, tuple(image.size), space.name, space.is_data, image.alpha_mode, image.is_float)
+        before = self._pixels if self._pixels is not None and self._pixels[0] == key else None
+        if before is None or self._is_stale:
+            stored = stored_pixels(image, owner)
+            if before is None or not np.array_equal(before[1], stored):
+                self._pixels = (key, stored, read_pixels(image, owner))
+        self._is_stale = False
+        return self._pixels[2]
+
+    def end(self) -> None:
+        """A reading is over: drop the shapes it did not ask for."""
+        self._shapes, self._met = self._met, {}
+        self._n_kept = len(self._shapes)
+
+
+def used_slots(mesh: bpy.types.Mesh) -> tuple[int, ...]:
+    """Material slots on the faces of a mesh, most faces first."""
     counts = np.bincount(column(mesh.polygons, "material_index", 1, np.int32))
-    order = [int(k) for k in np.argsort(-counts, kind="stable") if counts[k]]
-    slots, own = shown.material_slots, mesh.materials
+    return tuple(int(k) for k in np.argsort(-counts, kind="stable") if counts[k])
+
+
+def used_materials(shown: bpy.types.Object, order: tuple[int, ...]) -> tuple[bpy.types.Material | None, ...]:
+    """Materials of an evaluated object's slots, in this order. A slot may override the mesh's material."""
+    slots, own = shown.material_slots, shown.data.materials
     last = max(len(slots), len(own)) - 1
     materials = []
     for k in (min(k, last) for k in order):  # Blender clamps an index beyond the slots
@@ -127,29 +210,35 @@ def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str])
     return own.name if is_itself else f"{own.name} (instance {counts[own.name]})"
 
 
-def read_part(
-    instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats
-) -> Part:
-    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
-    shown, role, surface = instance.object, owner.kiriko.role, owner.kiriko.surface
+def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
+    """Triangles, material slots and texture of an evaluated object with its owner's role."""
+    role = owner.kiriko.role
     mesh = shown.to_mesh()
     try:
-        if surface == "SMOOTH" and role in CURVED:
+        if owner.kiriko.surface == "SMOOTH" and role in CURVED:
             sharpen_creases(mesh, shown.original)
-        materials = used_materials(shown, mesh)
-        textures = (read_texture(m) for m in materials) if role == "PICTURE" and owner.kiriko.image is None else ()
+        slots = used_slots(mesh)
+        has_texture = role == "PICTURE" and owner.kiriko.image is None
+        textures = (read_texture(m) for m in used_materials(shown, slots)) if has_texture else ()
         texture = next((t for t in textures if t is not None), None)
-        triangles, n_dropped = read_mesh(
+        local = read_local(
             mesh,
-            to_metres @ np.array(instance.matrix_world, dtype=float),
             has_normals=role in CURVED,
-            has_uv=role in {"DISPLAY", "PICTURE"},
+            has_uv=role in MAPPED,
             uv_map="" if texture is None else texture.uv_map,
-            surface=surface.lower(),
         )
     finally:
         shown.to_mesh_clear()
-    return Part(owner, name, triangles, shown.original, materials, texture, n_dropped)
+    return Shape(local, slots, texture)
+
+
+def read_part(
+    instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats, kept: Kept
+) -> Part:
+    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
+    shown, shape = instance.object, kept.shape(instance, owner)
+    mesh, n_dropped = shape.at(to_metres @ np.array(instance.matrix_world, dtype=float), owner.kiriko.surface)
+    return Part(owner, name, mesh, shown.original, used_materials(shown, shape.slots), shape.texture, n_dropped)
 
 
 def shown_parts(
@@ -167,7 +256,9 @@ def shown_parts(
             yield instance, owner
 
 
-def read_parts(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> tuple[list[Part], list[str]]:
+def read_parts(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float, kept: Kept
+) -> tuple[list[Part], list[str]]:
     """All parts with a role that are seen both in the viewport and in renders; notes on those that are not."""
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[Part] = []
@@ -176,7 +267,8 @@ def read_parts(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: f
     for instance, owner in shown_parts(depsgraph, scene):
         met.add(owner)
         if instance.object.type == "MESH":
-            parts.append(read_part(instance, owner, part_name(instance, counts), to_metres))
+            parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
+    kept.end()
     return without_hollows(parts, met), notes_on_parts(parts, met, scene)
 
 
@@ -257,7 +349,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     return glass, readings, notes
 
 
-def read_picture(part: Part) -> tuple[Picture, list[str]]:
+def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
     image, notes = part.owner.kiriko.image, []
     if image is None and part.texture is not None:
@@ -267,14 +359,16 @@ def read_picture(part: Part) -> tuple[Picture, list[str]]:
             f"The picture '{part.owner.name}' shows no image: give its material an image texture, "
             "or choose an image in its Kiriko settings."
         )
-    return Picture(part.name, read_pixels(image, f"the picture '{part.owner.name}'"), part.mesh), notes + about(image)
+    return Picture(part.name, kept.pixels(image, f"the picture '{part.owner.name}'"), part.mesh), notes + about(image)
 
 
-def read_picture_image(image: bpy.types.Image | None, viewer: Viewer | None) -> tuple[list[Picture], list[str]]:
+def read_picture_image(
+    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept
+) -> tuple[list[Picture], list[str]]:
     """The picture in the viewer's own pixels, with a note when it has another shape than they."""
     if image is None:
         return [], []
-    pixels = read_pixels(image, "the scene's picture")
+    pixels = kept.pixels(image, "the scene's picture")
     notes = about(image)
     if viewer is not None:
         height, width = pixels.shape[:2]
@@ -340,7 +434,9 @@ def length_of_unit(scene: bpy.types.Scene) -> float:
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
-def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None) -> Reading:
+def read(
+    source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
+) -> Reading:
     """Read the rig of a scene as it stands at this frame.
 
     Nothing is changed in the scene. What is wrong with the rig as a whole is left to `Rig.check`.
@@ -349,6 +445,7 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
     ----------
     source : the context, or a depsgraph of the scene
     scene : whose settings count; the depsgraph's own when None
+    kept : what need not be read again; nothing when None
 
     Raises
     ------
@@ -358,7 +455,8 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
     depsgraph = source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     scene = depsgraph.scene if scene is None else scene
     metres = length_of_unit(scene)
-    parts, notes = read_parts(depsgraph, scene, metres)
+    kept = kept or Kept()
+    parts, notes = read_parts(depsgraph, scene, metres, kept)
     camera = scene.kiriko.viewer or scene.camera
     if camera is not None and not is_placed(camera, depsgraph):
         raise RigError(
@@ -377,14 +475,14 @@ def read(source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene
         materials += readings
         notes += remarks
     if scene.kiriko.picture_source == "IMAGE":
-        pictures, remarks = read_picture_image(scene.kiriko.picture_image, viewer)
+        pictures, remarks = read_picture_image(scene.kiriko.picture_image, viewer, kept)
         notes += remarks
         unused = by_role.get("PICTURE", [])
         notes += [f"The picture plane '{part.name}' is not used: the picture is an image." for part in unused]
     else:
         pictures = []
         for part in by_role.get("PICTURE", []):
-            picture, remarks = read_picture(part)
+            picture, remarks = read_picture(part, kept)
             pictures.append(picture)
             notes += remarks
     displays = [Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])]

@@ -9,7 +9,7 @@ from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, trace
 
-CHUNK = 1 << 14  # rays traced together: a step of the work
+CHUNK = 1 << 13  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 12  # binary: a border is known to 2^-12 of a viewer pixel
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
@@ -102,6 +102,18 @@ class Pixels:
     missed: Floats
     triangles: Ints
     is_bent: Bools
+
+
+def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
+    """Courses (n, m) of viewer points (n, 2); yields the number of rays after each chunk of them."""
+    parts = []
+    for first in range(0, len(view), CHUNK):
+        parts.append(courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK])))
+        yield len(parts[-1])
+    width = max((part.shape[1] for part in parts), default=1)
+    return np.concatenate(
+        [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts] or [np.empty((0, 1), np.uint64)]
+    )
 
 
 def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pixels]:
@@ -259,8 +271,7 @@ def _last_on_branch(
     xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
     a, b = points.view[near], points.view[far]
     low, width = np.zeros(len(near)), end.copy()
-    course = courses(plan, *plan.rig.viewer.rays(a))
-    yield len(near)
+    course = yield from _courses(plan, a)
     todo = np.arange(len(near))
     parts = 1
     while len(todo):

@@ -26,7 +26,7 @@ from .view_map import MapError, ViewMap, sample
 
 Result = TypeVar("Result")
 
-CELLS_AT_ONCE = 1 << 18
+CELLS_AT_ONCE, SHARES_AT_ONCE = 1 << 18, 1 << 18
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 
 REMEDIES = {
@@ -106,6 +106,7 @@ class Session:
         self._kept = Kept()
         self._optics: tuple[str, Plan, ViewMap, Shares, float] | None = None
         self._placed: tuple[str, PicturePoints] | None = None
+        self._pyramid: tuple[str, Pyramid] | None = None
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
@@ -137,25 +138,38 @@ class Session:
         else:
             plan = make_plan(rig, settings, self._kept)
             lap("plan")
+            yield 0.0
             view_map = yield from _scaled(sample(plan), 0.8)
             lap("tracing")
             n_rays = view_map.n_rays
             shares = yield from _rasterise(view_map, settings.brightness)
             _refuse_if_dark(view_map, shares)
             lap("shares")
-            tessellation = tessellation_error(plan)
+            tessellation = yield from _scaled(tessellation_error(plan), 0.05, 0.85)
             lap("tessellation error")
             self._optics = (key, plan, view_map, shares, tessellation)
-        yield 0.96
+        yield 0.9
         placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
         if not (self._placed and self._placed[0] == placed_key):
             points = picture_from_view(rig.picture, rig.viewer, shares.view_xy, shares.area)
             self._placed = (placed_key, points)
-        colours = Pyramid(rig.picture.image).sample(self._placed[1])
-        source = paint(shares, colours, settings.margin)
+            yield 0.91
+        pyramid_key = fingerprint(rig.picture.image)
+        if not (self._pyramid and self._pyramid[0] == pyramid_key):
+            self._pyramid = (pyramid_key, Pyramid(rig.picture.image))
+            yield 0.92
+        points, pyramid = self._placed[1], self._pyramid[1]
+        colours = np.empty((3, len(shares)))
+        for first in range(0, len(shares), SHARES_AT_ONCE):
+            some = slice(first, first + SHARES_AT_ONCE)
+            colours[:, some] = pyramid.sample(points.at(some)).T
+            yield 0.92 + 0.05 * first / len(shares)
+        source = paint(shares, colours.T, settings.margin)
         lap("painting")
+        yield 0.98
         seen_share = np.where(view_map.is_whole, 1.0, view_coverage(shares))
         picture_coverage, misses = _of_the_picture(rig, view_map, seen_share)
+        covered = display_coverage(shares)
         lap("coverage")
         yield 1.0
         return Solution(
@@ -163,7 +177,7 @@ class Session:
             source,
             shares,
             view_map,
-            display_coverage(shares),
+            covered,
             seen_share,
             picture_coverage,
             misses,
@@ -205,23 +219,23 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
     return tuple(notes)
 
 
-def _scaled(work: Generator[float, None, ViewMap], share: float) -> Generator[float, None, ViewMap]:
+def _scaled(work: Generator[float, None, Result], share: float, start: float = 0.0) -> Generator[float, None, Result]:
     """Hand on the progress of one part of the work as a share of the whole."""
     while True:
         try:
-            yield share * next(work)
+            yield start + share * next(work)
         except StopIteration as done:
             return done.value
 
 
 def _rasterise(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> Generator[float, None, Shares]:
-    """Shares of all cells, some at a time; yields progress 0.8..0.95."""
+    """Shares of all cells, some at a time; yields progress 0.8..0.85."""
     sizes = view_map.display_size, view_map.view_size
     empty = np.empty((0, 4, 2))
     parts = [rasterise(*sizes, empty, empty, np.empty(0) if is_weighed else None)]
     for view, display, throughput in view_map.pieces(at_pixels):
         parts.append(rasterise(*sizes, view, display, throughput if is_weighed else None))
-        yield 0.95 - 0.15 / len(parts)
+        yield 0.85 - 0.05 / len(parts)
     return concatenate(*parts)
 
 

@@ -24,7 +24,7 @@ FAR = 1.0  # times the display's size: light that lands so far beside it does no
 SHARE = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
 PLACES = 4  # along a display pixel, from which it takes its colour
 MOST_QUADS = 128  # along the side of a smooth cell
-QUADS_AT_ONCE = 1 << 16
+QUADS_AT_ONCE = 1 << 15
 SAMPLED = 1024  # pieces of pixels whose error is measured, at the most
 LAST = 0.999  # quantile of the error that keeps to the tolerance
 

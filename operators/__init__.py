@@ -2,11 +2,12 @@
 
 import bpy
 
-from . import add_rig, command_line, export, preview, report, solve, work
+from . import add_rig, command_line, export, live, preview, report, solve, work
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
     solve.KIRIKO_OT_solve,
+    live.KIRIKO_OT_live,
     preview.KIRIKO_OT_preview,
     export.KIRIKO_OT_export,
     report.KIRIKO_OT_report,
@@ -22,7 +23,8 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them back, and drop what the session keeps."""
+    """Take them back, end what is running, and drop what the session keeps."""
+    live.stop()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     for cls in reversed(CLASSES):

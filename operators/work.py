@@ -15,6 +15,7 @@ TICK = 0.02  # s between two turns of work in the interface
 TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
 
 _sessions: list[Session] = []
+_running: list["LongWork"] = []
 
 NEEDED = {
     "GLASS": "No glass: set an object's role to Glass",
@@ -35,12 +36,18 @@ def session() -> Session:
 def forget() -> None:
     """Drop the session and what it keeps."""
     _sessions.clear()
+    _running.clear()
 
 
-def read(context: bpy.types.Context) -> Any:
+def is_busy() -> bool:
+    """Is one of the operators at work, or a render, so that nothing else may touch session and results?"""
+    return bool(_running) or bpy.app.is_job_running("RENDER")
+
+
+def read(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> Any:
     """The scene, evaluated as it is now, as blender_scene.Reading."""
     context.view_layer.update()
-    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene)
+    return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
@@ -115,6 +122,7 @@ class LongWork:
         manager.progress_begin(0, 100)
         self._show(context, 0.0)
         manager.modal_handler_add(self)
+        _running.append(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -150,6 +158,7 @@ class LongWork:
         context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   (Esc stops)")
 
     def _end(self, context: bpy.types.Context) -> None:
+        _running.clear()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)

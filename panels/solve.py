@@ -2,7 +2,8 @@
 
 import bpy
 
-from .words import Sidebar
+from ..operators import live
+from .words import Sidebar, sentence
 
 
 class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
@@ -24,7 +25,12 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
+        is_on = live.is_on()
+        buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)
         buttons.operator("kiriko.preview", icon="RENDER_STILL")
+        text, is_problem = live.status()
+        if text:
+            sentence(layout, context, text, icon="ERROR" if is_problem else "INFO")
 
 
 class VIEW3D_PT_kiriko_preview(Sidebar, bpy.types.Panel):

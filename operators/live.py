@@ -1,0 +1,452 @@
+"""Live: follow every change of the rig with a new source image, coarse first and then finer.
+
+The work is done in turns of a timer of the application, and not by a modal operator: such a timer also runs while
+objects are dragged, whose operator takes all events of its window; it belongs to no window, and holds up neither undo
+nor auto-save. What is remembered from turn to turn is numbers and session uids; datablocks are looked up anew each
+turn, so that undo, deletion and file load leave nothing behind that points nowhere.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from numpy.typing import NDArray
+
+from ..core.blender_result import OURS, pack_source, update_solution, update_source
+from ..core.blender_scene import Kept, Reading
+from ..core.errors import KirikoError
+from ..core.plan import Settings, fingerprint
+from ..core.rig import Rig
+from . import work
+
+IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
+PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
+TURN = 0.03  # s after which a turn begins no other step
+LONG = 0.1  # s: a step that may take longer is announced
+NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
+
+# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
+# once; a display of half the resolution is off by 0.03. So the viewer is what a first picture saves on.
+COARSE_VIEWER, FINER = 64, 4  # px of the longer side; how much finer each picture is than the one before
+COARSE_DISPLAY = 512  # px of the longer side
+COARSE_TOLERANCE = 1.0  # display px
+
+
+@dataclass(frozen=True)
+class Step:
+    """What comes next: a phrase for the status bar, what its duration is remembered by, and a first guess at it, s."""
+
+    phrase: str
+    key: tuple[object, ...] = ()
+    guess: float = field(default=2 * LONG, compare=False)
+
+
+READING, WRITING = "reading the scene", "writing the source image"
+
+
+def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
+    """The rig seen by a viewer of about `side` pixels, for a first picture."""
+    viewer, display = rig.viewer, rig.display
+    n = -(-max(viewer.width, viewer.height) // side)
+    m = -(-max(display.width, display.height) // COARSE_DISPLAY)
+    return (
+        replace(
+            rig,
+            viewers=(replace(viewer, width=-(-viewer.width // n), height=-(-viewer.height // n)),),
+            displays=(replace(display, width=-(-display.width // m), height=-(-display.height // m)),),
+        ),
+        replace(settings, tolerance=max(settings.tolerance, COARSE_TOLERANCE), margin=-(-settings.margin // m)),
+    )
+
+
+def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
+    """What to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
+    rungs, side = [], COARSE_VIEWER
+    while 2 * side < max(rig.viewer.width, rig.viewer.height):
+        rungs.append(coarser(rig, settings, side))
+        side *= FINER
+    return [*rungs, (rig, settings)]
+
+
+def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """An image (h, w, c) with as many pixels as the display: each is that of the coarse one it lies in."""
+    rows = np.arange(height) * pixels.shape[0] // height
+    columns = np.arange(width) * pixels.shape[1] // width
+    return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
+
+
+def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
+    """All that Kiriko's own settings say, cheaply: Blender does not tell when a script changes them."""
+    ours = scene.kiriko
+    objects = [
+        (thing.session_uid, o.role, o.use_ior, o.ior, o.priority, o.surface, *o.resolution, uid(o.image))
+        for things in work.parts(scene).values()
+        for thing in things
+        for o in (thing.kiriko,)
+    ]
+    return (
+        work.settings_of(scene),
+        *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
+        ours.picture_source,
+        tuple(sorted(objects)),
+    )
+
+
+def uid(block: bpy.types.ID | None) -> int:
+    """What a datablock keeps through undo, when its place in memory does not; 0 for none."""
+    return 0 if block is None else block.session_uid
+
+
+class Live:
+    """One scene that is followed. `turn` does a little work; it needs no window of its own and no event."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.uid = scene.session_uid
+        self.problem = ""
+        self.n_pictures = 0
+        self.is_unpacked = False
+        self.seconds: tuple[float, float] | None = None  # from a change to the first and to the last picture of it
+        self.longest: dict[str, float] = {}  # s by phrase of the step
+        self.kept = Kept()
+        self.ours: set[int] = set()  # session uids of what we write to
+        self._text = ""
+        self._lasted: dict[Step, float] = {}
+        self._settings: tuple[object, ...] = ()
+        self._solved_meshes: list[object] = []
+        self._reading: Reading | None = None
+        self.start_over()
+
+    def start_over(self) -> None:
+        """Take everything for changed, as after undo, which may have put back the image, too."""
+        self.kept = Kept()
+        self._drop()
+        self._key = self._optics = None
+        self.touch()
+
+    def touch(self) -> None:
+        """Something has changed that may count."""
+        self.is_changed = True
+
+    @property
+    def is_working(self) -> bool:
+        return self._work is not None
+
+    def turn(self) -> float | None:
+        """Do a little work; returns seconds until the next turn is due, or None when the scene is not shown any more.
+
+        Single steps are done until TURN is over; before one that may take longer than LONG it returns once, so that
+        the status bar can say so.
+        """
+        window = next((w for w in all_windows() if w.scene.session_uid == self.uid), None)
+        if window is None:
+            return None
+        if work.is_busy():
+            return IDLE
+        with bpy.context.temp_override(window=window):
+            settings = chosen_settings(window.scene)
+            if settings != self._settings:
+                self._settings = settings
+                self.touch()
+            end = perf_counter() + TURN
+            while perf_counter() < end:
+                step = self._upcoming()
+                if step is None:
+                    self._say("")
+                    return IDLE
+                if self._lasted.get(step, step.guess) > LONG and self._say(f"Kiriko Live: {step.phrase} ..."):
+                    return NOTICE
+                self._do(step, bpy.context)
+        return PAUSE
+
+    def close(self) -> None:
+        """End the work; nothing is half-written."""
+        self._drop()
+        self._say("")
+
+    def _drop(self) -> None:
+        self._work: Generator[Step, None, None] | None = None  # a generator is closed when nothing holds it
+        self._pending: Step | None = None
+        self._has_picture = False
+
+    def _upcoming(self) -> Step | None:
+        """The next single step. A first picture is not given up for a newer change, or a drag would never show any."""
+        if self.is_changed and (self._work is None or self._has_picture):
+            return Step(READING, (self.kept.is_whole,))
+        return self._pending
+
+    def _do(self, step: Step, context: bpy.types.Context) -> None:
+        started = perf_counter()
+        try:
+            if step.phrase == READING:
+                self._read(context)
+            else:
+                self._pending = next(self._work, None)
+                if self._pending is None:
+                    self._drop()
+        except KirikoError as error:
+            self._drop()
+            self._show_problem(str(error))
+        self._lasted[step] = perf_counter() - started
+        self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
+
+    def _read(self, context: bpy.types.Context) -> None:
+        """Read the scene, and begin an update if anything that counts is different."""
+        context.view_layer.update()
+        self.is_changed = False  # what the update above told of is in the reading
+        settings = work.settings_of(context.scene)
+        try:
+            reading = work.read(context, self.kept)
+            reading.rig.check()
+        except KirikoError:
+            self._key = None
+            raise
+        optics = fingerprint(replace(reading.rig, pictures=()), replace(settings, margin=0))
+        # the pixels are the same array as long as they are the same numbers (see Kept), and kept alive by the reading
+        key = (optics, settings.margin, fingerprint(reading.rig.picture.mesh), id(reading.rig.picture.image))
+        self._reading = reading
+        if key == self._key:
+            return
+        self._drop()
+        self._key = key
+        self._work = self._update(context.scene.session_uid, settings, optics)
+        self._pending = next(self._work)
+
+    def _update(self, scene_uid: int, settings: Settings, optics: str) -> Generator[Step, None, None]:
+        """Solve and write, coarse and then finer; yields each single step before it is done."""
+        started = perf_counter()
+        first = None
+        rig = self._reading.rig
+        meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
+        is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
+        self._solved_meshes = meshes  # held, so that no other mesh gets their ids
+        # with the optics of the last solve a new picture costs one product: nothing coarse is faster
+        rungs = ladder(rig, settings) if optics != self._optics else [(rig, settings)]
+        for n, (a_rig, how) in enumerate(rungs):
+            is_last = n == len(rungs) - 1
+            try:
+                solution = yield from self._solve(a_rig, how, is_same or n > 0)
+            except KirikoError:
+                if is_last:
+                    raise
+                continue  # a coarse viewer may miss what the rig's own sees
+            yield Step(WRITING, (rig.display.width, rig.display.height))
+            scene = scene_by_uid(scene_uid)
+            if is_last:
+                update_solution(scene, self._reading, solution)
+            else:
+                update_source(scene, enlarged(solution.source, rig.display.width, rig.display.height))
+            self.n_pictures += 1
+            self.is_unpacked = self._has_picture = True
+            self._note_ours(scene)
+            first = perf_counter() - started if first is None else first
+            redraw()
+        self._optics, self.seconds = optics, (first, perf_counter() - started)
+        self._show_problem("")
+
+    def _solve(self, rig: Rig, settings: Settings, is_built: bool) -> Generator[Step, None, Any]:
+        """Solve, and say before each step what it is: how long it took before is known by the sizes of things."""
+        viewer, display = rig.viewer, rig.display
+        n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors)).bit_length()
+        sizes = (viewer.width, viewer.height, display.width, display.height, n_triangles, is_built)
+        steps, n = work.session().solve(rig, settings), 0
+        phrase = "solving" if is_built else "solving for changed glass"
+        # solved with these sizes before, it may take a step more than then, which is no reason to speak
+        guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
+        while True:
+            yield Step(phrase, (*sizes, n), guess)
+            try:
+                next(steps)
+            except StopIteration as end:
+                return end.value
+            n += 1
+
+    def _note_ours(self, scene: bpy.types.Scene) -> None:
+        display = bpy.data.objects.get(self._reading.display_object)
+        materials = [] if display is None else [slot.material for slot in display.material_slots]
+        self.ours = {uid(scene.kiriko.result.source), *(uid(m) for m in materials if m is not None and m.get(OURS))}
+
+    def _show_problem(self, text: str) -> None:
+        self.problem = text
+        redraw()
+
+    def _say(self, text: str) -> bool:
+        """Put a sentence into the status bar, '' for none; is it another one than before?"""
+        if text == self._text:
+            return False
+        self._text = text
+        for window in all_windows():
+            if window.scene.session_uid == self.uid or not text:
+                with bpy.context.temp_override(window=window):
+                    window.workspace.status_text_set(text or None)
+        return True
+
+
+_lives: list[Live] = []
+_last_words: list[str] = []  # why it stopped by itself
+
+
+def all_windows() -> list[bpy.types.Window]:
+    """All windows of Blender."""
+    return [window for manager in bpy.data.window_managers for window in manager.windows]
+
+
+def scene_by_uid(scene_uid: int) -> bpy.types.Scene:
+    """The scene that has this session uid; it is shown in a window, so it is there."""
+    return next(scene for scene in bpy.data.scenes if scene.session_uid == scene_uid)
+
+
+def redraw() -> None:
+    """Have panels, viewports and image editors drawn again."""
+    for window in all_windows():
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()
+
+
+def followed() -> Live | None:
+    """The one scene that is followed, if any."""
+    return _lives[0] if _lives else None
+
+
+def is_on() -> bool:
+    """Is a scene followed?"""
+    return bool(_lives)
+
+
+def status() -> tuple[str, bool]:
+    """A sentence on how it stands, '' for none, and whether it names a problem."""
+    if not _lives:
+        return (_last_words[0], False) if _last_words else ("", False)
+    live = _lives[0]
+    if live.problem:
+        return live.problem, True
+    if live.seconds is None or live.is_working:
+        return "Live: updating.", False
+    first, last = live.seconds
+    return f"Live: up to date. First picture after {first:.2f} s, final after {last:.2f} s.", False
+
+
+def start(scene: bpy.types.Scene) -> Live:
+    """Follow a scene from now on."""
+    stop()
+    _lives.append(Live(scene))
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    bpy.app.timers.register(tick, first_interval=PAUSE)
+    return _lives[0]
+
+
+def stop(last_words: str = "") -> None:
+    """Follow no scene any more; may be called at any time."""
+    _last_words[:] = [last_words] if last_words else []
+    if not _lives:
+        return
+    live = _lives.pop()
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    for name, handler in HANDLERS:
+        handlers = getattr(bpy.app.handlers, name)
+        if handler in handlers:
+            handlers.remove(handler)
+    live.close()
+    pack_if_needed(live)
+    redraw()
+
+
+def pack_if_needed(live: Live) -> None:
+    """Save the image within the file, which takes too long to be done with each update."""
+    scene = next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
+    if live.is_unpacked and scene is not None:
+        pack_source(scene)
+        live.is_unpacked = False
+
+
+def tick() -> float | None:
+    """What the timer calls."""
+    if not _lives:
+        return None
+    wait, is_fine = None, False
+    try:
+        wait = _lives[0].turn()
+        is_fine = True
+    finally:
+        if not is_fine:  # the timer goes with the exception: the rest must not stay
+            stop("Live stopped by an error: see the console.")
+    if wait is None:
+        stop("Live stopped: no window shows its scene any more.")
+    return wait
+
+
+@persistent
+def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    for live in _lives:
+        live.kept.notice(depsgraph.updates, live.ours)
+        live.touch()
+
+
+@persistent
+def on_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Another frame: what is animated may stand elsewhere, and an image sequence go on."""
+    on_update(scene, depsgraph)
+    for live in _lives:
+        live.kept.notice_frame()
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """The work under way is dropped and begun anew from the scene as it is now: an artist undoes often."""
+    for live in _lives:
+        live.start_over()
+
+
+@persistent
+def on_save(*_: object) -> None:
+    """The file is about to be saved, and the image has to be in it."""
+    for live in _lives:
+        pack_if_needed(live)
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file takes the place of all that was followed, so nothing need be packed."""
+    for live in _lives:
+        live.is_unpacked = False
+    stop("Live stopped: another file was loaded.")
+
+
+# @persistent, so that it is `stop` that removes them, and not the file that is loaded
+HANDLERS = (
+    ("depsgraph_update_post", on_update),
+    ("frame_change_post", on_frame),
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+    ("save_pre", on_save),
+    ("load_pre", on_load),
+)
+
+
+class KIRIKO_OT_live(bpy.types.Operator):
+    """Follow every change of rig and settings with a new source image, coarse first and then finer; again to stop"""
+
+    bl_idname = "kiriko.live"
+    bl_label = "Live"
+    bl_options = {"REGISTER"}  # no undo step: whether it is on is no part of the file
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = [] if is_on() else work.lacking(context.scene)
+        if reasons:
+            cls.poll_message_set(f"{reasons[0]}.")
+        return not reasons
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if is_on():
+            stop()
+        else:
+            start(context.scene)
+        return {"FINISHED"}

@@ -1,0 +1,453 @@
+import importlib
+from collections.abc import Iterator
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import new_object, pixels, primitive, small_rig
+
+EXTENSION = "bl_ext.user_default.kiriko"
+MANY = 2000  # turns of which none of these rigs needs a tenth
+
+
+@pytest.fixture
+def live(scene: bpy.types.Scene, kiriko: ModuleType) -> Iterator[ModuleType]:
+    """Module operators.live on an empty scene; nothing is followed before and after."""
+    yield kiriko.operators.live
+    kiriko.operators.live.stop()
+
+
+def settle(live: ModuleType) -> int:
+    """Do what the timer does until there is nothing left to do; returns the number of turns."""
+    for n in range(MANY):
+        if live.tick() == live.IDLE:
+            return n
+    raise AssertionError("Live never comes to rest.")
+
+
+def shown() -> np.ndarray:
+    return pixels(bpy.context.scene.kiriko.result.source)[..., :3].copy()
+
+
+def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
+    """Turn an object about z by an angle in rad. A cube that is only moved bends light as it did before."""
+    thing.rotation_euler.rotate_axis("Z", angle)
+    bpy.context.view_layer.update()
+
+
+def plain(live: ModuleType) -> np.ndarray:
+    """The source image of the scene as it is, by a session that has never solved anything."""
+    work, session = live.work, importlib.import_module(f"{EXTENSION}.core.session")
+    solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
+    return session.finish(solve).source
+
+
+def traces(live: ModuleType) -> list[str]:
+    """What of Kiriko Blender would still call."""
+    left = [name for name, handler in live.HANDLERS if handler in getattr(bpy.app.handlers, name)]
+    return left + (["timer"] if bpy.app.timers.is_registered(live.tick) else [])
+
+
+@pytest.fixture
+def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the writes that live does, in order."""
+    calls = []
+    for name in ("update_source", "update_solution"):
+        own = getattr(live, name)
+        monkeypatch.setattr(live, name, lambda *a, own=own, name=name: (calls.append(name), own(*a))[1])
+    return calls
+
+
+def follow(live: ModuleType, **options: object) -> dict[str, bpy.types.Object]:
+    """A small rig that is followed and up to date; the objects by role."""
+    rig = small_rig(**options)
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    settle(live)
+    return rig
+
+
+def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> None:
+    """After glass, camera, plate or picture were turned, the source image is, to the bit, that of a plain solve."""
+    rig = follow(live)
+    before = shown()
+    assert np.array_equal(before, plain(live))
+    for thing in (rig["GLASS"], bpy.context.scene.camera, rig["PLATE"], rig["PICTURE"]):
+        turn(thing, 0.01)
+        settle(live)
+        after = shown()
+        assert np.array_equal(after, plain(live))
+        assert not np.array_equal(after, before)
+        before = after
+
+
+def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str]) -> None:
+    """A viewer of 192 pixels is solved with 64 first, into an image of full size that is near the final one."""
+    rig = follow(live, viewer_resolution=192)
+    assert written == ["update_source", "update_solution"]
+    written.clear()
+    turn(rig["GLASS"])
+    while not written:
+        live.tick()
+    coarse = shown()
+    settle(live)
+    assert written == ["update_source", "update_solution"]
+    assert coarse.shape == shown().shape
+    off, moved = np.abs(coarse - shown()).mean(), np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
+    assert 0 < off < 0.1 * moved  # the first picture shows where things are: a shift by 4 pixels is far more
+
+
+def test_coarse_display_is_enlarged(live: ModuleType) -> None:
+    """A coarse image of 2 x 2 fills 5 x 4 pixels, each with what lies at its place."""
+    coarse = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
+    big = live.enlarged(coarse, 4, 5)
+    assert big.shape == (5, 4, 3)
+    assert np.array_equal(big[:, :, 0], np.repeat([[0, 0, 3, 3], [6, 6, 9, 9]], [3, 2], axis=0))
+
+
+def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[str]) -> None:
+    """Once up to date nothing more is written, whatever Blender tells of our own writing and of what does not count."""
+    rig = follow(live)
+    turn(rig["GLASS"])
+    settle(live)
+    written.clear()
+    for change in (
+        lambda: None,
+        lambda: rig["GLASS"].select_set(False),
+        lambda: new_object(primitive("cube", size=0.1)),
+        lambda: bpy.context.scene.kiriko.result.source.update_tag(),
+        lambda: setattr(rig["GLASS"], "name", "Renamed"),
+    ):
+        change()
+        bpy.context.view_layer.update()
+        settle(live)
+        settle(live)
+    assert written == []
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value"),
+    [("GLASS", "ior", 1.6), ("DISPLAY", "resolution", (48, 48)), ("SCENE", "brightness", True)],
+)
+def test_settings_count_without_an_event(live: ModuleType, owner: str, name: str, value: object) -> None:
+    """A script that changes one of Kiriko's settings wakes no handler, and is followed all the same."""
+    rig = follow(live)
+    before = shown()
+    setattr((bpy.context.scene if owner == "SCENE" else rig[owner]).kiriko, name, value)
+    settle(live)
+    assert not np.array_equal(shown(), before)
+    assert np.array_equal(shown(), plain(live))
+
+
+def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> None:
+    """New pixels in the picture's image, or a margin, are painted at once, with the rays of before."""
+    rig = follow(live, viewer_resolution=192)
+    image = rig["PICTURE"].kiriko.image = bpy.data.images.new("mine", 8, 8)
+    settle(live)
+    written.clear()
+    image.pixels.foreach_set(np.tile(np.array([1, 0, 0, 1], np.float32), 64))
+    image.update_tag()
+    bpy.context.view_layer.update()
+    settle(live)
+    assert written == ["update_solution"]
+    assert '"rays": 0' in bpy.context.scene.kiriko.result.details
+    assert shown()[..., 0].max() > 0.9
+    assert shown()[..., 1:].max() == 0
+    bpy.context.scene.kiriko.margin = 4
+    settle(live)
+    assert written == ["update_solution"] * 2
+    assert '"rays": 0' in bpy.context.scene.kiriko.result.details
+
+
+def test_frames_are_followed(live: ModuleType) -> None:
+    """What is animated is solved where it stands at the new frame."""
+    rig = small_rig()
+    for frame, angle in ((1, 0.0), (9, 0.2)):
+        rig["GLASS"].rotation_euler.z = angle
+        rig["GLASS"].keyframe_insert("rotation_euler", frame=frame)
+    bpy.context.scene.frame_set(1)
+    bpy.ops.kiriko.live()
+    settle(live)
+    before = shown()
+    bpy.context.scene.frame_set(5)
+    settle(live)
+    assert not np.array_equal(shown(), before)
+    assert np.array_equal(shown(), plain(live))
+
+
+def test_a_newer_change_ends_the_finer_picture_but_not_the_first(live: ModuleType, written: list[str]) -> None:
+    """While something is dragged, first pictures follow each other; the final one comes when it stands still."""
+    rig = follow(live, viewer_resolution=192)
+    written.clear()
+    for _ in range(100):
+        turn(rig["GLASS"], 1e-3)
+        live.tick()
+    assert len(written) > 4
+    assert set(written) == {"update_source"}
+    settle(live)
+    assert written[-1] == "update_solution"
+    assert np.array_equal(shown(), plain(live))
+
+
+@pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
+def test_deleted_object_is_one_sentence_and_the_image_stays(live: ModuleType, role: str) -> None:
+    """A rig without one of its parts is named; the last image stays, in the middle of a solve, too; live goes on."""
+    rig = follow(live)
+    before = shown()
+    turn(rig["GLASS"])
+    live.tick()
+    bpy.data.objects.remove(rig[role])
+    bpy.context.view_layer.update()
+    settle(live)
+    text, is_problem = live.status()
+    assert is_problem
+    assert f"no {role.lower()}" in text
+    assert live.is_on()
+    assert shown().shape == before.shape
+    if role != "GLASS":
+        turn(rig["GLASS"])
+        settle(live)
+        assert live.status() == (text, True)
+
+
+def test_what_cannot_be_solved_is_followed_on(live: ModuleType) -> None:
+    """A plate that no ray reaches is one sentence; moved back, the image is that of before."""
+    rig = follow(live)
+    before = shown()
+    rig["PLATE"].location.x += 10
+    bpy.context.view_layer.update()
+    settle(live)
+    assert live.status()[1]
+    assert "no ray reaches the plate" in live.status()[0]
+    assert np.array_equal(shown(), before)
+    rig["PLATE"].location.x += 0.01
+    bpy.context.view_layer.update()
+    settle(live)
+    assert live.status()[1]
+    rig["PLATE"].location.x -= 10.01
+    bpy.context.view_layer.update()
+    settle(live)
+    assert not live.status()[1]
+    assert np.array_equal(shown(), plain(live))
+
+
+def test_undo_is_followed(live: ModuleType) -> None:
+    """After undo, also in the middle of an update, the image is that of the scene as it then is."""
+    small_rig()
+    bpy.ops.kiriko.live()
+    settle(live)
+    before = shown()
+    bpy.ops.ed.undo_push(message="rig")
+    for n_turns in (0, MANY):
+        glass = next(thing for thing in bpy.context.scene.objects if thing.kiriko.role == "GLASS")
+        turn(glass)
+        live.tick()
+        if n_turns:
+            settle(live)
+            assert not np.array_equal(shown(), before)
+        bpy.ops.ed.undo_push(message="move")
+        bpy.ops.ed.undo()
+        settle(live)
+        assert live.is_on()
+        assert np.array_equal(shown(), before)
+    bpy.ops.ed.redo()
+    settle(live)
+    assert np.array_equal(shown(), plain(live))
+    assert not np.array_equal(shown(), before)
+
+
+def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
+    """Undo that takes the image away, while the rig stays as it is, leads to the same image again."""
+    small_rig()
+    bpy.ops.ed.undo_push(message="rig")
+    bpy.ops.kiriko.live()
+    settle(live)
+    before = shown()
+    bpy.ops.ed.undo_push(message="live")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.kiriko.result.source is None
+    settle(live)
+    assert np.array_equal(shown(), before)
+
+
+@pytest.mark.parametrize("n_turns", [0, 1, 3, MANY])
+def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
+    """A switch to another scene, at any moment, ends it; nothing of it is left, and the panel says why."""
+    rig = follow(live)
+    turn(rig["GLASS"])
+    for _ in range(n_turns):
+        live.tick()
+    other = bpy.data.scenes.new("other")
+    bpy.context.window.scene = other
+    assert live.tick() is None
+    assert not live.is_on()
+    assert traces(live) == []
+    assert "no window shows" in live.status()[0]
+    assert live.tick() is None
+    assert other.kiriko.result.source is None
+
+
+def test_deleted_scene_stops_it(live: ModuleType) -> None:
+    """A scene that is gone is followed no more."""
+    follow(live)
+    other = bpy.data.scenes.new("other")
+    bpy.data.scenes.remove(bpy.context.scene)
+    assert bpy.context.window.scene == other
+    assert live.tick() is None
+    assert traces(live) == []
+
+
+@pytest.mark.parametrize("n_turns", [0, 1, 3])
+def test_file_load_stops_it(live: ModuleType, n_turns: int) -> None:
+    """Another file ends it, in the middle of an update, too; nothing of it is left."""
+    rig = follow(live)
+    turn(rig["GLASS"])
+    for _ in range(n_turns):
+        live.tick()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert not live.is_on()
+    assert traces(live) == []
+    assert "another file" in live.status()[0]
+    assert live.tick() is None
+
+
+def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:
+    """A file saved while live is on holds the image that is shown."""
+    rig = follow(live)
+    turn(rig["GLASS"])
+    settle(live)
+    before = shown()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert live.is_on()
+    assert not bpy.context.scene.kiriko.result.source.is_dirty
+    assert np.array_equal(shown(), before)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert np.array_equal(shown(), before)
+
+
+def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) -> None:
+    """Pressed again it ends; the image is packed, and no change is followed any more."""
+    rig = follow(live)
+    before = shown()
+    assert set(traces(live)) == {"timer", *(name for name, _ in live.HANDLERS)}
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    assert not live.is_on()
+    assert traces(live) == []
+    assert live.status() == ("", False)
+    assert not bpy.context.scene.kiriko.result.source.is_dirty
+    assert np.array_equal(shown(), before)
+    turn(rig["GLASS"])
+    assert live.tick() is None
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert np.array_equal(shown(), before)
+
+
+def test_disabling_the_extension_ends_it(live: ModuleType) -> None:
+    """With the extension its timer and handlers go, in the middle of an update, too."""
+    rig = follow(live)
+    turn(rig["GLASS"])
+    live.tick()
+    bpy.ops.preferences.addon_disable(module=EXTENSION)
+    try:
+        assert not live.is_on()
+        assert traces(live) == []
+        bpy.context.view_layer.update()
+    finally:
+        bpy.ops.preferences.addon_enable(module=EXTENSION)
+
+
+def test_unforeseen_error_ends_it(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error that nobody foresaw comes out, and takes handlers and timer with it."""
+    rig = follow(live)
+    monkeypatch.setattr(live.work, "read", lambda *_: 1 / 0)
+    turn(rig["GLASS"])
+    with pytest.raises(ZeroDivisionError):
+        settle(live)
+    assert traces(live) == []
+    assert not live.is_on()
+
+
+def test_long_step_is_announced_before_it_begins(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The status bar speaks, and is given time to be drawn, before a step that took, or may take, over 0.1 s."""
+    rig = follow(live)
+    texts, begun = [], []
+    monkeypatch.setattr(live.Live, "_say", lambda self, text: (texts.append(text), bool(text) and len(texts) == 1)[1])
+    followed = live.followed()
+    do = followed._do
+    monkeypatch.setattr(followed, "_do", lambda step, context: (begun.append(step), do(step, context)))
+    turn(rig["GLASS"])
+    followed._lasted = {step: 0.0 for step in followed._lasted}  # as if everything so far had been short
+    known = live.Step(live.READING, (True,))
+    followed._lasted[known] = 2 * live.LONG
+    assert live.tick() == live.NOTICE
+    assert begun == []
+    assert texts == ["Kiriko Live: reading the scene ..."]
+    live.tick()
+    assert begun[0] == known
+
+
+def test_work_of_others_comes_first(live: ModuleType) -> None:
+    """While a solve runs in the interface, with the same session, live waits."""
+    rig = follow(live)
+    before = shown()
+    turn(rig["GLASS"])
+    live.work._running.append(object())
+    try:
+        assert settle(live) == 0
+        assert np.array_equal(shown(), before)
+    finally:
+        live.work._running.clear()
+    settle(live)
+    assert not np.array_equal(shown(), before)
+
+
+def test_button_says_what_is_missing(live: ModuleType) -> None:
+    """Without a plate it cannot be turned on, and says so; it can always be turned off."""
+    rig = small_rig()
+    rig["PLATE"].kiriko.role = "NONE"
+    with pytest.raises(RuntimeError, match="No plate"):
+        bpy.ops.kiriko.live()
+    rig["PLATE"].kiriko.role = "PLATE"
+    bpy.ops.kiriko.live()
+    rig["PLATE"].kiriko.role = "NONE"
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    assert not live.is_on()
+
+
+def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
+    """A mesh that stays is the same object; moved, mirrored or edited it is, to the bit, what a new reading finds."""
+    blender_scene = importlib.import_module(f"{EXTENSION}.core.blender_scene")
+    glass = small_rig()["GLASS"]
+    for face in glass.data.polygons:
+        face.use_smooth = face.index % 2 == 0
+    kept = blender_scene.Kept()
+    told = lambda scene, depsgraph: kept.notice(depsgraph.updates)  # noqa: E731 - the list wants a name to remove
+    bpy.app.handlers.depsgraph_update_post.append(told)
+    try:
+        first = live.work.read(bpy.context, kept).rig
+        again = live.work.read(bpy.context, kept).rig
+        assert again.glasses[0].mesh is first.glasses[0].mesh
+        assert again.picture.image is first.picture.image
+
+        def edit() -> None:
+            glass.data.vertices[0].co.x *= 1.5
+            glass.data.update()
+
+        for change in (
+            lambda: setattr(glass, "location", (0.01, 0.02, 0.03)),
+            lambda: setattr(glass, "scale", (-1.0, 1.0, 2.0)),
+            edit,
+            lambda: setattr(glass.kiriko, "surface", "FACETS"),
+            lambda: setattr(glass.modifiers.new("more", "SUBSURF"), "levels", 2),
+        ):
+            before = live.work.read(bpy.context, kept).rig.glasses[0].mesh
+            change()
+            found = live.work.read(bpy.context, kept).rig.glasses[0].mesh
+            anew = live.work.read(bpy.context).rig.glasses[0].mesh
+            assert found is not before
+            for name in ("vertices", "triangles", "corner_normals", "is_smooth"):
+                assert np.array_equal(getattr(found, name), getattr(anew, name)), name
+            assert (found.surface, found.rounding) == (anew.surface, anew.rounding)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(told)
