@@ -67,16 +67,21 @@ def follow(live: ModuleType, **options: object) -> dict[str, bpy.types.Object]:
     return rig
 
 
+def is_rounding(difference: np.ndarray) -> bool:
+    """Glass that was moved or turned keeps its engine: its places are right to rounding, not to the bit."""
+    return float(np.abs(difference).max()) < 1e-6
+
+
 def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> None:
-    """After glass, camera, plate or picture were turned, the source image is, to the bit, that of a plain solve."""
+    """After glass, camera, plate or picture were turned, the source image is that of a plain solve, to rounding."""
     rig = follow(live)
     before = shown()
-    assert np.array_equal(before, plain(live))
+    assert is_rounding(before - plain(live))
     for thing in (rig["GLASS"], bpy.context.scene.camera, rig["PLATE"], rig["PICTURE"]):
         turn(thing, 0.01)
         settle(live)
         after = shown()
-        assert np.array_equal(after, plain(live))
+        assert is_rounding(after - plain(live))
         assert not np.array_equal(after, before)
         before = after
 
@@ -136,7 +141,7 @@ def test_settings_count_without_an_event(live: ModuleType, owner: str, name: str
     setattr((bpy.context.scene if owner == "SCENE" else rig[owner]).kiriko, name, value)
     settle(live)
     assert not np.array_equal(shown(), before)
-    assert np.array_equal(shown(), plain(live))
+    assert is_rounding(shown() - plain(live))
 
 
 def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> None:
@@ -172,7 +177,7 @@ def test_frames_are_followed(live: ModuleType) -> None:
     bpy.context.scene.frame_set(5)
     settle(live)
     assert not np.array_equal(shown(), before)
-    assert np.array_equal(shown(), plain(live))
+    assert is_rounding(shown() - plain(live))
 
 
 def test_a_newer_change_ends_the_finer_picture_but_not_the_first(live: ModuleType, written: list[str]) -> None:
@@ -186,7 +191,7 @@ def test_a_newer_change_ends_the_finer_picture_but_not_the_first(live: ModuleTyp
     assert set(written) == {"update_source"}
     settle(live)
     assert written[-1] == "update_solution"
-    assert np.array_equal(shown(), plain(live))
+    assert is_rounding(shown() - plain(live))
 
 
 @pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
@@ -228,7 +233,7 @@ def test_what_cannot_be_solved_is_followed_on(live: ModuleType) -> None:
     bpy.context.view_layer.update()
     settle(live)
     assert not live.status()[1]
-    assert np.array_equal(shown(), plain(live))
+    assert is_rounding(shown() - plain(live))
 
 
 def test_undo_is_followed(live: ModuleType) -> None:
@@ -252,7 +257,7 @@ def test_undo_is_followed(live: ModuleType) -> None:
         assert np.array_equal(shown(), before)
     bpy.ops.ed.redo()
     settle(live)
-    assert np.array_equal(shown(), plain(live))
+    assert is_rounding(shown() - plain(live))
     assert not np.array_equal(shown(), before)
 
 
