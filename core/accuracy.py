@@ -27,9 +27,9 @@ class _Parabolic(CurvedFaces):
     corner_normals: Floats | None = None
     first: int = 0
 
-    def _is_within(self, outside: Floats, row: Ints) -> Bools:
+    def _is_within(self, least: Floats, row: Ints) -> Bools:
         # paraboloids have no neighbours to go on to
-        return outside.min(axis=1) >= np.where(row >= self.first, -WIDE, -EDGE)
+        return least >= np.where(row >= self.first, -WIDE, -EDGE)
 
     def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
         return super()._is_in_box(k, origins, directions) | (self.row[k] >= self.first)

@@ -10,7 +10,7 @@ from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, trace
 
 CHUNK = 1 << 13  # rays traced together: a step of the work, which should take less than 0.1 s
-DIGITS = 12  # binary: a border is known to 2^-12 of a viewer pixel
+DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
 

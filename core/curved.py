@@ -435,24 +435,25 @@ class CurvedFaces:
             u[todo], v[todo], distance[todo], enters[todo], facing[todo], normal[todo], done = (
                 np.concatenate(column) for column in zip(*parts, strict=True)
             )
-            outside = np.stack([v[todo], 1 - u[todo] - v[todo], u[todo]], axis=1)  # distances from the edges
-            edge = outside.argmin(axis=1)
+            outside = np.stack([v[todo], 1 - u[todo] - v[todo], u[todo]])  # distances from the edges
+            least = np.minimum(np.minimum(outside[0], outside[1]), outside[2])
             row = self.row[k[todo]]
-            is_within = self._is_within(outside, row)
+            is_within = self._is_within(least, row)
             is_met[todo] = done & is_within
             # a root beyond an edge, or one that is looked for far beyond it, may lie on the next face
-            leaves_face = ~is_within & (done | (outside.min(axis=1) <= -ASIDE))
-            following = np.where(leaves_face, self.neighbour[row, edge], -1)
+            left = np.flatnonzero(~is_within & (done | (least <= -ASIDE)))
+            edge, row = outside[:, left].argmin(axis=0), row[left]
+            following = self.neighbour[row, edge]
             goes_on = following >= 0
             if not goes_on.any():
                 break
-            todo, edge, row = todo[goes_on], edge[goes_on], row[goes_on]
+            todo, edge, row = todo[left[goes_on]], edge[goes_on], row[goes_on]
             k[todo] = following[goes_on]
             u[todo], v[todo] = self._step_over(row, edge, u[todo], v[todo])
         return k, u, v, distance, enters, facing, normal, is_met
 
-    def _is_within(self, outside: Floats, row: Ints) -> Bools:
-        return outside.min(axis=1) >= -EDGE
+    def _is_within(self, least: Floats, row: Ints) -> Bools:
+        return least >= -EDGE
 
     def _step_over(self, row: Ints, edge: Ints, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Places on the neighbours across edges next to where u, v left their faces."""

@@ -204,6 +204,9 @@ def _halved(image: Floats) -> Floats:
         n = image.shape[axis]
         if n == 1:
             continue
+        if n % 2 == 0:  # the same, many times as fast
+            image = 0.5 * (np.take(image, range(0, n, 2), axis) + np.take(image, range(1, n, 2), axis))
+            continue
         m = (n + 1) // 2
         edges = np.linspace(0, n, m + 1)
         total = np.insert(np.cumsum(image, axis=axis), 0, 0, axis=axis)

@@ -238,18 +238,26 @@ class Layer:
         return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
 
     def _test_all(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
-        origins, directions = origins[rays], directions[rays]
-        best = np.full(len(rays), np.inf)
-        for k in range(self.n_triangles):
-            t = self.frames.distance(k, origins, directions)
-            i = np.flatnonzero((t < best) & (t > -self.tolerance))
-            found = self._on_facets(np.full(len(i), k), origins[i], directions[i])
-            is_hit = _is_within(found.u, found.v)
-            i, found = i[is_hit], found.at(is_hit)
-            is_true, _ = accept(rays[i], found)
-            i, found = i[is_true], found.at(is_true)
-            best[i] = found.distance
-            hits.put(rays[i], found)
+        o, d = origins[rays], directions[rays]
+        k, frames = self.n_triangles, self.frames
+        # distances and barycentric coordinates of all triangles at once, by products of matrices
+        axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
+        start = (o - self.centre) @ axes.T - dot(np.tile(frames.corner - self.centre, (3, 1)), axes)
+        slope = d @ axes.T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            t = -start[:, :k] / slope[:, :k]
+            u, v = (start[:, i : i + k] + t * slope[:, i : i + k] for i in (k, 2 * k))
+            t = np.where(_is_within(u, v) & (t > -self.tolerance), t, np.inf)
+        todo = np.arange(len(rays))
+        while len(todo):
+            nearest = t[todo].argmin(axis=1)
+            meets = np.isfinite(t[todo, nearest])
+            todo, nearest = todo[meets], nearest[meets]
+            found = self._on_facets(nearest, o[todo], d[todo])
+            is_true, _ = accept(rays[todo], found)
+            hits.put(rays[todo[is_true]], found.at(is_true))
+            todo, nearest = todo[~is_true], nearest[~is_true]
+            t[todo, nearest] = np.inf
 
     def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[dict[str, np.ndarray], Floats]:
         """What Embree finds from `start` on (primID -1 for nothing), and its distance as Embree has it."""

@@ -12,7 +12,7 @@ from .rig import Bools, Floats, Ints
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
 PAIRS_AT_ONCE, TRIANGLES_AT_ONCE = 1 << 18, 1 << 13
-WIDEST = 1 / 16  # of the rig's size: a bundle that is wider would touch everything
+WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 
 
@@ -139,7 +139,8 @@ def _bundles(places: Floats, met: Ints, widest: float) -> _Bundles:
     for k in range(met.shape[2]):
         both = np.moveaxis(places[:, :, k : k + 2], 2, 1)
         with np.errstate(invalid="ignore"):
-            parted |= ~(np.ptp(places[:, :, k + 1], axis=1).max(axis=1) < widest)
+            off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1])
+            parted |= ~(off.max(axis=(1, 2), initial=0.0) < widest)
         chosen = np.flatnonzero(~parted)
         if not len(chosen):
             break

@@ -13,14 +13,15 @@ import numpy as np
 
 from . import interpolation
 from .borders import Paths, Pixels, Points, cut, in_triangles, is_seen, trace_points
-from .interpolation import CHECKS, COLUMN, PARTS, ROW
+from .interpolation import CHECKS, COLUMN, PARTS, ROW, SIDE
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Reason
 
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
-MARGIN = 0.25  # of a square's extent on the display: its image may reach further out than its nodes
+MARGIN = 0.5  # of the distance of its outermost row of nodes from the next: so far a square may reach beyond them
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
+FARTHER = 2.0  # times the span of some nodes' landings: nor from so far beside it
 SHARE = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
 PLACES = 4  # along a display pixel, from which it takes its colour
 MOST_QUADS = 128  # along the side of a smooth cell
@@ -385,16 +386,24 @@ def _box(xy: Floats) -> tuple[Floats, Floats]:
 def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     """Do squares (n,) with nodes that land at (n, k, 2), NaN for lost ones, show nothing of the display?
 
-    Those on one branch do so when they land beside it. Where some nodes are lost the others may tend anywhere, but not
-    back from further beside the display than it is wide.
+    Those on one branch do so when their nodes land beside it, by more than the outermost may differ from what is
+    between. Where some nodes are lost the others may tend anywhere, but not back from further beside the display than
+    it is wide, or than twice what many of them span.
     """
     low, high = _box(xy)
-    is_one = (branch == branch[:, :1]).all(axis=1)
-    margin = np.where(is_one[:, None], MARGIN * (high - low), FAR * display_size)
-    is_single = branch.max(axis=1, keepdims=True) == np.where(branch == 0, branch.max(axis=1, keepdims=True), branch)
+    is_lost = branch == 0
+    far = np.broadcast_to(FAR * display_size, low.shape)
+    enough = (~is_lost).sum(axis=1)[:, None] >= SIDE
+    far = np.where(enough, np.minimum(FARTHER * (high - low), far), far)
+    ordered = np.sort(xy, axis=1)
+    inner = min(SIDE, xy.shape[1] // 2)
+    is_mixed = is_lost.any(axis=1)[:, None]
+    above = np.where(is_mixed, far, MARGIN * (ordered[:, -1] - ordered[:, -inner]))
+    below = np.where(is_mixed, far, MARGIN * (ordered[:, inner - 1] - ordered[:, 0]))
+    is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1)
     with np.errstate(invalid="ignore"):
-        is_beside = (high + margin <= 0) | (low - margin >= display_size)
-    return is_beside.any(axis=1) & is_single.all(axis=1)
+        is_beside = (high + above <= 0) | (low - below >= display_size)
+    return is_beside.any(axis=1) & is_single
 
 
 def _filled(view_size: tuple[int, int], corner: Ints, size: Ints, values: np.ndarray, blank: int) -> np.ndarray:

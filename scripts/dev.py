@@ -66,6 +66,16 @@ def surface(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_surface.py", arguments.rest)
 
 
+def rules(arguments: argparse.Namespace) -> None:
+    """Measure what is saved by what the plan leaves out."""
+    run_with_tests("bench_rules.py", arguments.rest)
+
+
+def live(arguments: argparse.Namespace) -> None:
+    """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
+    run_in_blender("bench_live.py", arguments.rest)
+
+
 def run_with_tests(script: str, rest: list[str], interpreter: Path | None = None, **extra: str) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
     interpreter = interpreter or set_up(*newest_blender())
@@ -92,13 +102,13 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, compare, surface, pictures, lint, build, setup):
+    for verb in (demo, test, bench, compare, rules, live, surface, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {"demo", "bench", "compare", "surface", "pictures"}:
+    if rest and arguments.verb not in {"demo", "bench", "compare", "rules", "live", "surface", "pictures"}:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

@@ -41,6 +41,12 @@ def plan(a_rig: Rig) -> Plan:
     return make_plan(a_rig, Settings())
 
 
+def traced_beyond(a_rig: Rig) -> Plan:
+    """A plan that traces what leaves the plate, whatever is there."""
+    made = plan(a_rig)
+    return replace(made, is_clear=np.zeros_like(made.is_clear))
+
+
 def with_engine(a_rig: Rig) -> Plan:
     """A plan whose every layer has a ray engine."""
     few, ray_engine.FEW_TRIANGLES = ray_engine.FEW_TRIANGLES, 0
@@ -69,11 +75,18 @@ class Always:
             ray_engine.FEW_TRIANGLES = few
 
 
-def after(first: Rig, a_rig: Rig) -> Plan:
-    """The plan of a rig when that of another was made before."""
-    kept = Kept()
-    make_plan(first, Settings(), kept)
-    return make_plan(a_rig, Settings(), kept)
+class After:
+    """Plans of a rig when that of another was made before."""
+
+    def __init__(self, first: Callable[[], Rig]) -> None:
+        self._first = first
+        self._kept: Kept | None = None
+
+    def __call__(self, a_rig: Rig) -> Plan:
+        if self._kept is None:
+            self._kept = Kept()
+            make_plan(self._first(), Settings(), self._kept)
+        return make_plan(a_rig, Settings(), self._kept)
 
 
 def moved_viewer(a_rig: Rig) -> Rig:
@@ -91,21 +104,15 @@ RULES = {
     "disjoint solids share a layer and a bit": Rule(
         two_boxes, plan, lambda a_rig: make_plan(touching(a_rig), Settings())
     ),
-    "nothing is traced beyond the plate but a flat display": Rule(
-        ellipsoid_rig, plan, lambda a_rig: replace(plan(a_rig), is_clear=np.zeros_like(plan(a_rig).is_clear))
-    ),
+    "nothing is traced beyond the plate but a flat display": Rule(ellipsoid_rig, plan, traced_beyond),
     "without brightness there is no Fresnel": Rule(
         ellipsoid_rig, plan, lambda a_rig: make_plan(a_rig, Settings(brightness=True))
     ),
     "flat glass has no curved faces": Rule(
         lambda: cube_rig(pixels=256), plan, lambda a_rig: make_plan(marked_smooth(a_rig), Settings())
     ),
-    "a moved viewer builds nothing": Rule(
-        lambda: moved_viewer(ellipsoid_rig()), lambda a_rig: after(ellipsoid_rig(), a_rig), plan
-    ),
-    "a mesh that moved is only moved": Rule(
-        lambda: turned(ellipsoid_rig()), lambda a_rig: after(ellipsoid_rig(), a_rig), plan
-    ),
+    "a moved viewer builds nothing": Rule(lambda: moved_viewer(ellipsoid_rig()), After(ellipsoid_rig), plan),
+    "a mesh that moved is only moved": Rule(lambda: turned(ellipsoid_rig()), After(ellipsoid_rig), plan),
 }
 
 

@@ -49,7 +49,7 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
     square = corners @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + 25
     exact = rasterise((50, 50), (50, 50), square[None], square[None])
     expected = np.bincount(exact.display_index, exact.display_area, 2500).reshape(50, 50)
-    # a border is known to 2^-12 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
+    # a border is known to 2^-9 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
     error = np.abs(coverage(found) - expected)
     assert np.sort(error.ravel())[-5] < 2e-3
     assert error.max() < 0.2
