@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .curved import EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid
+from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid
 from .meshes import box_of, interpolate
 from .motion import Motion
 from .optics import dot
@@ -206,7 +206,8 @@ class Layer:
         if not len(rays):
             return hits
         if not self.has_engine:
-            self._test_all(origins, directions, rays, accept, hits)
+            for first in range(0, len(rays), CHUNK):
+                self._test_all(origins, directions, rays[first : first + CHUNK], accept, hits)
             return hits
         lost = self._ask_embree(
             origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, leaves, hits
@@ -242,22 +243,22 @@ class Layer:
         k, frames = self.n_triangles, self.frames
         # distances and barycentric coordinates of all triangles at once, by products of matrices
         axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
-        start = (o - self.centre) @ axes.T - dot(np.tile(frames.corner - self.centre, (3, 1)), axes)
-        slope = d @ axes.T
+        start = axes @ (o - self.centre).T - dot(np.tile(frames.corner - self.centre, (3, 1)), axes)[:, None]
+        slope = axes @ d.T
         with np.errstate(invalid="ignore", divide="ignore"):
-            t = -start[:, :k] / slope[:, :k]
-            u, v = (start[:, i : i + k] + t * slope[:, i : i + k] for i in (k, 2 * k))
-            t = np.where(_is_within(u, v) & (t > -self.tolerance), t, np.inf)
+            t = -start[:k] / slope[:k]
+            u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
+            t[~(_is_within(u, v) & (t > -self.tolerance))] = np.inf
         todo = np.arange(len(rays))
         while len(todo):
-            nearest = t[todo].argmin(axis=1)
-            meets = np.isfinite(t[todo, nearest])
+            nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
+            meets = np.isfinite(t[nearest, todo])
             todo, nearest = todo[meets], nearest[meets]
             found = self._on_facets(nearest, o[todo], d[todo])
             is_true, _ = accept(rays[todo], found)
             hits.put(rays[todo[is_true]], found.at(is_true))
             todo, nearest = todo[~is_true], nearest[~is_true]
-            t[todo, nearest] = np.inf
+            t[nearest, todo] = np.inf
 
     def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[dict[str, np.ndarray], Floats]:
         """What Embree finds from `start` on (primID -1 for nothing), and its distance as Embree has it."""
