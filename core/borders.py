@@ -11,6 +11,7 @@ from .trace import Step, Words, courses, trace
 
 CHUNK = 1 << 13  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
+QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
 
@@ -89,21 +90,6 @@ def trace_points(
     return points
 
 
-@dataclass(frozen=True, eq=False)
-class Pixels:
-    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
-
-    missed : (q,) display px by which whole pixels miss the ray through their middle
-    is_bent : (t,) pieces of pixels that are as their corners tell, only that the map is not bilinear there
-    """
-
-    points: Points
-    quads: Ints
-    missed: Floats
-    triangles: Ints
-    is_bent: Bools
-
-
 def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     """Courses (n, m) of viewer points (n, 2); yields the number of rays after each chunk of them."""
     parts = []
@@ -116,39 +102,78 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     )
 
 
-def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pixels]:
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3)."""
+
+    points: Points
+    quads: Ints
+    triangles: Ints
+
+
+def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
-    A ray through the middle tells whether more goes on than the corners know: where it takes another branch than the
-    piece it lies in, or lands elsewhere than expected, four triangles around the middle take the pixel's place.
+    A ray through the middle tells whether more goes on than the corners know. Where it takes another branch than the
+    piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
+    quarters once more; of what is left then, four triangles around the middle are cut.
     """
-    branch = points.branch[cells]
+    quads = cells[:0]
+    triangles = [np.empty((0, 3), np.int64)]
+    for depth in range(QUARTERINGS + 1):
+        branch = points.branch[cells]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        mixed = np.flatnonzero(~is_one)
+        points, pieces, owner = yield from _cut(plan, points, cells[mixed])
+        middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
+        again = _is_unlike(plan, points, cells, is_one, pieces, mixed[owner], middle)
+        number = len(points) + np.arange(len(cells))
+        points = points.and_more(middle)
+        whole = is_one & (branch[:, 0] != 0) & ~again
+        if depth == 0:
+            quads = cells[whole]
+        else:
+            triangles.append(_around(cells[whole], number[whole]))
+        triangles.append(pieces[~again[mixed[owner]]])
+        if depth < QUARTERINGS:
+            points, cells = yield from _quartered(plan, points, cells[again], number[again])
+    last = _around(cells[again], number[again])
+    branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
-    mixed = np.flatnonzero(~is_one)
-    points, triangles, owner = yield from _cut(plan, points, cells[mixed])
-    owner = mixed[owner]
-    middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
-    expected_branch = np.where(is_one, branch[:, 0], np.uint64(0))
-    expected = np.where(is_one[:, None], points.xy[cells].mean(axis=1), np.nan)
-    holds, at = in_triangles(points.view[triangles], points.xy[triangles], middle.view[owner])
-    expected_branch[owner[holds]], expected[owner[holds]] = points.branch[triangles[holds, 0]], at[holds]
-    off = np.linalg.norm(expected - middle.xy, axis=1)
-    size = plan.rig.display.width, plan.rig.display.height
-    off[~is_seen(expected, middle.xy, size)] = 0.0
-    again = (expected_branch != middle.branch) | (off > plan.settings.tolerance)
-    whole = is_one & (branch[:, 0] != 0) & ~again
-    triangles = triangles[~again[owner]]
-    number, around = len(points) + np.flatnonzero(again), cells[again]
-    points = points.and_more(middle)
-    parts = np.concatenate([np.stack([number, around[:, k], around[:, (k + 1) % 4]], axis=1) for k in range(4)])
-    branch = points.branch[parts]
-    is_one = (branch == branch[:, :1]).all(axis=1)
-    points, more, _ = yield from _cut(plan, points, parts[~is_one])
-    is_whole = is_one & (branch[:, 0] != 0)
-    is_bent = np.tile((expected_branch == middle.branch)[again], 4)[is_whole]
-    is_bent = np.concatenate([np.zeros(len(triangles), bool), is_bent, np.zeros(len(more), bool)])
-    triangles = np.concatenate([triangles, parts[is_whole], more])
-    return Pixels(points, cells[whole], off[whole], triangles, is_bent)
+    points, pieces, _ = yield from _cut(plan, points, last[~is_one])
+    return Pieces(points, quads, np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces]))
+
+
+def _is_unlike(
+    plan: Plan, points: Points, cells: Ints, is_one: Bools, pieces: Ints, owner: Ints, middle: Points
+) -> Bools:
+    """Do the middles of cells (m, 4) miss what the pieces that hold them, or their corners, tell?"""
+    branch = np.where(is_one, points.branch[cells[:, 0]], np.uint64(0))
+    xy = np.where(is_one[:, None], points.xy[cells].mean(axis=1), np.nan)
+    holds, at = in_triangles(points.view[pieces], points.xy[pieces], middle.view[owner])
+    branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
+    seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
+    with np.errstate(invalid="ignore"):
+        is_off = np.linalg.norm(xy - middle.xy, axis=1) > plan.settings.tolerance
+    return (branch != middle.branch) | is_off & seen
+
+
+def _around(cells: Ints, middle: Ints) -> Ints:
+    """Four triangles (4 m, 3) around the middle of each cell (m, 4)."""
+    return np.concatenate([np.stack([middle, cells[:, k], cells[:, (k + 1) % 4]], axis=1) for k in range(4)])
+
+
+def _quartered(plan: Plan, points: Points, cells: Ints, middle: Ints) -> Generator[int, None, tuple[Points, Ints]]:
+    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all points."""
+    if not len(cells):
+        return points, cells
+    halfway = (points.view[cells] + points.view[np.roll(cells, -1, axis=1)]) / 2  # dyadic: equal ones are so to the bit
+    places, number = np.unique(halfway.reshape(-1, 2), axis=0, return_inverse=True)
+    found = yield from trace_points(plan, places)
+    number = len(points) + number.reshape(cells.shape)
+    quarters = [np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)]
+    # each begins at its corner of the whole: turned back, so that all begin at the upper left
+    return points.and_more(found), np.concatenate([np.roll(q, k, axis=1) for k, q in enumerate(quarters)])
 
 
 def _cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, tuple[Points, Ints, Ints]]:

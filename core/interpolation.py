@@ -70,10 +70,14 @@ def expected_error(nodes: Floats) -> Floats:
     return QUARTIC * _differences(nodes, DIFFERENCE_4)
 
 
-def parts_for(nodes: Floats, sag: Floats | float, most: int) -> Ints:
-    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off by less than sag."""
-    curvature = _differences(nodes, DIFFERENCE_2)  # over a part of 1 / 4
-    parts = PARTS * np.sqrt(curvature / (8 * np.asarray(sag)))
+def sag(nodes: Floats) -> Floats:
+    """About how far (n,) bilinear cells between the nodes (n, 25, 2) are off, in their unit."""
+    return _differences(nodes, DIFFERENCE_2) / 8
+
+
+def parts_for(nodes: Floats, allowed: float, most: int) -> Ints:
+    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off by less."""
+    parts = PARTS * np.sqrt(sag(nodes) / allowed)
     return 2 ** np.ceil(np.log2(np.clip(parts, 1, most))).astype(np.int64)
 
 

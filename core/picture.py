@@ -29,10 +29,6 @@ class PicturePoints:
     cover: Floats
     footprint: Floats
 
-    def at(self, some: slice) -> "PicturePoints":
-        """Some of these points."""
-        return PicturePoints(self.xy[some], self.cover[some], self.footprint[some])
-
 
 def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, area: Floats | float) -> PicturePoints:
     """Follow straight lines from the viewer to the picture, as if there were no glass.

@@ -48,12 +48,14 @@ class Settings:
     wavelength: float = WAVELENGTH
 
     def check(self) -> None:
-        """Raise RigError when the tolerance is none that can be kept."""
+        """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""
         if not LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE:
             raise RigError(
                 f"The tolerance is {self.tolerance:g} display pixels: set one from {LEAST_TOLERANCE:g}"
                 f" to {MOST_TOLERANCE:g}."
             )
+        if self.max_events < 1:
+            raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
 
 
 class Kind(IntEnum):

@@ -19,7 +19,7 @@ from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
-from .shares import Shares, concatenate, display_coverage, rasterise, view_coverage
+from .shares import Gathered, Shares, display_coverage, view_coverage
 from .source_image import paint
 from .trace import REASON_WORDS, Reason
 from .view_map import MapError, ViewMap, sample
@@ -27,6 +27,7 @@ from .view_map import MapError, ViewMap, sample
 Result = TypeVar("Result")
 
 CELLS_AT_ONCE, SHARES_AT_ONCE = 1 << 18, 1 << 18
+MOST_PLACED = 16  # times so many shares are remembered by their places on the picture, for the next one
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 
 REMEDIES = {
@@ -105,7 +106,7 @@ class Session:
     def __init__(self) -> None:
         self._kept = Kept()
         self._optics: tuple[str, Plan, ViewMap, Shares, float] | None = None
-        self._placed: tuple[str, PicturePoints] | None = None
+        self._placed: tuple[str, list[PicturePoints]] | None = None
         self._pyramid: tuple[str, Pyramid] | None = None
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
@@ -151,18 +152,22 @@ class Session:
         yield 0.9
         placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
         if not (self._placed and self._placed[0] == placed_key):
-            points = picture_from_view(rig.picture, rig.viewer, shares.view_xy, shares.area)
-            self._placed = (placed_key, points)
-            yield 0.91
+            self._placed = (placed_key, [])
         pyramid_key = fingerprint(rig.picture.image)
         if not (self._pyramid and self._pyramid[0] == pyramid_key):
             self._pyramid = (pyramid_key, Pyramid(rig.picture.image))
             yield 0.92
-        points, pyramid = self._placed[1], self._pyramid[1]
-        colours = np.empty((3, len(shares)))
-        for first in range(0, len(shares), SHARES_AT_ONCE):
+        placed, pyramid = self._placed[1], self._pyramid[1]
+        colours = np.empty((3, len(shares)), np.float32)
+        for k, first in enumerate(range(0, len(shares), SHARES_AT_ONCE)):
             some = slice(first, first + SHARES_AT_ONCE)
-            colours[:, some] = pyramid.sample(points.at(some)).T
+            if k < len(placed):
+                points = placed[k]
+            else:
+                points = picture_from_view(rig.picture, rig.viewer, shares.view_xy[some], shares.area[some])
+                if k < MOST_PLACED:
+                    placed.append(points)
+            colours[:, some] = pyramid.sample(points).T
             yield 0.92 + 0.05 * first / len(shares)
         source = paint(shares, colours.T, settings.margin)
         lap("painting")
@@ -230,13 +235,11 @@ def _scaled(work: Generator[float, None, Result], share: float, start: float = 0
 
 def _rasterise(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> Generator[float, None, Shares]:
     """Shares of all cells, some at a time; yields progress 0.8..0.85."""
-    sizes = view_map.display_size, view_map.view_size
-    empty = np.empty((0, 4, 2))
-    parts = [rasterise(*sizes, empty, empty, np.empty(0) if is_weighed else None)]
-    for view, display, throughput in view_map.pieces(at_pixels):
-        parts.append(rasterise(*sizes, view, display, throughput if is_weighed else None))
-        yield 0.85 - 0.05 / len(parts)
-    return concatenate(*parts)
+    gathered = Gathered(view_map.display_size, view_map.view_size, is_weighed)
+    for n, (view, display, throughput) in enumerate(view_map.pieces(at_pixels)):
+        gathered.add(view, display, throughput)
+        yield 0.85 - 0.05 / (1 + n)
+    return gathered.whole()
 
 
 def _refuse_if_dark(view_map: ViewMap, shares: Shares) -> None:

@@ -161,29 +161,43 @@ def rasterise(
     Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size. The edges are summed
     as font rasterisers do (signed areas, accumulated along rows); the moments are Green's theorem on the same edges.
     """
-    width, height = display_size
-    pixel, view_xy = _Growing(_index_type(display_size)), _Growing(columns=2)
-    area, display_area, weight = _Growing(), _Growing(), _Growing()
-    for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
-        some = slice(start, start + POLYGONS_AT_ONCE)
-        number = np.arange(start, start + len(display_polygons[some]))
-        cells = _Cells(number, *_columns(display_polygons[some]), *_columns(view_polygons[some]))
-        for part in _divide(cells, width, height):
-            pixel.add(part.pixel)
-            view_xy.add(part.u, part.v)
-            area.add(part.area)
-            display_area.add(part.display_area)
-            if throughput is not None:
-                weight.add(throughput[part.number])
-    return Shares(
-        display_size,
-        view_size,
-        pixel.whole(),
-        view_xy.whole(),
-        area.whole(),
-        display_area.whole(),
-        None if throughput is None else weight.whole(),
-    )
+    gathered = Gathered(display_size, view_size, throughput is not None)
+    gathered.add(view_polygons, display_polygons, throughput)
+    return gathered.whole()
+
+
+class Gathered:
+    """Shares in the making, of the cells added so far: no share is held twice."""
+
+    def __init__(self, display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool) -> None:
+        self._sizes = display_size, view_size
+        self._pixel, self._view_xy = _Growing(_index_type(display_size)), _Growing(columns=2)
+        self._area, self._display_area = _Growing(), _Growing()
+        self._throughput = _Growing() if has_throughput else None
+
+    def add(self, view_polygons: Floats, display_polygons: Floats, throughput: Floats | None = None) -> None:
+        """Add the shares of more cells: parameters as for `rasterise`."""
+        width, height = self._sizes[0]
+        for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
+            some = slice(start, start + POLYGONS_AT_ONCE)
+            number = np.arange(start, start + len(display_polygons[some]))
+            cells = _Cells(number, *_columns(display_polygons[some]), *_columns(view_polygons[some]))
+            for part in _divide(cells, width, height):
+                self._pixel.add(part.pixel)
+                self._view_xy.add(part.u, part.v)
+                self._area.add(part.area)
+                self._display_area.add(part.display_area)
+                if self._throughput is not None:
+                    self._throughput.add(throughput[part.number])
+
+    def whole(self) -> Shares:
+        """All shares; nothing can be added any more."""
+        columns = (self._pixel, self._view_xy, self._area, self._display_area)
+        return Shares(
+            *self._sizes,
+            *(column.whole() for column in columns),
+            None if self._throughput is None else self._throughput.whole(),
+        )
 
 
 class _Growing:

@@ -23,10 +23,11 @@ def paint(shares: Shares, colours: Floats, margin: int = 0) -> NDArray[np.float3
     """
     throughput = np.ones(len(shares)) if shares.throughput is None else shares.throughput
     total = to_display(shares, throughput, throughput)
-    painted = to_display(shares, colours, throughput)
     covered = total > 0
-    image = np.zeros(painted.shape, np.float32)
-    image[covered] = painted[covered] / total[covered, None]
+    total[~covered] = 1.0
+    image = np.empty((*total.shape, 3), np.float32)
+    for channel in range(3):  # one at a time: sums are in double precision, and a display may have many pixels
+        image[..., channel] = to_display(shares, colours[:, channel], throughput) / total
     return grow(image, covered, margin)
 
 

@@ -62,10 +62,10 @@ class ThinParts:
         ]  # fmt: skip
 
     @cached_property
-    def size(self) -> float:
-        """Diagonal, m, of the box around all triangles."""
+    def box(self) -> Floats:
+        """Lower and upper corner (2, 3), m, of the box around all triangles."""
         low, high = self._boxes[0]
-        return float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+        return np.stack([low.min(axis=0), high.max(axis=0)])
 
     @cached_property
     def _frames(self) -> Frames:
@@ -77,12 +77,13 @@ class ThinParts:
         Parameters
         ----------
         places : (s, k, m + 1, 3) m, where the rays began and where their events were; NaN after the last
-        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge.
+        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge;
+            where they do so before they meet anything they count as near to everything
         """
-        touched = np.zeros(len(places), bool)
         is_met = np.zeros((len(places), self.n_units), bool)
         is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
-        bundles = _bundles(places, met, WIDEST * self.size)
+        low, high = self.box
+        bundles, touched = _bundles(places, met, WIDEST * float(np.linalg.norm(high - low)))
         at_once = max(1, PAIRS_AT_ONCE // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
@@ -113,12 +114,24 @@ class ThinParts:
         before, after = (dot(ends[:, end] - corner, normal) for end in (0, 1))
         one_side = np.minimum(before, after).min(axis=1) > 0
         one_side |= np.maximum(before, after).max(axis=1) < 0
+        crosses = before * after <= 0
         with np.errstate(invalid="ignore", divide="ignore"):
-            t = before / (before - after)
-            at = ends[:, 0] + t[..., None] * (ends[:, 1] - ends[:, 0]) - corner
-            u, v = dot(at, frames.axis_u[k][:, None]), dot(at, frames.axis_v[k][:, None])
-            beyond = (np.fmax.reduce(x, axis=1) < 0 for x in (u, v, 1 - u - v))
-        return ~one_side & ~np.any(list(beyond), axis=0)
+            t = np.nan_to_num(before / (before - after))
+            # The hull meets the plane where rays cross it, and between those and the others on the way from the first
+            # crossing on, or up to the last where the others begin behind the plane.
+            first = np.where(crosses, t, 1.0).min(axis=1, keepdims=True)
+            last = np.where(crosses, t, 0.0).max(axis=1, keepdims=True)
+            ahead = np.sign(before) == np.sign(np.where(crosses, before, 0.0).sum(axis=1, keepdims=True))
+            low, high = (
+                np.where(crosses, t, np.where(ahead, first, 0.0)),
+                np.where(crosses, t, np.where(ahead, 1.0, last)),
+            )
+            beyond = np.ones((3, len(k)), bool)
+            for place in (low, high):
+                at = ends[:, 0] + place[..., None] * (ends[:, 1] - ends[:, 0]) - corner
+                u, v = dot(at, frames.axis_u[k][:, None]), dot(at, frames.axis_v[k][:, None])
+                beyond &= np.stack([np.fmax.reduce(x, axis=1) < 0 for x in (u, v, 1 - u - v)])
+        return ~one_side & ~beyond.any(axis=0)
 
 
 def _along_curve(points: Floats) -> Ints:
@@ -132,24 +145,30 @@ def _along_curve(points: Floats) -> Ints:
     return place
 
 
-def _bundles(places: Floats, met: Ints, widest: float) -> _Bundles:
-    """The rays of bundles between their events, as far as they stay together, within a distance (m)."""
+def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
+    """The rays of bundles between their events, as far as they stay together; and which (s,) are wide from the first.
+
+    widest : m, between rays
+    """
     parted = np.zeros(len(places), bool)
-    ends, owner = [], []
+    ends, owner = [np.empty((0, 2, places.shape[1], 3))], [np.empty(0, np.int64)]
     for k in range(met.shape[2]):
-        both = np.moveaxis(places[:, :, k : k + 2], 2, 1)
         with np.errstate(invalid="ignore"):
-            off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1])
-            parted |= ~(off.max(axis=(1, 2), initial=0.0) < widest)
+            off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1]).max(axis=(1, 2), initial=0.0)
+        # a ray that leaves the rig is followed far beyond it: there its bundle may be as wide as the rig
+        leaves = (met[:, :, k] < 0).any(axis=1)
+        is_wide = off > np.where(leaves, widest / WIDEST, widest)
+        parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
+        if k == 0:
+            first = is_wide & ~parts
+        parted |= is_wide | np.isnan(off)
         chosen = np.flatnonzero(~parted)
-        if not len(chosen):
-            break
-        ends.append(both[chosen])
+        ends.append(np.moveaxis(places[chosen][:, :, k : k + 2], 2, 1))
         owner.append(chosen)
-        parted |= (met[:, :, k] != met[:, :1, k]).any(axis=1)
-    if not ends:
-        return _Bundles(np.empty((0, 2, places.shape[1], 3)), np.empty(0, np.int64))
-    return _Bundles(np.concatenate(ends), np.concatenate(owner))
+        parted |= parts
+        if parted.all():
+            break
+    return _Bundles(np.concatenate(ends), np.concatenate(owner)), first
 
 
 def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from . import interpolation
-from .borders import Paths, Pixels, Points, cut, in_triangles, is_seen, trace_points
+from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW, SIDE
 from .plan import Plan
 from .rig import Bools, Floats, Ints
@@ -22,23 +22,25 @@ ACROSS = 16  # squares along the longer side of the viewer's image to begin with
 MARGIN = 0.5  # of the distance of its outermost row of nodes from the next: so far a square may reach beyond them
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
 FARTHER = 2.0  # times the span of some nodes' landings: nor from so far beside it
-SHARE = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
+FOR_QUADS = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
 PLACES = 4  # along a display pixel, from which it takes its colour
+FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixel needs one place only
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
-SAMPLED = 1024  # pieces of pixels whose error is measured, at the most
+SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
+ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
 LAST = 0.999  # quantile of the error that keeps to the tolerance
 
 
 @dataclass(frozen=True)
 class MapError:
-    """Errors of the view map as measured by rays, over the part of the viewer's image that it covers.
+    """Errors of the view map at random places, traced for this alone, of the part of its image that shows the display.
 
-    rms, percentile : display px, the latter of 99.9 % of the area; over what is not unknown for a border nearby
-    facet_limited, unresolved : shares of the viewer's image, 0..1, that are off by more than the tolerance: quarters
-        of pixels on one branch where the map is not smooth, most often because of the mesh's facets, and pieces of
-        pixels that were cut at borders
-    facet_error, unresolved_error : rms of those two kinds of cells, display px, as far as they are known
+    rms, percentile : display px, the latter of 99.9 % of the area; over what the map and the trace both take there
+    facet_limited, unresolved : shares of the area, 0..1, that are off by more than the tolerance or that only one of
+        both takes to the display: on pixels whose corners lie on one branch, where the map bends within a pixel, most
+        often because of the mesh's facets; and on all others
+    facet_error, unresolved_error : rms of those shares, as far as it is known, display px
     n_checked : rays
     """
 
@@ -82,13 +84,14 @@ class ViewMap:
         """Into how many quads (c,) the sides of smooth cells are cut.
 
         They keep the tolerance, and are not much larger than viewer pixels or a part of a display pixel: one that lay
-        in a single quad would take its colour from one place.
+        in a single quad would take its colour from one place. Where display pixels are the smaller ones they may be.
         """
         xy = self.points.xy[self.nodes]
-        parts = interpolation.parts_for(xy, SHARE * self.tolerance, MOST_QUADS)
+        parts = interpolation.parts_for(xy, FOR_QUADS * self.tolerance, MOST_QUADS)
         low, high = _box(xy)
-        pixels = np.minimum(self.size, np.maximum(PLACES * (high - low).max(axis=1), 1.0))
-        parts = np.maximum(parts, 2 ** np.log2(pixels).astype(np.int64))
+        span = (high - low).max(axis=1)
+        pixels = np.clip(PLACES * span, 1.0, self.size) / np.maximum(span / (FINE * self.size), 1.0)
+        parts = np.maximum(parts, 2 ** np.log2(np.maximum(pixels, 1.0)).astype(np.int64))
         at_fold = interpolation.is_folded(xy)
         return np.where(self._is_inside & ~at_fold, parts, np.maximum(parts, self.size))
 
@@ -180,6 +183,9 @@ class ViewMap:
         return self.triangles[order], pixel[order]
 
 
+NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
     """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
     work = _Sampling(plan).run()
@@ -240,12 +246,14 @@ class _Sampling:
         corner = self.first_size * np.stack([x.ravel(), y.ravel()], axis=1)
         self.first = _Squares(corner, np.full(len(corner), self.first_size))
         self.points = Points.none()
-        self.paths = Paths(plan.thin_parts.size)
+        self.allowed = (1 - FOR_QUADS) * self.tolerance
+        low, high = plan.thin_parts.box
+        far = np.linalg.norm(np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position)))
+        self.paths = Paths(far + float(np.linalg.norm(high - low)))
 
     def run(self) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
         todo, checking, smooth, finest = self.first, none, none, none
-        measured = [np.empty(0)]
         while len(todo) or len(checking):
             column, row = todo.nodes()
             missing = np.unique((row * self.number.shape[1] + column)[self.number[row, column] < 0])
@@ -256,15 +264,17 @@ class _Sampling:
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
             missed = self._missed(checking, first + len(missing))
-            good = missed <= (1 - SHARE) * self.tolerance
-            measured.append(missed[good])
+            # of the smallest, what is left of their error is compared with that of the quads between their nodes
+            good = missed <= np.where(
+                checking.size == PARTS, np.maximum(self._bent(checking), self.allowed), self.allowed
+            )
             smooth = smooth.and_more(checking.at(good))
             is_smooth, is_done = self._sorted(todo)
             refused = todo.at(~is_smooth & ~is_done).and_more(checking.at(~good))
             checking = todo.at(is_smooth)
             finest = finest.and_more(refused.at(refused.size == PARTS))
             todo = refused.at(refused.size > PARTS).quarters()
-        return (yield from self._finished(smooth, finest, np.concatenate(measured)))
+        return (yield from self._finished(smooth, finest))
 
     def _at_nodes(self, squares: _Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
@@ -281,11 +291,24 @@ class _Sampling:
         is_aside = _is_aside(xy, branch, np.array(self.display_size))
         is_smooth = is_one & ~is_aside
         expected = interpolation.expected_error(xy[is_smooth])
-        is_smooth[is_smooth] = expected <= (1 - SHARE) * self.tolerance
-        settled = np.flatnonzero((is_smooth | is_dark | is_aside) & (squares.size > PARTS))
-        touched = settled[self.plan.thin_parts.touch(self.paths.places[nodes[settled]], self.paths.met[nodes[settled]])]
+        is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
+        met = self.paths.met[nodes]
+        # lost in different ways: what is between may be seen
+        is_dark &= (met == met[:, :1]).all(axis=(1, 2)) | (squares.size <= ALIKE)
+        settled = np.flatnonzero(is_smooth | is_dark | is_aside)
+        touched = settled[self._is_touched(squares.at(settled))]
         is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
         return is_smooth, is_dark | is_aside
+
+    def _is_touched(self, squares: _Squares) -> Bools:
+        """Did the rays of squares (n,) pass by something that none of them met?"""
+        nodes = self._at_nodes(squares)
+        return self.plan.thin_parts.touch(self.paths.places[nodes], self.paths.met[nodes])
+
+    def _bent(self, squares: _Squares) -> Floats:
+        """About how far off (n,), display px, the pixels of the smallest squares are, quartered as in `cut`."""
+        by_quads = interpolation.sag(self.points.xy[self._at_nodes(squares)])
+        return np.where(by_quads > self.tolerance, by_quads / 4**QUARTERINGS, by_quads)
 
     def _missed(self, squares: _Squares, first: int) -> Floats:
         """By how much (n,), display px, smooth squares miss the points traced to check them; inf on another branch."""
@@ -300,7 +323,7 @@ class _Sampling:
             missed = np.maximum(missed, np.where(is_seen(expected, xy, self.display_size), off, 0.0))
         return missed
 
-    def _finished(self, smooth: _Squares, finest: _Squares, measured: Floats) -> Generator[int, None, ViewMap]:
+    def _finished(self, smooth: _Squares, finest: _Squares) -> Generator[int, None, ViewMap]:
         """Cells of the pixels of the squares that were refused to the last, and the whole map."""
         column, row = finest.nodes()
         at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
@@ -308,55 +331,55 @@ class _Sampling:
         is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
         cells = self._at_nodes(finest)[:, corners][is_there]
         is_aside = _is_aside(self.points.xy[cells], self.points.branch[cells], np.array(self.display_size))
+        # beside the glass there is nothing to find, but where something thin is near
         is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
-        pixels = yield from cut(self.plan, self.points, cells[~is_aside & ~is_beside_glass])
-        error = yield from self._measure(pixels, smooth, measured)
-        return ViewMap(
+        is_beside_glass &= ~np.broadcast_to(self._is_touched(finest)[:, None], is_there.shape)[is_there]
+        cells = cells[~is_aside & ~is_beside_glass]
+        pieces = yield from cut(self.plan, self.points, cells)
+        view_map = ViewMap(
             self.view_size,
             self.display_size,
-            pixels.points,
+            pieces.points,
             smooth.corner,
             smooth.size,
             self._at_nodes(smooth),
-            pixels.quads,
-            pixels.triangles,
+            pieces.quads,
+            pieces.triangles,
             self._reasons(),
             self.tolerance,
-            error,
+            NO_ERROR,
             n_rays=0,
         )
+        return replace(view_map, error=(yield from self._measure(view_map, smooth, cells)))
 
-    def _measure(self, pixels: Pixels, smooth: _Squares, missed: Floats) -> Generator[int, None, MapError]:
-        """Errors of the whole map, from checks of smooth cells and of pixels, and from rays through some pieces."""
-        points = pixels.points
-        areas, errors = [smooth.size**2.0, np.ones(len(pixels.missed))], [missed, pixels.missed]
-        for triangles in (pixels.triangles[pixels.is_bent], pixels.triangles[~pixels.is_bent]):
-            some = triangles[:: -(-len(triangles) // SAMPLED) or 1]
-            found = yield from trace_points(self.plan, points.view[some].mean(axis=1))
-            expected = points.xy[some].mean(axis=1)
-            # the error of a piece with another branch in its middle is not known
-            is_one = found.branch == points.branch[some[:, 0]]
-            off = np.where(is_one, np.linalg.norm(found.xy - expected, axis=1), np.inf)
-            area = _area(points.view[some])
-            area *= _area(points.view[triangles]).sum() / max(area.sum(), 1e-300)
-            seen = is_seen(expected, found.xy, self.display_size)
-            areas.append(area[seen])
-            errors.append(off[seen])
-        error, area = np.concatenate(errors), np.concatenate(areas)
-        shares = [
-            float(a[e > self.tolerance].sum() / (self.view_size[0] * self.view_size[1]))
-            for e, a in zip(errors[2:], areas[2:], strict=True)
-        ]
-        rms = [_rms(e, a) for e, a in zip(errors[2:], areas[2:], strict=True)]
-        return MapError(
-            _rms(error, area),
-            _quantile(error, area, LAST),
-            shares[0],
-            rms[0],
-            shares[1],
-            rms[1],
-            len(error) + len(missed),
+    def _measure(self, view_map: ViewMap, smooth: _Squares, pixels: Ints) -> Generator[int, None, MapError]:
+        """Errors of the map at random places of smooth squares, and of the finest pixels, corners (n, 4)."""
+        random = np.random.default_rng(0)
+        n_smooth, n_pixels = (min(SAMPLED, 16 * len(kind)) for kind in (smooth, pixels))
+        squares = smooth.at(
+            random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum()) if n_smooth else []
         )
+        some = pixels[random.integers(0, max(len(pixels), 1), n_pixels)]
+        at = np.concatenate([
+            squares.corner + squares.size[:, None] * random.random((n_smooth, 2)),
+            self.points.view[some[:, 0]] + random.random((n_pixels, 2)),
+        ])  # fmt: skip
+        found = yield from trace_points(self.plan, at)
+        branch = self.points.branch[some]
+        is_one = np.append(np.zeros(n_smooth, bool), (branch == branch[:, :1]).all(axis=1))
+        area = np.repeat(
+            [(smooth.size**2.0).sum() / max(n_smooth, 1), len(pixels) / max(n_pixels, 1)], [n_smooth, n_pixels]
+        )
+        expected = view_map.display_from_view(at)
+        seen = is_seen(expected, found.xy, self.display_size) & ((at >= 0) & (at <= self.view_size)).all(axis=1)
+        off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
+        area, is_one = area[seen], is_one[seen]
+        whole = max(float(area.sum()), 1e-300)
+        by_kind = []
+        for kind in (is_one, ~is_one):
+            above = kind & (off > self.tolerance)
+            by_kind += [float(area[above].sum() / whole), _rms(off[above], area[above])]
+        return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, n_checked=len(at))
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's pixels: those not traced have that of a node nearby."""
@@ -430,12 +453,6 @@ def _bilinear(corners: Floats, place: Floats) -> Floats:
     x, y = place[:, :1], place[:, 1:]
     a, b, c, d = np.moveaxis(corners, 1, 0)
     return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)
-
-
-def _area(polygons: Floats) -> Floats:
-    """Area (n,) of triangles (n, 3, 2)."""
-    a, b = polygons[:, 1] - polygons[:, 0], polygons[:, 2] - polygons[:, 0]
-    return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _rms(off: Floats, area: Floats) -> float:

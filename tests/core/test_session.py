@@ -290,3 +290,25 @@ def test_a_mesh_whose_rounding_shows_is_left_flat():
     fine = icosphere(0.025, 5)
     assert surfaces.make_surface(replace(fine, rounding=1e-9)).curved is not None
     assert surfaces.make_surface(replace(fine, rounding=1e-6)).curved is None
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -0.1, 1e-9, 1e3, float("nan"), float("inf")])
+def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance):
+    """Refused in one sentence that names the range, before any work; the session stays as it was."""
+    kept = Session()
+    a_rig = small()
+    solve(a_rig, kept)
+    with pytest.raises(RigError, match=r"^The tolerance is .* display pixels: set one from 1e-06 to 100\.$"):
+        solve(a_rig, kept, tolerance=tolerance)
+    assert solve(a_rig, kept).n_rays == 0
+
+
+def test_the_measured_error_goes_with_the_tolerance():
+    """A smaller tolerance, a smaller measured error, more rays; it is told with the result."""
+    tolerances = (0.3, 0.03, 0.003)
+    solutions = [solve(ball_rig(4, pixels=128), tolerance=t) for t in tolerances]
+    errors = [solution.map_error.rms for solution in solutions]
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[0] > 4 * errors[2]
+    assert errors[0] < tolerances[0] / 4
+    assert solutions[0].n_rays < solutions[1].n_rays < solutions[2].n_rays
