@@ -11,6 +11,7 @@ from .trace import Step, Words, courses, trace
 
 CHUNK = 1 << 13  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
+SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
 QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
@@ -116,9 +117,9 @@ def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pieces]
 
     A ray through the middle tells whether more goes on than the corners know. Where it takes another branch than the
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
-    quarters once more; of what is left then, four triangles around the middle are cut.
+    quarters once more; of what is left then, or is a tangle, four triangles around the middle are cut.
     """
-    quads = cells[:0]
+    quads, last = cells[:0], []
     triangles = [np.empty((0, 3), np.int64)]
     for depth in range(QUARTERINGS + 1):
         branch = points.branch[cells]
@@ -126,7 +127,8 @@ def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pieces]
         mixed = np.flatnonzero(~is_one)
         points, pieces, owner = yield from _cut(plan, points, cells[mixed])
         middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
-        again = _is_unlike(plan, points, cells, is_one, pieces, mixed[owner], middle)
+        off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle)
+        again = off > plan.settings.tolerance
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
         whole = is_one & (branch[:, 0] != 0) & ~again
@@ -135,27 +137,39 @@ def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pieces]
         else:
             triangles.append(_around(cells[whole], number[whole]))
         triangles.append(pieces[~again[mixed[owner]]])
-        if depth < QUARTERINGS:
-            points, cells = yield from _quartered(plan, points, cells[again], number[again])
-    last = _around(cells[again], number[again])
+        # quarters are of no use where five places lie on four branches and more, or the error is too large to get small
+        simple = again & (_n_branches(points, np.column_stack([cells, number])) < 4)
+        simple &= ~np.isfinite(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
+        simple &= depth < QUARTERINGS
+        last.append(_around(cells[again & ~simple], number[again & ~simple]))
+        points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
+    last = np.concatenate(last)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
     return Pieces(points, quads, np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces]))
 
 
-def _is_unlike(
+def _missed(
     plan: Plan, points: Points, cells: Ints, is_one: Bools, pieces: Ints, owner: Ints, middle: Points
-) -> Bools:
-    """Do the middles of cells (m, 4) miss what the pieces that hold them, or their corners, tell?"""
+) -> Floats:
+    """By how much (m,), display px, the pieces that hold them, or their corners, miss the middles of cells (m, 4).
+
+    inf on another branch, 0 beside the display.
+    """
     branch = np.where(is_one, points.branch[cells[:, 0]], np.uint64(0))
     xy = np.where(is_one[:, None], points.xy[cells].mean(axis=1), np.nan)
     holds, at = in_triangles(points.view[pieces], points.xy[pieces], middle.view[owner])
     branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
     seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
-    with np.errstate(invalid="ignore"):
-        is_off = np.linalg.norm(xy - middle.xy, axis=1) > plan.settings.tolerance
-    return (branch != middle.branch) | is_off & seen
+    off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)
+    return np.where(branch == middle.branch, off, np.inf)
+
+
+def _n_branches(points: Points, cells: Ints) -> Ints:
+    """On how many different branches (m,), none being one, do points (m, k) lie?"""
+    branch = np.sort(points.branch[cells], axis=1)
+    return 1 + (branch[:, 1:] != branch[:, :-1]).sum(axis=1)
 
 
 def _around(cells: Ints, middle: Ints) -> Ints:

@@ -66,6 +66,11 @@ def surface(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_surface.py", arguments.rest)
 
 
+def curved(arguments: argparse.Namespace) -> None:
+    """Measure what curved faces cost a ray."""
+    run_with_tests("bench_curved.py", arguments.rest)
+
+
 def growth(arguments: argparse.Namespace) -> None:
     """Measure how time and rays grow with pixels and triangles (further options go to scripts/bench_growth.py)."""
     run_with_tests("bench_growth.py", arguments.rest)
@@ -107,13 +112,23 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, compare, growth, rules, live, surface, pictures, lint, build, setup):
+    for verb in (demo, test, bench, compare, curved, growth, rules, live, surface, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {"demo", "bench", "compare", "growth", "rules", "live", "surface", "pictures"}:
+    if rest and arguments.verb not in {
+        "demo",
+        "bench",
+        "compare",
+        "curved",
+        "growth",
+        "rules",
+        "live",
+        "surface",
+        "pictures",
+    }:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:
