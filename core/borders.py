@@ -9,7 +9,7 @@ from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, trace
 
-CHUNK = 1 << 13  # rays traced together: a step of the work, which should take less than 0.1 s
+CHUNK = 5000  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
 SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
 QUARTERINGS = 2  # of a pixel, at the most
