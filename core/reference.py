@@ -8,7 +8,7 @@ wrong place has the right colour. What the viewer sees of a source image is simu
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,11 @@ from .placement import lattice
 from .plan import MOST_TOLERANCE, Plan, Settings, make_plan
 from .rig import Bools, Floats, Rig
 from .seen_image import lattice_shift
-from .session import Session, Solution
+from .session import Session, Solution, within
 from .shares import to_display
 from .trace import trace_all
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
-Result = TypeVar("Result")
 
 N_CHECKED = 1 << 16  # points of the viewer's image at which the map is compared with the trace
 PERCENTILE = 99.9
@@ -260,12 +259,3 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     total = joined(weight)
     sources = (joined(weight * solution.source) / np.where(total > 0, total, 1) for solution in (one, other))
     return tuple(source.astype(np.float32) for source in sources)
-
-
-def within(work: Generator[float, None, Result], start: float, stop: float) -> Generator[float, None, Result]:
-    """Hand on the progress of one part of the work, from start to stop of the whole."""
-    while True:
-        try:
-            yield start + (stop - start) * next(work)
-        except StopIteration as done:
-            return done.value

@@ -95,6 +95,15 @@ def finish(steps: Generator[float, None, Result]) -> Result:
             return end.value
 
 
+def within(work: Generator[float, None, Result], start: float, stop: float) -> Generator[float, None, Result]:
+    """Hand on the progress of one part of the work, from start to stop of the whole."""
+    while True:
+        try:
+            yield start + (stop - start) * next(work)
+        except StopIteration as done:
+            return done.value
+
+
 def without_glass(rig: Rig) -> Rig:
     """The same rig with glass that does not refract: what it paints is the plain, uncompensated picture."""
     return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
@@ -105,7 +114,7 @@ class Session:
 
     def __init__(self) -> None:
         self._kept = Kept()
-        self._optics: tuple[str, Plan, ViewMap, Shares, float] | None = None
+        self._optics: tuple[str, Plan, ViewMap, Shares, float, Floats, Floats] | None = None
         self._placed: tuple[str, list[PicturePoints]] | None = None
         self._pyramid: tuple[str, Pyramid] | None = None
 
@@ -134,21 +143,24 @@ class Session:
         lap("fingerprint")
         n_rays = 0
         if self._optics and self._optics[0] == key:
-            _, plan, view_map, shares, tessellation = self._optics
+            _, plan, view_map, shares, tessellation, seen_share, covered = self._optics
             left_out.append("tracing (the optics have not changed)")
         else:
             plan = make_plan(rig, settings, self._kept)
             lap("plan")
             yield 0.0
-            view_map = yield from _scaled(sample(plan), 0.8)
+            view_map = yield from within(sample(plan), 0.0, 0.8)
             lap("tracing")
             n_rays = view_map.n_rays
             shares = yield from _rasterise(view_map, settings.brightness)
             _refuse_if_dark(view_map, shares)
             lap("shares")
-            tessellation = yield from _scaled(tessellation_error(plan), 0.05, 0.85)
+            tessellation = yield from within(tessellation_error(plan), 0.85, 0.9)
             lap("tessellation error")
-            self._optics = (key, plan, view_map, shares, tessellation)
+            seen_share = np.where(view_map.is_whole, 1.0, view_coverage(shares))
+            covered = display_coverage(shares)
+            lap("coverage")
+            self._optics = (key, plan, view_map, shares, tessellation, seen_share, covered)
         yield 0.9
         placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
         if not (self._placed and self._placed[0] == placed_key):
@@ -172,9 +184,7 @@ class Session:
         source = paint(shares, colours.T, settings.margin)
         lap("painting")
         yield 0.98
-        seen_share = np.where(view_map.is_whole, 1.0, view_coverage(shares))
         picture_coverage, misses = _of_the_picture(rig, view_map, seen_share)
-        covered = display_coverage(shares)
         lap("coverage")
         yield 1.0
         return Solution(
@@ -222,15 +232,6 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
             " lower the picture's brightness."
         )
     return tuple(notes)
-
-
-def _scaled(work: Generator[float, None, Result], share: float, start: float = 0.0) -> Generator[float, None, Result]:
-    """Hand on the progress of one part of the work as a share of the whole."""
-    while True:
-        try:
-            yield start + share * next(work)
-        except StopIteration as done:
-            return done.value
 
 
 def _rasterise(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> Generator[float, None, Shares]:

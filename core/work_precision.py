@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from .image_io import encode
 from .plan import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer, within
+from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer
 from .rig import Rig
-from .session import Session, Solution, finish
+from .session import Session, Solution, finish, within
 from .source_image import splat
 
 Result = TypeVar("Result")

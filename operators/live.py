@@ -439,10 +439,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = [] if is_on() else work.lacking(context.scene)
-        if reasons:
-            cls.poll_message_set(f"{reasons[0]}.")
-        return not reasons
+        return work.can_run(cls, [] if is_on() else work.lacking(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if is_on():

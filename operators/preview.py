@@ -71,9 +71,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             reasons.insert(0, "The preview needs Cycles: enable the add-on Cycles Render Engine")
         if bpy.app.is_job_running("RENDER"):
             reasons.insert(0, "A render is running: wait for it or stop it")
-        if reasons:
-            cls.poll_message_set(f"{reasons[0]}.")
-        return not reasons
+        return work.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

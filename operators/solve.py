@@ -17,10 +17,7 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = work.lacking(context.scene)
-        if reasons:
-            cls.poll_message_set(f"{reasons[0]}.")
-        return not reasons
+        return work.can_run(cls, work.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene

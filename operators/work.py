@@ -95,6 +95,13 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
     return [phrase for phrase in missing(scene) if not any(NEEDED[r] == phrase for r in roles if r in NEEDED)]
 
 
+def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
+    """What `poll` returns: are there no reasons against it? The first one is told where the button is grey."""
+    if reasons:
+        operator.poll_message_set(f"{reasons[0]}.")
+    return not reasons
+
+
 class LongWork:
     """Mix-in for an operator whose work is a generator: stepped with Esc in the interface, drained elsewhere.
 
