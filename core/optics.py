@@ -56,8 +56,12 @@ def refract(directions: Floats, normals: Floats, eta: Floats) -> tuple[Floats, B
     root = np.sqrt(np.where(is_tir, 0.0, k))
     refracted = eta[:, None] * directions + (eta * c - root)[:, None] * normals
     refracted = np.where(is_tir[:, None], reflect(directions, normals), refracted)
+    return refracted, is_tir, np.where(is_tir, 1.0, transmittance(c, root, eta))
+
+
+def transmittance(c1: Floats, c2: Floats, eta: Floats | float) -> Floats:
+    """Unpolarised Fresnel transmittance of power (n,), from the cosines before and behind a face; 0 at grazing."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        s = (eta * c - root) / (eta * c + root)
-        p = (c - eta * root) / (c + eta * root)
-    transmittance = np.where(is_tir, 1.0, 1.0 - 0.5 * (np.nan_to_num(s, nan=1.0) ** 2 + np.nan_to_num(p, nan=1.0) ** 2))
-    return refracted, is_tir, transmittance
+        s = (eta * c1 - c2) / (eta * c1 + c2)
+        p = (c1 - eta * c2) / (c1 + eta * c2)
+    return 1.0 - 0.5 * (np.nan_to_num(s, nan=1.0) ** 2 + np.nan_to_num(p, nan=1.0) ** 2)

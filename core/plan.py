@@ -14,6 +14,7 @@ from .errors import RigError
 from .media import Media, boxes_touch, make_media
 from .motion import Motion, find_motion
 from .optics import dot
+from .plate import ArrayFrame, array_frame
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig
 from .surfaces import Surface, contains, make_surface, solids_from_mesh
@@ -81,6 +82,7 @@ class Plan:
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
     thin_parts: all triangles, to be asked what rays passed by.
+    arrays: where mirror arrays stand, by the number of their part.
     is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is nothing but a flat
         display: such light is not traced any further.
     """
@@ -104,6 +106,7 @@ class Plan:
     thin_parts: ThinParts
     display_start: int
     display_plane: DisplayPlane | None
+    arrays: dict[int, ArrayFrame]
     is_clear: Bools
     merge_distance: float
     used: tuple[str, ...]
@@ -345,6 +348,11 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     plane = display_plane(rig.display, surfaces[-1])
     kind = np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets])
     is_clear = find_clear(surfaces, kind) & (plane is not None)
+    arrays = {
+        len(solids) + i: array_frame(plate, sheets[i][1].normals[0])
+        for i, plate in enumerate(rig.plates)
+        if plate.array is not None
+    }
     has_bent = any(surface.corner_normals is not None for surface in surfaces)
 
     def of_glass(name: str) -> list[int]:
@@ -359,6 +367,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         ),
         "bent normals": (has_bent, "no flat face has any"),
         "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
+        "mirror array": (len(arrays) > 0, "the plate is ideal"),
         "rays beyond the plate": (
             not is_clear[kind == Kind.PLATE].any(axis=1).all(),
             "a flat display is all there is",
@@ -387,6 +396,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         thin_parts=thin_parts,
         display_start=int(starts[-2]),
         display_plane=plane,
+        arrays=arrays,
         is_clear=is_clear,
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),

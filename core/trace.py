@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,13 @@ from .curved import EDGE
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
+from .plate import ArrayFrame, PlatePath
 from .ray_engine import Hits
 from .rig import Bools, Floats, Ints
 
 Words = NDArray[np.uint64]
+
+PlateLight = Literal["imaged", "crossed", "reflected"]
 
 CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache
 
@@ -49,7 +52,8 @@ class Landings:
 
     sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there is no landing;
     xy (n, 2) display pixels, x right and y down from the top left corner, NaN without a landing; positions and
-    directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,)
+    directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,); plate_path (n,) of
+    PlatePath
 
     A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
     display's border can then be cut there exactly.
@@ -63,6 +67,7 @@ class Landings:
     directions: Floats
     throughput: Floats
     n_events: Ints
+    plate_path: np.ndarray
 
     @property
     def has_arrived(self) -> Bools:
@@ -74,11 +79,11 @@ def join(parts: list[Landings]) -> Landings:
     return Landings(*(np.concatenate([getattr(p, name) for p in parts]) for name in Landings.__dataclass_fields__))
 
 
-def trace_all(plan: Plan, origins: Floats, directions: Floats) -> Landings:
-    """Trace any number of rays (n, 3), in chunks."""
+def trace_all(plan: Plan, origins: Floats, directions: Floats, light: PlateLight = "imaged") -> Landings:
+    """Trace any number of rays (n, 3), in chunks; parameters are those of `trace`."""
     parts = []
     for first in range(0, max(len(origins), 1), CHUNK):
-        some = trace(plan, origins[first : first + CHUNK], directions[first : first + CHUNK])
+        some = trace(plan, origins[first : first + CHUNK], directions[first : first + CHUNK], light=light)
         some.sample[:] += first
         parts.append(some)
     return join(parts)
@@ -101,7 +106,9 @@ class Step(NamedTuple):
 class _Rays:
     """The state of the rays of one batch; `live` are those still under way."""
 
-    def __init__(self, origins: Floats, directions: Floats, course: Words | None, is_recorded: bool) -> None:
+    def __init__(
+        self, origins: Floats, directions: Floats, course: Words | None, is_recorded: bool, light: PlateLight = "imaged"
+    ) -> None:
         n = len(origins)
         self.positions = np.array(origins, float)
         self.directions = np.array(directions, float)
@@ -114,6 +121,8 @@ class _Rays:
         self.n_events = np.zeros(n, np.int64)
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
+        self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
+        self.light = light
         self.last_part = np.full(n, -1)
         self.live = np.arange(n)
         self.course, self.is_recorded = course, is_recorded
@@ -149,7 +158,12 @@ def courses(plan: Plan, origins: Floats, directions: Floats) -> Words:
 
 
 def trace(
-    plan: Plan, origins: Floats, directions: Floats, course: Words | None = None, steps: list[Step] | None = None
+    plan: Plan,
+    origins: Floats,
+    directions: Floats,
+    course: Words | None = None,
+    steps: list[Step] | None = None,
+    light: PlateLight = "imaged",
 ) -> Landings:
     """Follow rays backward from the viewer until each has landed on the display or is lost.
 
@@ -158,8 +172,11 @@ def trace(
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
     course : (n, m) as `courses` gives them: a ray is given up, without a landing, as soon as it leaves its course
     steps : is filled with what happened at each event
+    light : which light is followed at mirror arrays: that of the mid-air image, as the mean over all phases; what goes
+        where the mirrors stand, stray light and all; or first what the plate's face reflects, then such light.
+        At ideal plates it is all the same.
     """
-    rays = _Rays(origins, directions, course, is_recorded=False)
+    rays = _Rays(origins, directions, course, False, light)
     _follow(plan, rays, steps)
     rays.xy[rays.is_astray] = np.nan
     return Landings(
@@ -171,6 +188,7 @@ def trace(
         rays.directions,
         rays.throughput,
         rays.n_events,
+        rays.plate_path,
     )
 
 
@@ -344,13 +362,37 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
 
 
 def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    rays.directions[i] = plane_symmetry(rays.directions[i], plan.normals[hits.triangle])
+    part = plan.part[hits.triangle]
+    is_ideal = np.ones(len(i), bool)
+    for number, array in plan.arrays.items():
+        some = np.flatnonzero(part == number)
+        if len(some):
+            _meet_array(plan, array, rays, i[some])
+            is_ideal[some] = False
+    if is_ideal.any():
+        ideal = i[is_ideal]
+        rays.directions[ideal] = plane_symmetry(rays.directions[ideal], plan.normals[hits.triangle[is_ideal]])
+        rays.plate_path[ideal] = np.maximum(rays.plate_path[ideal], PlatePath.IMAGED)
     rays.has_met_plate[i] = True
     rays.add_to_branch(i, plan.patch[hits.triangle], _PLATE)
     goes_along = (dot(rays.directions[i], plan.normals[hits.triangle]) > 0).astype(int)
     clear = plan.is_clear[plan.part[hits.triangle], goes_along]
     if clear.any():
         _land_beyond_plate(plan, rays, i[clear])
+
+
+def _meet_array(plan: Plan, array: ArrayFrame, rays: _Rays, i: Ints) -> None:
+    is_again = rays.has_met_plate[i]
+    again = "crossed" if rays.light == "reflected" else rays.light
+    for light, some in ((rays.light, i[~is_again]), (again, i[is_again])):
+        if not len(some):
+            continue
+        crossing = getattr(array, light)(rays.positions[some], rays.directions[some])
+        rays.positions[some], rays.directions[some] = crossing.positions, crossing.directions
+        before = rays.plate_path[some]
+        rays.plate_path[some] = np.where(before > PlatePath.IMAGED, before, crossing.path)
+        if plan.settings.brightness:
+            rays.throughput[some] *= crossing.throughput
 
 
 def _meet_mirror(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
