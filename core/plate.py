@@ -220,4 +220,7 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
             f"The plate '{plate.name}' is {1e3 * (high - low)[:2].min():g} mm wide, less than the"
             f" {1e3 * plate.array.pitch:g} mm from mirror to mirror: scale it up or lower its pitch."
         )
-    return ArrayFrame(plate.array, (0.5 * (low + high)) @ axes, axes)
+    middle = 0.5 * (low + high)
+    if plate.centre is not None:
+        middle[:2] = axes[:2] @ plate.centre
+    return ArrayFrame(plate.array, middle @ axes, axes)

@@ -166,12 +166,14 @@ class Plate:
 
     array : the mirrors it is made of; None for the ideal plate
     side : (3,) world, along one of its sides, to which mirrors stand at 45 degrees; None: its first face's first edge
+    centre : (3,) m, world, from which the mirrors are counted; None: the middle of its extent
     """
 
     name: str
     mesh: Mesh
     array: MirrorArray | None = None
     side: Floats | None = None
+    centre: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
