@@ -17,7 +17,20 @@ from .blender_mesh import LocalMesh, column, flat_size, in_world, read_local, sh
 from .blender_picture import read_pixels, stored_pixels
 from .blender_viewer import read_viewer
 from .errors import RigError
-from .rig import Blocker, ConstantIndex, Display, Floats, Glass, Mesh, Mirror, Picture, Plate, Rig, Viewer
+from .rig import (
+    Blocker,
+    ConstantIndex,
+    Display,
+    Floats,
+    Glass,
+    Mesh,
+    Mirror,
+    MirrorArray,
+    Picture,
+    Plate,
+    Rig,
+    Viewer,
+)
 
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
@@ -57,7 +70,7 @@ class Reading:
 class Part:
     """One mesh in the world with the object whose role it has and the one it was drawn as.
 
-    Materials from the most to the least used.
+    Materials from the most to the least used. matrix (4, 4): where the object stands, m.
     """
 
     owner: bpy.types.Object
@@ -67,6 +80,7 @@ class Part:
     materials: tuple[bpy.types.Material | None, ...] = ()
     texture: Texture | None = None
     n_dropped: int = 0
+    matrix: Floats | None = None
 
     @property
     def role(self) -> str:
@@ -237,8 +251,9 @@ def read_part(
 ) -> Part:
     """Triangles, materials and texture of one instance, read while the iterator stands on it."""
     shown, shape = instance.object, kept.shape(instance, owner)
-    mesh, n_dropped = shape.at(to_metres @ np.array(instance.matrix_world, dtype=float), owner.kiriko.surface)
-    return Part(owner, name, mesh, shown.original, used_materials(shown, shape.slots), shape.texture, n_dropped)
+    matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
+    mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
+    return Part(owner, name, mesh, shown.original, used_materials(shown, shape.slots), shape.texture, n_dropped, matrix)
 
 
 def shown_parts(
@@ -347,6 +362,25 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
         )
     glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
     return glass, readings, notes
+
+
+def read_plate(part: Part, metres: float) -> Plate:
+    """A plate with its mirrors, which are counted from the object's origin and turned with its x axis."""
+    ours = part.owner.kiriko.plate
+    if ours.model == "IDEAL" or part.matrix is None:
+        return Plate(part.name, part.mesh)
+    pitch = ours.pitch * metres
+    array = MirrorArray(
+        layout=ours.model.lower(),
+        pitch=pitch,
+        height=ours.height * pitch,
+        ior=ours.ior,
+        reflectance=ours.reflectance,
+        crossing_error=ours.crossing_error if ours.model == "CROSSED" else 0.0,
+        has_fresnel=ours.fresnel,
+        phase=tuple(ours.phase),
+    )
+    return Plate(part.name, part.mesh, array, side=part.matrix[:3, 0], centre=part.matrix[:3, 3])
 
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
@@ -490,7 +524,7 @@ def read(
     rig = Rig(
         viewers=() if viewer is None else (viewer,),
         glasses=tuple(glasses),
-        plates=tuple(Plate(p.name, p.mesh) for p in by_role.get("PLATE", [])),
+        plates=tuple(read_plate(p, metres) for p in by_role.get("PLATE", [])),
         displays=tuple(displays),
         pictures=tuple(pictures),
         mirrors=tuple(Mirror(p.name, p.mesh) for p in by_role.get("MIRROR", [])),

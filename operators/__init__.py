@@ -2,10 +2,11 @@
 
 import bpy
 
-from . import add_rig, command_line, export, live, preview, report, solve, work
+from . import add_rig, command_line, export, live, plate_preset, preview, report, solve, work
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
+    plate_preset.KIRIKO_OT_plate_preset,
     solve.KIRIKO_OT_solve,
     live.KIRIKO_OT_live,
     preview.KIRIKO_OT_preview,

@@ -38,12 +38,27 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             value.active = ours.use_ior
             value.prop(ours, "ior", text="")
             box.prop(ours, "priority")
+        if ours.role == "PLATE":
+            self._draw_plate(box, ours.plate)
         if ours.role in {"GLASS", "MIRROR"}:
             box.prop(ours, "surface")
         elif ours.role == "DISPLAY":
             box.prop(ours, "resolution")
         elif ours.role == "PICTURE":
             box.template_ID(ours, "image", open="image.open")
+
+    def _draw_plate(self, box: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
+        box.prop(plate, "model")
+        box.operator_menu_enum("kiriko.plate_preset", "preset", text="Preset", icon="PRESET")
+        if plate.model == "IDEAL":
+            return
+        column = box.column(align=True)
+        for name in ("pitch", "height", "ior", "reflectance"):
+            column.prop(plate, name)
+        if plate.model == "CROSSED":
+            column.prop(plate, "crossing_error")
+        box.prop(plate, "fresnel")
+        box.prop(plate, "phase")
 
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         found = work.parts(context.scene)

@@ -5,11 +5,14 @@ from bpy.props import (
     BoolProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
+
+from ..core.rig import MOST_CROSSING_ERROR, PRESETS
 
 ROLES = (
     ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
@@ -19,6 +22,12 @@ ROLES = (
     ("DISPLAY", "Display", "Shows the source image on its front, laid out by its UV map", "RESTRICT_VIEW_OFF", 4),
     ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
     ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
+)
+PLATE_MODELS = (
+    ("IDEAL", "Ideal", "A law without mirrors: every ray goes to the mirror image of where it came from"),
+    ("CROSSED", "Two Layers (MMAP)", "Two layers of mirrors, crossed at right angles, as in ASKA3D plates"),
+    ("HOLES", "Square Holes (DCRA)", "Holes with mirrors in both directions on their walls, in one layer"),
+    ("RADIAL", "Radial Holes (DCRA)", "Such holes, turned with the azimuth about the plate's origin"),
 )
 SURFACES = (
     ("SMOOTH", "Smooth", "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn"),
@@ -42,6 +51,79 @@ RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0)
 def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
     """Only cameras can be the viewer."""
     return candidate.type == "CAMERA"
+
+
+class KirikoPlate(bpy.types.PropertyGroup):
+    """What a plate is made of."""
+
+    model: EnumProperty(
+        name="Model",
+        description="What the plate is made of: mirrors bring stray light, dimness and blur",
+        items=PLATE_MODELS,
+        default="IDEAL",
+    )
+    pitch: FloatProperty(
+        name="Pitch",
+        description="From mirror to mirror",
+        default=PRESETS["ASKA3D-488"].pitch,
+        min=1e-6,
+        soft_min=1e-4,
+        soft_max=5e-3,
+        precision=5,
+        step=0.01,
+        subtype="DISTANCE",
+    )
+    height: FloatProperty(
+        name="Height",
+        description="Of the mirrors of one layer, in pitches: it sets the angle at which the plate is brightest",
+        default=2.5,
+        min=0.01,
+        soft_max=10.0,
+        max=1000.0,
+        precision=2,
+        step=1,
+    )
+    ior: FloatProperty(
+        name="IOR",
+        description="Index of refraction of the glass between the mirrors",
+        default=1.52,
+        min=1.0,
+        soft_max=2.5,
+        max=10.0,
+        precision=3,
+        step=1,
+    )
+    reflectance: FloatProperty(
+        name="Reflectance",
+        description="Share of light that a mirror reflects",
+        default=0.87,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    crossing_error: FloatProperty(
+        name="Crossing Error",
+        description="By how much the second layer is turned further than 90 degrees; the image turns by twice as much",
+        default=0.0,
+        min=-MOST_CROSSING_ERROR,
+        max=MOST_CROSSING_ERROR,
+        precision=4,
+        step=1,
+        subtype="ANGLE",
+    )
+    fresnel: BoolProperty(
+        name="Glass Reflections",
+        description="The plate's two faces reflect a part of the light",
+        default=True,
+    )
+    phase: FloatVectorProperty(
+        name="Phase",
+        description="By how many pitches the mirrors of each direction stand beside the object's origin",
+        size=2,
+        default=(0.0, 0.0),
+        soft_min=0.0,
+        soft_max=1.0,
+    )
 
 
 class KirikoObject(bpy.types.PropertyGroup):
@@ -79,6 +161,7 @@ class KirikoObject(bpy.types.PropertyGroup):
         soft_min=-10,
         soft_max=10,
     )
+    plate: PointerProperty(name="Plate", description="What the plate is made of", type=KirikoPlate)
     surface: EnumProperty(
         name="Surface",
         description="What smooth-shaded faces stand for; facets bend the picture where a curved surface was meant",
@@ -206,7 +289,7 @@ class KirikoScene(bpy.types.PropertyGroup):
     result: PointerProperty(name="Result", description="What the last solve found", type=KirikoResult)
 
 
-classes = (KirikoObject, KirikoResult, KirikoScene)
+classes = (KirikoPlate, KirikoObject, KirikoResult, KirikoScene)
 
 
 def register() -> None:
