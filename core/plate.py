@@ -30,6 +30,7 @@ class PlatePath(IntEnum):
     REFLECTED = 5
 
 
+STRAY_PATHS = (PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.THROUGH, PlatePath.REFLECTED)
 PLATE_PATH_WORDS = {
     PlatePath.NONE: "beside the plate",
     PlatePath.IMAGED: "mid-air image",

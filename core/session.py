@@ -20,6 +20,7 @@ from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Gathered, Shares, display_coverage, view_coverage
+from .simulation import Simulation, simulate
 from .source_image import paint
 from .trace import REASON_WORDS, Reason
 from .view_map import MapError, ViewMap, sample
@@ -203,6 +204,14 @@ class Session:
             plan.left_out + tuple(left_out),
             _notes(rig, plan, source, tessellation),
         )
+
+    def simulate(
+        self, rig: Rig, settings: Settings, source: NDArray[np.float32], spp: int
+    ) -> Generator[float, None, Simulation]:
+        """Simulate what the viewer sees of a source image (H, W, 3 or 4) by the plate's mirrors; yields progress."""
+        rig.check()
+        settings.check()
+        return (yield from simulate(make_plan(rig, settings, self._kept), source, spp))
 
 
 def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: float) -> tuple[str, ...]:

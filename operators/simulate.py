@@ -1,0 +1,64 @@
+"""Simulate: what the viewer sees of the source image with all that the plate's mirrors do to its light."""
+
+from collections.abc import Generator
+
+import bpy
+
+from ..core.blender_image import pixels_from_image
+from ..core.blender_result import percent, replace_image
+from ..core.errors import RigError
+from ..core.plate import STRAY_PATHS, PlatePath
+from ..core.simulation import Simulation
+from . import work
+
+NAME = "Kiriko Seen"
+
+
+class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
+    """Simulate what the viewer sees, stray light, dimness and blur of the plate's mirrors included"""
+
+    bl_idname = "kiriko.simulate"
+    bl_label = "Simulate"
+    bl_options = {"REGISTER", "UNDO"}
+
+    samples: bpy.props.IntProperty(
+        name="Samples",
+        description="Rays a pixel; four times as many halve the noise",
+        default=16,
+        min=1,
+        max=65536,
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = work.lacking(context.scene)
+        if context.scene.kiriko.result.source is None:
+            reasons.insert(0, "There is no source image yet: solve first")
+        return work.can_run(cls, reasons)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene = context.scene
+        rig, source = work.read(context).rig, scene.kiriko.result.source
+        rig.check()
+        if tuple(source.size) != (rig.display.width, rig.display.height):
+            raise RigError(
+                f"The source image has {source.size[0]} x {source.size[1]} pixels, the display '{rig.display.name}'"
+                f" {rig.display.width} x {rig.display.height}: solve again."
+            )
+        yield 0.0
+        settings = work.settings_of(scene)
+        found = yield from work.session().simulate(rig, settings, pixels_from_image(source), self.samples)
+        replace_image(bpy.data.images.get(NAME), NAME, found.image)
+        return f"The image '{NAME}' shows what the viewer sees{_stray(found)}; noise {found.error:.2g} of white."
+
+
+def _stray(found: Simulation) -> str:
+    """How much of the light is none of the picture's."""
+    whole = sum(found.luminance.values())
+    if not whole:
+        return ": nothing"
+    stray = sum(found.luminance[path] for path in STRAY_PATHS)
+    beside = found.luminance[PlatePath.NONE]
+    parts = {"stray light of the plate": stray, "light past the plate": beside}
+    told = [f"{percent(light / whole)} of it {word}" for word, light in parts.items() if light > 0]
+    return f", {', '.join(told)}" if told else ""
