@@ -1,4 +1,4 @@
-"""Makes the objects of a new rig; all of them or none."""
+"""Makes objects: those of a new rig, all of them or none, and what shows a result in the scene."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .rig import Floats
+from .rig import Bools, Floats
+
+OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
 
 
 class Workbench:
@@ -88,3 +90,45 @@ def world_bounds(things: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph)
             points = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return np.stack([low, high])
+
+
+def grid_object(
+    scene: bpy.types.Scene, name: str, positions: Floats, is_shown: Bools, values: Floats
+) -> bpy.types.Object:
+    """An object, seen in the viewport only, of a grid's squares whose corners are all shown; it replaces one before.
+
+    Parameters
+    ----------
+    positions : (m, n, 3) world, Blender units
+    is_shown : (m, n)
+    values : (m, n) kept as the point attribute `brightness`, and as grey in `Brightness`, brightest white
+    """
+    index = np.arange(is_shown.size).reshape(is_shown.shape)
+    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    quads = quads[is_shown.ravel()[quads].all(axis=1)]
+    used, corners = np.unique(quads, return_inverse=True)
+    mesh = bpy.data.meshes.new(name)
+    points = positions.reshape(-1, 3)[used]
+    centre = points.mean(axis=0)
+    mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
+    shown = values.ravel()[used].astype(np.float32)
+    mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
+    grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
+    grey[:, 3] = 1.0
+    colours = mesh.color_attributes.new("Brightness", "FLOAT_COLOR", "POINT")
+    colours.data.foreach_set("color", grey.ravel())
+    mesh.color_attributes.active_color = colours
+    mesh.update()
+    thing = next((o for o in scene.objects if o.get(OURS) == name), None)
+    if thing is None:
+        thing = bpy.data.objects.new(name, mesh)
+        thing[OURS] = name
+        thing.hide_render, thing.show_wire = True, True
+        scene.collection.objects.link(thing)
+    else:
+        old, thing.data = thing.data, mesh
+        if old.users == 0:
+            bpy.data.meshes.remove(old)
+        mesh.name = name
+    thing.matrix_world = Matrix.Translation(centre)
+    return thing

@@ -1,4 +1,4 @@
-"""A log-log diagram of curves as SVG: plain lines, circles and text that any viewer shows."""
+"""Diagrams of curves as SVG, log-log or linear: plain lines, circles and text that any viewer shows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,31 +15,62 @@ COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")  # told apart by colour-b
 
 @dataclass(frozen=True)
 class Curve:
-    """Points (x, y) with a label each; x and y above 0."""
+    """Points (x, y), with a label each or none at all; on logarithmic axes x and y are above 0."""
 
     name: str
     points: tuple[tuple[float, float], ...]
-    labels: tuple[str, ...]
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Axis:
+    """ticks: values and how they are written, from the axis's one end to its other."""
+
+    ticks: tuple[tuple[float, str], ...]
+    is_log: bool = False
+
+    def part(self, value: float) -> float:
+        """How far along the axis a value stands, 0..1."""
+        first, last, value = (log10(x) if self.is_log else x for x in (self.ticks[0][0], self.ticks[-1][0], value))
+        return (value - first) / (last - first)
 
 
 def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()) -> str:
-    """Draw curves on logarithmic axes with ticks at powers of ten.
+    """Draw curves on logarithmic axes with ticks at powers of ten; parameters are those of `draw`."""
+    x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
+    return draw(title, x_label, y_label, curves, _decades(x), _decades(y), notes)
+
+
+def linear(title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()) -> str:
+    """Draw curves on linear axes from 0 on; parameters are those of `draw`."""
+    x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
+    return draw(title, x_label, y_label, curves, _from_zero(x), _from_zero(y), notes)
+
+
+def draw(
+    title: str,
+    x_label: str,
+    y_label: str,
+    curves: Sequence[Curve],
+    x_axis: Axis,
+    y_axis: Axis,
+    notes: Sequence[str] = (),
+) -> str:
+    """Draw curves.
 
     Parameters
     ----------
     title, x_label, y_label : text; the labels name their units
     notes : lines below the title
     """
-    x_range = _decades([x for curve in curves for x, _ in curve.points])
-    y_range = _decades([y for curve in curves for _, y in curve.points])
     top = TOP + 16 * len(notes)
 
     def place(x: float, y: float) -> tuple[float, float]:
-        across = (log10(x) - x_range[0]) / (x_range[1] - x_range[0])
-        up = (log10(y) - y_range[0]) / (y_range[1] - y_range[0])
+        across, up = x_axis.part(x), y_axis.part(y)
         return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - BOTTOM - top)
 
-    low, high = (place(10.0**x, 10.0**y) for x, y in zip(x_range, y_range, strict=True))
+    (left, right), (bottom, above) = ((axis.ticks[0][0], axis.ticks[-1][0]) for axis in (x_axis, y_axis))
+    low, high = place(left, bottom), place(right, above)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}"'
         f' font-family="{FONT}" font-size="12">',
@@ -47,12 +78,12 @@ def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve], not
         _text(LEFT, 28, title, size=16),
         *(_text(LEFT, 48 + 16 * n, note, fill="#555555") for n, note in enumerate(notes)),
     ]
-    for k in range(x_range[0], x_range[1] + 1):
-        x, _ = place(10.0**k, 10.0 ** y_range[0])
-        parts += [_line(x, low[1], x, high[1]), _text(x, low[1] + 18, _power(k), "middle", css="x tick")]
-    for k in range(y_range[0], y_range[1] + 1):
-        _, y = place(10.0 ** x_range[0], 10.0**k)
-        parts += [_line(low[0], y, high[0], y), _text(LEFT - 8, y + 4, _power(k), "end", css="y tick")]
+    for value, text in x_axis.ticks:
+        x, _ = place(value, bottom)
+        parts += [_line(x, low[1], x, high[1]), _text(x, low[1] + 18, text, "middle", css="x tick")]
+    for value, text in y_axis.ticks:
+        _, y = place(left, value)
+        parts += [_line(low[0], y, high[0], y), _text(LEFT - 8, y + 4, text, "end", css="y tick")]
     middle = (low[1] + high[1]) / 2
     parts += [
         f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}" height="{low[1] - high[1]:.2f}"'
@@ -66,12 +97,19 @@ def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve], not
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _decades(values: Sequence[float]) -> tuple[int, int]:
+def _decades(values: Sequence[float]) -> Axis:
     """Powers of ten around all values, at least one decade apart."""
-    if not values:
-        return 0, 1
-    low, high = floor(log10(min(values))), ceil(log10(max(values)))
-    return low, max(high, low + 1)
+    low, high = (floor(log10(min(values))), ceil(log10(max(values)))) if values else (0, 1)
+    powers = range(low, max(high, low + 1) + 1)
+    return Axis(tuple((10.0**k, _power(k)) for k in powers), is_log=True)
+
+
+def _from_zero(values: Sequence[float]) -> Axis:
+    """Round numbers from 0 to the largest value, four to ten of them."""
+    most = max(values, default=1.0) or 1.0
+    power = 10.0 ** floor(log10(most))
+    step = next(power * part for part in (0.1, 0.2, 0.5, 1.0, 2.0) if most <= 10 * power * part * (1 + 1e-9))
+    return Axis(tuple((step * k, f"{step * k:.4g}") for k in range(ceil(most / step - 1e-9) + 1)))
 
 
 def _power(k: int) -> str:
@@ -84,7 +122,7 @@ def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]
     parts = [f'<g class="curve" fill="{colour}">', f"<title>{escape(curve.name)}</title>"]
     parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
     written: list[tuple[float, float]] = []
-    for (x, y), label in zip(at, curve.labels, strict=True):
+    for (x, y), label in zip(at, curve.labels, strict=bool(curve.labels)):
         parts.append(_mark(n, x, y))
         if all(abs(x - a) > LABEL[0] or abs(y - b) > LABEL[1] for a, b in written):
             is_last = x > WIDTH - RIGHT - LABEL[0]

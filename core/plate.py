@@ -196,12 +196,50 @@ class ArrayFrame:
         return out - q, n_reflections % 2 == 1, self.array.reflectance**n_reflections
 
     def _as_one_mirror(self, q: Floats, travel: Floats) -> "_Turned":
-        throughput = odd_share(travel) * self.array.reflectance ** odd_number(travel)
-        return np.zeros(len(q)), np.ones(len(q), bool), throughput
+        return np.zeros(len(q)), np.ones(len(q), bool), _part(self.array, travel, True)
 
 
 _Turned = tuple[Floats, Bools, Floats]  # of a layer: how far light moved, pitches; is it turned round; its throughput
 _Layer = Callable[[Floats, Floats], _Turned]
+
+
+def light_by_angle(array: MirrorArray, incidence: Floats, azimuth: float = 0.0) -> dict[PlatePath, Floats]:
+    """Share (n,) of light that takes each path, in the mean over all phases of the mirrors.
+
+    Parameters
+    ----------
+    incidence : (n,) rad, angle in air between the light and the plate's normal
+    azimuth : rad, of the light's way along the plate, from one of its sides, to which mirrors stand at 45 degrees
+    """
+    sine, cosine = np.sin(incidence), np.maximum(np.cos(incidence), GRAZING)
+    depth = np.sqrt(np.maximum(1.0 - (sine / array.ior) ** 2, GRAZING**2))
+    face = transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(incidence))
+    pitches = sine * array.height / (array.ior * depth * array.pitch)
+    first, second = np.pi / 4, 3 * np.pi / 4 + array.crossing_error
+    found = {PlatePath.REFLECTED: 1.0 - face}
+    for is_odd in (True, False):
+        before = _part(array, pitches * np.cos(azimuth - first), is_odd)
+        turned = 2 * first + np.pi - azimuth if is_odd else azimuth  # by a mirror
+        for is_next_odd in (True, False):
+            after = _part(array, pitches * np.cos(turned - second), is_next_odd)
+            found[_PATHS[is_odd, is_next_odd]] = face**2 * before * after
+    return found
+
+
+_PATHS = {
+    (True, True): PlatePath.IMAGED,
+    (True, False): PlatePath.STRAY_1,
+    (False, True): PlatePath.STRAY_2,
+    (False, False): PlatePath.THROUGH,
+}
+
+
+def _part(array: MirrorArray, travel: Floats, is_odd: bool) -> Floats:
+    """Share (n,) of light that is reflected an odd, or an even, number of times by one layer, and comes out."""
+    share, number = odd_share(travel), odd_number(travel)
+    if is_odd:
+        return share * array.reflectance**number
+    return (1.0 - share) * array.reflectance ** (number + np.where(np.abs(travel) < number, -1.0, 1.0))
 
 
 def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:

@@ -7,11 +7,17 @@ import math
 from dataclasses import fields
 from typing import Any
 
-from .diagram import Curve, log_log
+import numpy as np
+
+from .diagram import Curve, linear, log_log
+from .plate import PLATE_PATH_WORDS, PlatePath, light_by_angle
 from .reference import PERCENTILE, ImageErrors, MapErrors
+from .rig import MirrorArray
 from .work_precision import Rung, WorkPrecision, cost
 
 NAMES = ("report.csv", "report.json", "report.svg")
+PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors
+ANGLES = range(0, 86)  # degrees, of incidence on it
 UNITS = {"adaptive": "px", "splat": "spp"}
 COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors
     "method": "method",
@@ -159,3 +165,28 @@ def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") 
     if n_exact:
         notes.append(f"Not drawn: {n_exact} without any difference from the reference")
     return log_log(title, "time (s)", "error of the source image (RMSE, linear 0..1)", curves, notes)
+
+
+def plate_csv(array: MirrorArray) -> str:
+    """Share of light by its angle to the plate's normal, in the plane between the mirrors, a column for each path."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    light = light_by_angle(array, np.radians(ANGLES))
+    writer.writerow(["incidence_degrees", *(path.name.lower() for path in light)])
+    writer.writerows([angle, *(f"{light[path][k]:.6g}" for path in light)] for k, angle in enumerate(ANGLES))
+    return text.getvalue()
+
+
+def plate_svg(array: MirrorArray, name: str) -> str:
+    """The same as a diagram, stray light of both layers as one."""
+    light = light_by_angle(array, np.radians(ANGLES))
+    curves = [
+        Curve(PLATE_PATH_WORDS[path], tuple(zip(ANGLES, light[path].tolist(), strict=True)))
+        for path in (PlatePath.IMAGED, PlatePath.STRAY_1, PlatePath.THROUGH, PlatePath.REFLECTED)
+    ]
+    note = (
+        f"{array.layout}, {1e3 * array.pitch:g} mm from mirror to mirror, {1e3 * array.height:g} mm high, index"
+        f" {array.ior:g}, reflectance {array.reflectance:g}"
+    )
+    title = f"Light that leaves the plate '{name}', of that which comes to it"
+    return linear(title, "angle to the plate's normal (degrees)", "share of the light", curves, [note])

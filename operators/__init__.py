@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import add_rig, command_line, export, live, plate_preset, preview, report, simulate, solve, work
+from . import add_rig, command_line, export, live, plate_preset, preview, report, simulate, solve, visible_range, work
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
@@ -10,6 +10,7 @@ CLASSES = (
     solve.KIRIKO_OT_solve,
     live.KIRIKO_OT_live,
     preview.KIRIKO_OT_preview,
+    visible_range.KIRIKO_OT_visible_range,
     simulate.KIRIKO_OT_simulate,
     export.KIRIKO_OT_export,
     report.KIRIKO_OT_report,

@@ -137,13 +137,14 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Measure error against run time and write the report; yields lines of progress, then the table."""
+    rig = work.read(bpy.context).rig
     if not arguments.overwrite:
-        folder.refuse_existing(arguments.out, report.NAMES, "add --overwrite")
+        folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
     yield f"measuring '{Path(bpy.data.filepath).name}'"
-    found = yield from _progress(report.measured(bpy.context, arguments.seconds))
-    report.write(arguments.out, found)
+    found = yield from _progress(report.measured(bpy.context, rig, arguments.seconds))
+    report.write(arguments.out, rig, found)
     yield from report.table(found).splitlines()
-    yield f"wrote {len(report.NAMES)} files to '{arguments.out}'"
+    yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"
 
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:

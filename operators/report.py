@@ -12,18 +12,27 @@ import numpy as np
 from ..core import image_io
 from ..core.blender_result import write_ladder
 from ..core.errors import ImageError
-from ..core.report import NAMES, as_csv, as_json, as_svg, table
+from ..core.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from ..core.rig import Plate, Rig
 from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
 from .export import absolute, use_bundled_modules
 
-__all__ = ["NAMES", "measured", "table", "write"]
+__all__ = ["measured", "names", "table", "write"]
 
 
-def measured(context: bpy.types.Context, budget: float) -> Generator[float, None, WorkPrecision]:
+def names(rig: Rig) -> tuple[str, ...]:
+    """The files of a rig's report."""
+    return NAMES if _array_plate(rig) is None else NAMES + PLATE_NAMES
+
+
+def _array_plate(rig: Rig) -> Plate | None:
+    return next((plate for plate in rig.plates if plate.array is not None), None)
+
+
+def measured(context: bpy.types.Context, rig: Rig, budget: float) -> Generator[float, None, WorkPrecision]:
     """Measure the scene's rig, reading and writing included; yields progress 0..1. The scene stays as it is."""
     use_bundled_modules()
-    rig = work.read(context).rig
     form = context.scene.kiriko.export_format
     with tempfile.TemporaryDirectory(prefix="kiriko-") as scratch:
 
@@ -50,7 +59,7 @@ def _can_write() -> bool:
     return True
 
 
-def write(target: Path, found: WorkPrecision) -> None:
+def write(target: Path, rig: Rig, found: WorkPrecision) -> None:
     """Write the report's files to a folder, each whole or not at all; ImageError when they cannot be written."""
     about = {
         "file": Path(bpy.data.filepath).name,
@@ -61,8 +70,11 @@ def write(target: Path, found: WorkPrecision) -> None:
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
     }
-    texts = as_csv(found), as_json(found, about), as_svg(found)
-    for name, text in zip(NAMES, texts, strict=True):
+    texts = [as_csv(found), as_json(found, about), as_svg(found)]
+    plate = _array_plate(rig)
+    if plate is not None:
+        texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
+    for name, text in zip(names(rig), texts, strict=True):
         image_io.write_text(target / name, text)
 
 
@@ -101,10 +113,11 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
         if not path:
             raise ImageError("The report has no folder: choose one.")
         target = absolute(path)
+        rig = work.read(context).rig
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
-                folder.refuse_existing(target, NAMES, "allow overwriting")
-            found = yield from measured(context, self.seconds)
-            write(target, found)
+                folder.refuse_existing(target, names(rig), "allow overwriting")
+            found = yield from measured(context, rig, self.seconds)
+            write(target, rig, found)
         write_ladder(scene, found.ladder)
-        return f"Wrote {', '.join(NAMES)} to '{target}'."
+        return f"Wrote {', '.join(names(rig))} to '{target}'."

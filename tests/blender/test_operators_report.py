@@ -187,3 +187,23 @@ def test_a_budget_that_is_no_time_is_refused(
     """Exit code 2 and one sentence."""
     assert run("report", "--out", tmp_path / "out", f"--seconds={seconds}") == 2
     assert "--seconds" in capsys.readouterr().err
+
+
+def test_a_plate_with_mirrors_is_told_by_its_angle(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Two more files: light by angle and path, as docs' table of the plate has it, and a diagram."""
+    plate = rig["PLATE"].kiriko.plate
+    plate.model, plate.reflectance, plate.fresnel = "CROSSED", 1.0, False
+    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=0.0) == {"FINISHED"}
+    assert names(tmp_path) == sorted([*NAMES, "plate.csv", "plate.svg"])
+    ET.parse(tmp_path / "plate.svg")
+    with (tmp_path / "plate.csv").open() as file:
+        by_angle = {int(row["incidence_degrees"]): row for row in csv.DictReader(file)}
+    for angle, imaged, stray, through in (
+        (10, 0.041, 0.324, 0.635),
+        (45, 0.863, 0.132, 0.005),
+        (65, 0.472, 0.43, 0.098),
+    ):
+        row = {name: float(value) for name, value in by_angle[angle].items()}
+        assert row["imaged"] == pytest.approx(imaged, abs=5e-4)
+        assert row["stray_1"] + row["stray_2"] == pytest.approx(stray, abs=6e-4)
+        assert row["through"] == pytest.approx(through, abs=5e-4)

@@ -1,0 +1,57 @@
+"""Visible range: an object in the scene, made of the places from which the picture is seen."""
+
+from collections.abc import Generator
+
+import bpy
+import numpy as np
+
+from ..core.blender_objects import grid_object
+from ..core.blender_result import percent
+from ..core.blender_scene import length_of_unit
+from ..core.errors import RigError
+from ..core.plan import make_plan
+from ..core.visible_range import FARTHEST, visible_range
+from . import work
+
+NAME = "Kiriko Visible Range"
+
+
+class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
+    """Add an object that shows from where, at the viewer's distance, the picture is seen, and how bright"""
+
+    bl_idname = "kiriko.visible_range"
+    bl_label = "Visible Range"
+    bl_options = {"REGISTER", "UNDO"}
+
+    share: bpy.props.FloatProperty(
+        name="Share",
+        description="How much of the picture has to be seen from a place that counts",
+        subtype="FACTOR",
+        default=0.95,
+        min=0.01,
+        max=1.0,
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, work.lacking(context.scene))
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene = context.scene
+        plan = make_plan(work.read(context).rig, work.settings_of(scene))
+        yield 0.0
+        found = yield from visible_range(plan, self.share)
+        is_seen = found.share >= self.share
+        if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
+            raise RigError(
+                f"From nowhere within {np.degrees(FARTHEST):.0f} degrees is {percent(self.share)} of the picture seen,"
+                f" at best {percent(found.best)}: enlarge the display or the plate, or ask for less."
+            )
+        grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
+        left, right, down, up = np.degrees(found.extent)
+        if np.isnan(left):
+            return f"'{NAME}' shows from where {percent(self.share)} of the picture is seen; the viewer is not there."
+        return (
+            f"{percent(self.share)} of the picture is seen from {left:.1f} degrees left of the viewer to {right:.1f}"
+            f" right, and from {down:.1f} below to {up:.1f} above: '{NAME}'."
+        )

@@ -1,0 +1,42 @@
+import bpy
+import numpy as np
+import pytest
+from small_rigs import inventory, small_rig
+
+NAME = "Kiriko Visible Range"
+
+
+def test_the_range_is_an_object_around_the_viewer(scene, kiriko):
+    parts = small_rig()
+    bpy.ops.kiriko.visible_range()
+    thing = bpy.data.objects[NAME]
+    camera = scene.camera.matrix_world.translation
+    points = [thing.matrix_world @ v.co for v in thing.data.vertices]
+    centre = parts["PICTURE"].matrix_world.translation
+    distance = (camera - centre).length
+    assert [(p - centre).length for p in points] == pytest.approx([distance] * len(points), rel=1e-4)
+    assert min((p - camera).length for p in points) < 1e-3 * distance  # the viewer's own place is one of the grid's
+    brightness = np.empty(len(points), np.float32)
+    thing.data.attributes["brightness"].data.foreach_get("value", brightness)
+    assert 0.5 < brightness.max() <= 1
+    assert thing.hide_render
+    assert thing.kiriko.role == "NONE"
+
+
+def test_it_is_made_anew_in_place(scene, kiriko):
+    small_rig()
+    bpy.ops.kiriko.visible_range()
+    before = inventory()
+    whole = len(bpy.data.objects[NAME].data.polygons)
+    bpy.ops.kiriko.visible_range(share=0.2)
+    assert inventory() == before
+    assert len(bpy.data.objects[NAME].data.polygons) > whole
+
+
+def test_where_nothing_is_seen_nothing_is_made(scene, kiriko):
+    parts = small_rig()
+    parts["DISPLAY"].scale = (0.05, 0.05, 0.05)
+    before = inventory()
+    with pytest.raises(RuntimeError, match="From nowhere"):
+        bpy.ops.kiriko.visible_range(share=1.0)
+    assert inventory() == before
