@@ -26,6 +26,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         if ours.picture_source == "IMAGE":
             column.template_ID(ours, "picture_image", open="image.open")
         self._draw_parts(layout.column(align=True), context)
+        layout.operator("kiriko.visible_range", icon="HIDE_OFF")
 
     def _draw_object(self, box: bpy.types.UILayout, thing: bpy.types.Object) -> None:
         ours = thing.kiriko

@@ -27,7 +27,7 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
         is_on = live.is_on()
         buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)
-        buttons.operator("kiriko.simulate", icon="HIDE_OFF")
+        buttons.operator("kiriko.simulate", icon="IMAGE_DATA")
         buttons.operator("kiriko.preview", icon="RENDER_STILL")
         text, is_problem = live.status()
         if text:
