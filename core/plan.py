@@ -24,6 +24,7 @@ Thing = TypeVar("Thing")
 
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
+BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 
 
@@ -82,6 +83,7 @@ class Plan:
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
     thin_parts: all triangles, to be asked what rays passed by.
+    aside: glasses, by number, that are not in the plan; aside_boxes (a, 2, 3) m, which rays may not enter.
     arrays: where mirror arrays stand, by the number of their part.
     is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is nothing but a flat
         display: such light is not traced any further.
@@ -106,6 +108,8 @@ class Plan:
     thin_parts: ThinParts
     display_start: int
     display_plane: DisplayPlane | None
+    aside: tuple[int, ...]
+    aside_boxes: Floats
     arrays: dict[int, ArrayFrame]
     is_clear: Bools
     merge_distance: float
@@ -174,12 +178,16 @@ def plate_surface(plate: Plate) -> Surface:
     return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
-def find_clear(surfaces: list[Surface], kind: Ints) -> Bools:
-    """Is all of the rig but the display on one side of each plate: (p, 2) none before its normal, none behind it?"""
+def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
+    """Is all of the rig but the display on one side of each plate: (p, 2) none before its normal, none behind it?
+
+    Boxes (a, 2, 3) of what stands aside are parts of the rig, too.
+    """
     is_clear = np.zeros((len(surfaces), 2), bool)
     for i in np.flatnonzero(kind == Kind.PLATE):
         normal = surfaces[i].normals[0]
-        boxes = np.stack([s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY])
+        others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
+        boxes = np.concatenate([np.stack(others), aside])
         # how far boxes reach along the normal; what bulges out of its facets stays well within half their size
         middle, half = boxes.mean(axis=1), 0.75 * (boxes[:, 1] - boxes[:, 0])
         height, reach = (middle - surfaces[i].corners[0, 0]) @ normal, half @ np.abs(normal)
@@ -234,10 +242,12 @@ class _Solid:
         return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
 
 
-def read_solids(rig: Rig, kept: Kept) -> list[_Solid]:
-    """All solids of a rig."""
+def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> list[_Solid]:
+    """All solids of a rig but those of glasses with these numbers."""
     solids = []
-    for glass in rig.glasses:
+    for number, glass in enumerate(rig.glasses):
+        if number in aside:
+            continue
         key, made, motion = kept.get_solids(glass.mesh)
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
@@ -295,12 +305,28 @@ def make_layer(surfaces: list[Surface]) -> Layer:
     return Layer(np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners))
 
 
-def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
+def boxes_around(glasses: list[Glass]) -> Floats:
+    """Boxes (g, 2, 3) m that glasses stay within, however far they bulge out of their facets."""
+    boxes = np.array([glass.mesh.bounds for glass in glasses]).reshape(-1, 2, 3)
+    return boxes + BULGE * (boxes[:, 1:] - boxes[:, :1]) * np.array([[-1.0], [1.0]])
+
+
+def triangles_of_boxes(boxes: Floats) -> Floats:
+    """Triangles (12 b, 3, 3) of boxes (b, 2, 3)."""
+    corner = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = np.array([half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))])
+    corners = np.where(corner[None], boxes[:, 1:], boxes[:, :1])
+    return corners[:, triangles].reshape(-1, 3, 3)
+
+
+def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Plan:
     """Make a rig ready to be traced.
 
     Parameters
     ----------
     kept : solids and layers of an earlier plan, to be used again where nothing has changed
+    aside : numbers of glasses to leave out until a ray comes near them: tracing such a ray raises trace.ReachedError
 
     Raises
     ------
@@ -309,7 +335,8 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     """
     rig.check()
     kept = kept or Kept()
-    read = read_solids(rig, kept)
+    boxes_aside = boxes_around([rig.glasses[i] for i in aside])
+    read = read_solids(rig, kept, aside)
     solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
     surfaces = solids + [surface for _, surface, _ in sheets]
@@ -342,12 +369,21 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
     patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
     part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
     corners = np.concatenate([surface.corners for surface in surfaces])
-    thin_parts = kept.get("boxes of " + "+".join(keys), lambda: ThinParts(corners, patch, part))
+    walls = triangles_of_boxes(boxes_aside)
+    number = np.repeat(np.arange(len(aside)), 12)  # each box is a patch and a part, for what may pass near it
+    thin_parts = kept.get(
+        "boxes of " + "+".join([*keys, fingerprint(walls)]),
+        lambda: ThinParts(
+            np.concatenate([corners, walls]),
+            np.concatenate([patch, number + len(corners)]),
+            np.concatenate([part, number + len(surfaces)]),
+        ),
+    )
     kept.forget()
 
     plane = display_plane(rig.display, surfaces[-1])
     kind = np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets])
-    is_clear = find_clear(surfaces, kind) & (plane is not None)
+    is_clear = find_clear(surfaces, kind, boxes_aside) & (plane is not None)
     arrays = {
         len(solids) + i: array_frame(plate, sheets[i][1].normals[0])
         for i, plate in enumerate(rig.plates)
@@ -396,11 +432,16 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None) -> Plan:
         thin_parts=thin_parts,
         display_start=int(starts[-2]),
         display_plane=plane,
+        aside=aside,
+        aside_boxes=boxes_aside,
         arrays=arrays,
         is_clear=is_clear,
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
-        left_out=tuple(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
+        left_out=(
+            *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
+            *(f"'{rig.glasses[i].name}' (no light comes near it)" for i in aside),
+        ),
         n_open=tuple(of_glass("n_open")),
         n_contradicted=(
             *of_glass("n_contradicted"),

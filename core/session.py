@@ -17,13 +17,14 @@ from .accuracy import tessellation_error
 from .errors import RigError
 from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
+from .reach import sample_reached
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Gathered, Shares, display_coverage, view_coverage
 from .simulation import Simulation, simulate
 from .source_image import paint
 from .trace import REASON_WORDS, Reason
-from .view_map import MapError, ViewMap, sample
+from .view_map import MapError, ViewMap
 
 Result = TypeVar("Result")
 
@@ -147,10 +148,8 @@ class Session:
             _, plan, view_map, shares, tessellation, seen_share, covered = self._optics
             left_out.append("tracing (the optics have not changed)")
         else:
-            plan = make_plan(rig, settings, self._kept)
-            lap("plan")
-            yield 0.0
-            view_map = yield from within(sample(plan), 0.0, 0.8)
+            steps = sample_reached(rig, settings, self._kept, lap)
+            plan, view_map = yield from within(steps, 0.0, 0.8)
             lap("tracing")
             n_rays = view_map.n_rays
             shares = yield from _rasterise(view_map, settings.brightness)

@@ -12,7 +12,7 @@ from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
 from .plate import ArrayFrame, PlatePath
-from .ray_engine import Hits
+from .ray_engine import Hits, slab
 from .rig import Bools, Floats, Ints
 
 Words = NDArray[np.uint64]
@@ -20,6 +20,14 @@ Words = NDArray[np.uint64]
 PlateLight = Literal["imaged", "crossed", "reflected"]
 
 CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache
+
+
+class ReachedError(Exception):
+    """A ray comes near glass that stands aside, not in the plan: `boxes`, numbers in the plan's `aside`."""
+
+    def __init__(self, boxes: set[int]) -> None:
+        super().__init__(boxes)
+        self.boxes = boxes
 
 
 class Reason(IntEnum):
@@ -248,7 +256,20 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
         nearer = hits.distance < first.distance
         if nearer.any():
             first = first.or_where(nearer, hits)
+    if plan.aside:
+        _keep_clear(plan, origins, directions, first.distance)
     return first, by_layer
+
+
+def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
+    """Raise ReachedError when a ray, on its way of a length of `distance` (n,), enters the box of what stands aside."""
+    reached = set()
+    for number, box in enumerate(plan.aside_boxes):
+        enter, leave = slab(box, origins, directions)
+        if ((enter <= leave) & (leave >= 0) & (enter <= distance)).any():
+            reached.add(number)
+    if reached:
+        raise ReachedError(reached)
 
 
 def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:

@@ -1,0 +1,62 @@
+"""Which glass does light come near? What stands aside is not made ready to be traced until a ray comes by."""
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+
+import numpy as np
+
+from .plan import Kept, Plan, Settings, make_plan
+from .rig import Rig
+from .trace import ReachedError
+from .view_map import ViewMap, sample
+
+MOST_STARTS = 3  # the last of them with everything
+
+
+def out_of_sight(rig: Rig) -> tuple[int, ...]:
+    """Glasses, by their number, that the viewer does not look at: light may come to them by way of the others only."""
+    viewer = rig.viewer
+    aside = []
+    for number, glass in enumerate(rig.glasses):
+        low, high = glass.mesh.bounds
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        xy = viewer.project(corners)
+        is_before = np.isfinite(xy).all(axis=1)
+        if not is_before.any():
+            aside.append(number)
+        elif is_before.all():
+            left, top = xy.min(axis=0)
+            right, bottom = xy.max(axis=0)
+            if right < 0 or bottom < 0 or left > viewer.width or top > viewer.height:
+                aside.append(number)
+    return tuple(aside) if len(aside) < len(rig.glasses) else ()
+
+
+def sample_reached(
+    rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
+) -> Generator[float, None, tuple[Plan, ViewMap]]:
+    """Plan and view map of a rig without the glass that no light comes near; yields progress 0..1.
+
+    Where a ray comes near such a glass after all, or a bundle of rays does, it begins again with it.
+
+    Parameters
+    ----------
+    lap : called with the name of what has just been done
+
+    Raises
+    ------
+    RigError, MeshError : as by make_plan
+    """
+    aside = out_of_sight(rig)
+    for start in range(MOST_STARTS):
+        plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
+        lap("plan")
+        yield 0.0
+        try:
+            view_map = yield from sample(plan)
+        except ReachedError as found:
+            aside = tuple(number for k, number in enumerate(plan.aside) if k not in found.boxes)
+            lap("tracing")
+            continue
+        return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), view_map
+    raise AssertionError("with everything in the plan nothing else can be reached")

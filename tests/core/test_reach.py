@@ -1,0 +1,76 @@
+"""Glass that stands aside: left out where no light comes near, found where it does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, box, icosphere, rig
+from work import drain, solve
+
+from kiriko.core.plan import Kept, Settings, make_plan
+from kiriko.core.reach import out_of_sight, sample_reached
+from kiriko.core.rig import ConstantIndex, Glass
+from kiriko.core.session import Session
+from kiriko.core.trace import ReachedError, trace_all
+from kiriko.core.view_map import sample
+
+
+def with_others(a_rig, *meshes):
+    others = (Glass(f"other {k}", mesh, ConstantIndex(1.5)) for k, mesh in enumerate(meshes))
+    return replace(a_rig, glasses=(*a_rig.glasses, *others))
+
+
+def test_what_stands_far_aside_is_left_out_and_changes_nothing():
+    """Bit for bit the result of the rig without it, and to rounding that of a plan with it; the result says so."""
+    plain = ball_rig(3, pixels=96)
+    a_rig = with_others(plain, icosphere(0.02, 3, centre=(0.6, -0.3, 0)), icosphere(0.02, 3, centre=(0, -1.5, 0)))
+    assert out_of_sight(a_rig) == (1, 2)
+    found, without = solve(a_rig), solve(plain)
+    assert np.array_equal(found.source, without.source)
+    assert sum("no light comes near it" in text for text in found.left_out) == 2
+    whole = drain(sample(make_plan(a_rig, Settings())))
+    at = np.random.default_rng(0).uniform(0, 96, (2000, 2))
+    np.testing.assert_allclose(found.view_map.display_from_view(at), whole.display_from_view(at), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("thin", [False, True])
+def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin):
+    """Beyond the plate, on the way to the display: a ball, and a rod as thin as a viewer pixel."""
+    mesh = box([0.1, 3e-4, 3e-4], (0, 0.15, -0.05)) if thin else icosphere(0.005, 3, centre=(0, 0.15, -0.08))
+    a_rig = with_others(ball_rig(3, pixels=128), mesh)
+    assert out_of_sight(a_rig) == (1,)
+    laps = []
+    plan, found = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
+    assert laps == ["plan", "tracing", "plan"]
+    assert plan.aside == ()
+    at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
+    whole = drain(sample(make_plan(a_rig, Settings())))
+    assert np.array_equal(found.display_from_view(at), whole.display_from_view(at), equal_nan=True)
+    assert not any("comes near" in text for text in solve(a_rig).left_out)
+
+
+def test_rays_that_come_near_are_told():
+    a_rig = with_others(ball_rig(3, pixels=32), box([0.01] * 3, (0.3, 0, 0)))
+    plan = make_plan(a_rig, Settings(), aside=(1,))
+    away = np.array([[0.3, -1.0, 0], [0.4, -1.0, 0]])
+    along = np.tile([[0.0, 1, 0]], (2, 1))
+    with pytest.raises(ReachedError) as found:
+        trace_all(plan, away, along)
+    assert found.value.boxes == {0}
+    assert not trace_all(plan, away[1:], along[1:]).has_arrived.any()
+    with pytest.raises(ReachedError):  # beside the cube, but within what a curved one may bulge
+        trace_all(plan, np.array([[0.3069, -1.0, 0]]), along[:1])
+
+
+def test_a_rig_whose_glass_nobody_looks_at_keeps_all_of_it():
+    a_rig = rig(box([0.01] * 3, (0.5, 0, 0)), pixels=16)
+    assert out_of_sight(a_rig) == ()
+
+
+def test_a_session_goes_on_when_glass_steps_aside_and_back():
+    session = Session()
+    near, far = (with_others(ball_rig(3, pixels=48), box([0.005] * 3, (x, -0.06, 0))) for x in (0.01, 0.5))
+    results = [solve(a_rig, session) for a_rig in (near, far, near)]
+    assert np.array_equal(results[0].source, results[2].source)
+    assert not np.array_equal(results[0].source, results[1].source)
+    assert np.array_equal(results[1].source, solve(ball_rig(3, pixels=48)).source)
