@@ -115,7 +115,11 @@ def tessellation_error(plan: Plan) -> Generator[float, None, float]:
         return 0.0
     viewer = plan.rig.viewer
     x, y = ((np.arange(SAMPLES) + 0.5) / SAMPLES * size for size in (viewer.width, viewer.height))
-    rays = viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    every = viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    whole = trace_all(plan, *every)
+    here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
+    rays = [values[here.sample] for values in every]  # with the others nothing is compared
+    yield 0.2
 
     def landings(layers: list[Layer]) -> Landings:
         return trace_all(replace(plan, layers=tuple(layers)), *rays)
@@ -124,8 +128,7 @@ def tessellation_error(plan: Plan) -> Generator[float, None, float]:
         curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
         return landings(curved)
 
-    here, parts = landings(list(plan.layers)), []
-    yield 0.2
+    parts = []
     if any(is_drawn):
         drawn = zip(pairs, is_drawn, strict=True)
         parts.append(_difference(here, landings([_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn])))

@@ -158,77 +158,137 @@ def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, area: Floats)
     return PicturePoints(_pixels(uv, size), is_seen.astype(float), footprint)
 
 
+@dataclass(frozen=True, eq=False)
+class Taps:
+    """Which pixels of a pyramid make up weighted colours of points: a sparse matrix, the same for pictures of one size.
+
+    Each row adds four neighbouring pixels of a level to a point.
+
+    point : (m,) int32
+    levels : number and rows of each run of rows on one level
+    pixel : (m,) int32, the upper left of the four, row * width + column
+    weight : (4, m) float32, of the upper left, upper right, lower left and lower right one
+    """
+
+    point: NDArray[np.int32]
+    levels: tuple[tuple[int, slice], ...]
+    pixel: NDArray[np.int32]
+    weight: NDArray[np.float32]
+
+
+def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
+    """How colours are read, times weight (n,), at points of a picture of a size (width, height).
+
+    A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all, a variance of
+    4^k / 4 - 1 / 12 of the picture's pixels. Two levels are mixed so that it is the footprint's, f^2 / 12.
+    """
+    sizes = _level_sizes(size)
+    last = len(sizes) - 1
+    found, n_rows = [], 0
+    levels: list[tuple[int, slice]] = []
+    seen = np.flatnonzero(weight > 0).astype(np.int32)
+    for first in range(0, len(seen), CHUNK):
+        some = seen[first : first + CHUNK]
+        x, y = points.xy[some].T
+        variance = 1 + points.footprint[some] ** 2 / 3
+        lower = np.minimum((np.frexp(variance)[1] - 1) // 2, last)
+        upper_part = np.clip((np.ldexp(variance, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
+        of_upper = weight[some] * upper_part
+        of_lower = weight[some] - of_upper
+        for k in range(int(lower.min()), int(lower.max()) + 2):
+            here = np.where(lower == k, of_lower, np.where(lower == k - 1, of_upper, 0.0))
+            rows = np.flatnonzero(here > 0)
+            if len(rows):
+                scale_x, scale_y = (new / old for new, old in zip(sizes[k], size, strict=True))
+                found.append((some[rows], *_bilinear(sizes[k], x[rows] * scale_x, y[rows] * scale_y, here[rows])))
+                levels.append((k, slice(n_rows, n_rows + len(rows))))
+                n_rows += len(rows)
+    if not found:
+        return Taps(np.empty(0, np.int32), (), np.empty(0, np.int32), np.empty((4, 0), np.float32))
+    point, pixel, weights = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
+    return Taps(point, tuple(levels), pixel, weights)
+
+
+def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:
+    """Width and height of a picture's full, half, quarter ... size."""
+    sizes = [size]
+    while max(sizes[-1]) > 1:
+        sizes.append(tuple((n + 1) // 2 for n in sizes[-1]))
+    return sizes
+
+
+def _bilinear(size: tuple[int, int], x: Floats, y: Floats, weight: Floats) -> tuple[NDArray, NDArray]:
+    """Upper left pixel (n,) and weights (4, n), times weight, that read an image: centres at + 0.5, edges extended."""
+    w, h = size
+    x, y = np.clip(x - 0.5, 0, w - 1), np.clip(y - 0.5, 0, h - 1)
+    column, row = np.minimum(x.astype(np.int32), max(w - 2, 0)), np.minimum(y.astype(np.int32), max(h - 2, 0))
+    x -= column
+    lower = weight * (y - row)
+    upper = weight - lower
+    upper_right, lower_right = upper * x, lower * x
+    weights = np.empty((4, len(x)), np.float32)
+    weights[0], weights[1], weights[2], weights[3] = upper - upper_right, upper_right, lower - lower_right, lower_right
+    return row * np.int32(w) + column, weights
+
+
 class Pyramid:
-    """A picture at full, half, quarter ... size, so that a footprint of any size is read at its own size."""
+    """A picture at full, half, quarter ... size, so that a footprint of any size is read at its own size.
+
+    levels : (3, h, w) float32 each
+    """
 
     def __init__(self, image: NDArray[np.float32]) -> None:
         """Build all levels of an image (h, w, 4), linear, premultiplied."""
         if image.ndim != 3 or min(image.shape[:2]) < 1:
             raise RigError("The picture has no pixels: choose another image.")
-        self.levels = [np.asarray(image[..., :3], np.float64)]
-        while max(self.levels[-1].shape[:2]) > 1:
+        self.levels = [np.array(image[..., :3].transpose(2, 0, 1), np.float32, order="C")]
+        while max(self.levels[-1].shape[1:]) > 1:
             self.levels.append(_halved(self.levels[-1]))
-        self._planes = [np.ascontiguousarray(level.transpose(2, 0, 1)) for level in self.levels]
+
+    def is_of(self, image: NDArray[np.float32]) -> bool:
+        """Was it built from an image like this one?"""
+        planes = self.levels[0]
+        return planes.shape[1:] == image.shape[:2] and all(
+            np.array_equal(plane, image[..., channel]) for channel, plane in enumerate(planes)
+        )
+
+    def read(self, taps: Taps) -> NDArray[np.float32]:
+        """What each row of taps (m,) adds to its point (3, m), linear, over black."""
+        values = np.zeros((3, len(taps.pixel)), np.float32)
+        for k, rows in taps.levels:
+            h, w = self.levels[k].shape[1:]
+            right, below = int(w > 1), w * int(h > 1)
+            pixel = taps.pixel[rows].astype(np.intp)
+            for plane, value in zip(self.levels[k].reshape(3, -1), values[:, rows], strict=True):
+                for step, weight in zip((0, right, below, right + below), taps.weight[:, rows], strict=True):
+                    value += plane[step:].take(pixel) * weight
+        return values
 
     def sample(self, points: PicturePoints) -> Floats:
         """Linear colours (n, 3) at points, over black."""
-        colours = np.zeros((3, len(points.xy)))  # channel by channel: rows of three are slow in numpy
-        seen = np.flatnonzero(points.cover > 0)
-        last = len(self.levels) - 1
-        for first in range(0, len(seen), CHUNK):
-            some = seen[first : first + CHUNK]
-            # A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all, a variance
-            # of 4^k / 4 - 1 / 12 of the picture's pixels. Two levels are mixed so that it is the footprint's, f^2 / 12.
-            variance = 1 + points.footprint[some] ** 2 / 3
-            lower = np.minimum((np.frexp(variance)[1] - 1) // 2, last)
-            upper_weight = np.clip((np.ldexp(variance, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
-            for k in range(int(lower.min(initial=last)), int(lower.max(initial=-1)) + 2):
-                weight = np.where(lower == k, 1 - upper_weight, np.where(lower == k - 1, upper_weight, 0.0))
-                weight *= points.cover[some]
-                here = np.flatnonzero(weight > 0)
-                if len(here):
-                    scale = np.array(self.levels[k].shape[1::-1]) / self.levels[0].shape[1::-1]
-                    at = points.xy[some[here]] * scale
-                    for channel, value in zip(colours, _bilinear(self._planes[k], at, weight[here]), strict=True):
-                        channel[some[here]] += value
-        return colours.T
+        taps = find_taps(points, points.cover, self.levels[0].shape[:0:-1])
+        n = len(points.xy)
+        return np.stack([np.bincount(taps.point, value, n) for value in self.read(taps)], axis=1)
 
 
-def _halved(image: Floats) -> Floats:
-    """Half the size by exact area means; an odd row or column is shared between its neighbours."""
-    for axis in (0, 1):
+def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Half the size of an image (c, h, w) by exact area means; odd rows or columns are shared by their neighbours."""
+    for axis in (1, 2):
         n = image.shape[axis]
         if n == 1:
             continue
         if n % 2 == 0:  # the same, many times as fast
-            image = 0.5 * (np.take(image, range(0, n, 2), axis) + np.take(image, range(1, n, 2), axis))
+            even, odd = (image[:, k::2] if axis == 1 else image[..., k::2] for k in (0, 1))
+            image = np.float32(0.5) * (even + odd)
             continue
         m = (n + 1) // 2
         edges = np.linspace(0, n, m + 1)
-        total = np.insert(np.cumsum(image, axis=axis), 0, 0, axis=axis)
+        total = np.insert(np.cumsum(image, axis=axis, dtype=float), 0, 0, axis=axis)
         whole = np.minimum(edges.astype(int), n - 1)
         part = (edges - whole).reshape([-1 if a == axis else 1 for a in range(3)])
         at = np.take(total, whole, axis=axis) + part * np.take(image, whole, axis=axis)
-        image = np.diff(at, axis=axis) * (m / n)
+        image = (np.diff(at, axis=axis) * (m / n)).astype(np.float32)
     return image
-
-
-def _bilinear(planes: Floats, xy: Floats, weight: Floats) -> Floats:
-    """Values (c, n) times weight (n,) of an image (c, h, w) at pixels (n, 2), centres at + 0.5, edges extended."""
-    c, h, w = planes.shape
-    x, y = np.clip(xy[:, 0] - 0.5, 0, w - 1), np.clip(xy[:, 1] - 0.5, 0, h - 1)
-    column, row = np.minimum(x.astype(int), max(w - 2, 0)), np.minimum(y.astype(int), max(h - 2, 0))
-    x, y = x - column, y - row
-    at, right, below = row * w + column, int(w > 1), w * int(h > 1)
-    lower = weight * y
-    upper = weight - lower
-    corners = (
-        (at, upper - upper * x),
-        (at + right, upper * x),
-        (at + below, lower - lower * x),
-        (at + right + below, lower * x),
-    )
-    return np.stack([sum(plane.take(i) * part for i, part in corners) for plane in planes.reshape(c, -1)])
 
 
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:

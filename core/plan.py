@@ -124,7 +124,7 @@ def fingerprint(*things: object) -> str:
 
     Names do not count: an object may be called otherwise after undo or a file load.
     """
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.sha1(usedforsecurity=False)  # many processors have instructions for it
 
     def add(thing: object) -> None:
         if is_dataclass(thing):

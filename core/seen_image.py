@@ -6,15 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rig import Floats
-from .shares import Shares, to_view
+from .shares import ShareBatches, add_at
 
 COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
 
 
-def seen_image(shares: Shares, source: NDArray[np.float32]) -> NDArray[np.float32]:
+def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
     """What the viewer sees (h, w, 3) of a source image (H, W, 3): the transposed product with the shares."""
-    shown = source.reshape(-1, source.shape[2])[shares.display_index]
-    return to_view(shares, shown, shares.throughput).astype(np.float32)
+    (width, height), n_channels = batches.view_size, source.shape[2]
+    seen = np.zeros((n_channels, height, width))
+    for shares in batches:
+        weight = shares.area if shares.throughput is None else shares.area * shares.throughput
+        shown, pixel = source.reshape(-1, n_channels)[shares.display_index], shares.view_index
+        for channel in range(n_channels):
+            add_at(seen[channel], pixel, weight * shown[:, channel])
+    return np.ascontiguousarray(seen.transpose(1, 2, 0), np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,12 @@
 """Keeps ray engines, view map and shares between solves, by fingerprint of content, and solves.
 
 What has not changed is not computed again: a new picture costs one product with the shares, a moved viewer builds
-no ray engine.
+no ray engine. Shares are made, painted and summed some at a time, so that there may be more of them than memory holds.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial, reduce
 from time import perf_counter
 from typing import TypeVar
 
@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 
 from .accuracy import tessellation_error
 from .errors import RigError
-from .picture import PicturePoints, Pyramid, ideal_image, picture_from_view
+from .picture import Pyramid, Taps, ideal_image, picture_from_view
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
-from .shares import Gathered, Shares, display_coverage, view_coverage
-from .simulation import Simulation, simulate
-from .source_image import paint
+from .shares import Coverage, ShareBatches
+from .simulation import PlateView, Simulation, plate_view, simulate
+from .source_image import Painting, find_strokes
 from .trace import REASON_WORDS, Reason
 from .view_map import MapError, ViewMap
 
 Result = TypeVar("Result")
 
-CELLS_AT_ONCE, SHARES_AT_ONCE = 1 << 18, 1 << 18
-MOST_PLACED = 16  # times so many shares are remembered by their places on the picture, for the next one
+PIXELS_AT_ONCE = 1 << 18
+MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 
 REMEDIES = {
@@ -46,17 +46,21 @@ class Solution:
     """The source image, and what became of the viewer's rays.
 
     source : (H, W, 3) float32 linear, row 0 at the top
+    shares : of all cells, some at a time
+    weight : (H, W) viewer px^2, sum of area * throughput^2 over the shares of each display pixel
     display_coverage, view_coverage : (H, W), (h, w), 0..1
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
     misses : share of the picture as seen, by reason why it has no landing
     seconds : time by part of the work; n_rays : rays traced for this solve
     tessellation_error : about how far landings are from those of the surface that was meant, rms display px
+    plate : brightness and blur by a plate's mirrors, None where it is ideal
     used, left_out : what this rig needed and what it did not; notes : what the user should know
     """
 
     rig: Rig
     source: NDArray[np.float32]
-    shares: Shares
+    shares: ShareBatches
+    weight: Floats
     view_map: ViewMap
     display_coverage: Floats
     view_coverage: Floats
@@ -65,6 +69,7 @@ class Solution:
     seconds: dict[str, float]
     n_rays: int
     tessellation_error: float
+    plate: PlateView | None
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
@@ -82,10 +87,9 @@ class Solution:
         return seen_image(self._seen_shares, self.source if source is None else source)
 
     @cached_property
-    def _seen_shares(self) -> Shares:
+    def _seen_shares(self) -> ShareBatches:
         """Shares each of which lies in one viewer pixel: those that paint may be larger."""
-        is_weighed = self.shares.throughput is not None
-        return finish(_rasterise(self.view_map, is_weighed, at_pixels=True))
+        return _batches(self.view_map, self.shares.has_throughput, at_pixels=True)
 
 
 def finish(steps: Generator[float, None, Result]) -> Result:
@@ -111,14 +115,54 @@ def without_glass(rig: Rig) -> Rig:
     return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
 
 
+@dataclass(frozen=True, eq=False)
+class _Optics:
+    """What of a solve does not depend on the picture; the coverage is complete when all shares were made once."""
+
+    key: str
+    plan: Plan
+    view_map: ViewMap
+    tessellation_error: float
+    plate: PlateView | None
+    shares: ShareBatches
+    coverage: Coverage
+
+    @cached_property
+    def view_coverage(self) -> Floats:
+        return np.where(self.view_map.is_whole, 1.0, self.coverage.of_view)
+
+
+@dataclass(eq=False)
+class _Placed:
+    """What of a solve depends on the picture's place and size, but not on its colours."""
+
+    key: str
+    strokes: list[Taps] = field(default_factory=list)  # of the first batches of shares
+    covered: tuple[float, dict[str, float]] | None = None
+
+
+class _Clock:
+    """Seconds by part of the work."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, part: str) -> None:
+        """What has passed since the last lap was this part's."""
+        now = perf_counter()
+        self.seconds[part] = self.seconds.get(part, 0.0) + now - self._last
+        self._last = now
+
+
 class Session:
     """What can be used again from one solve to the next."""
 
     def __init__(self) -> None:
         self._kept = Kept()
-        self._optics: tuple[str, Plan, ViewMap, Shares, float, Floats, Floats] | None = None
-        self._placed: tuple[str, list[PicturePoints]] | None = None
-        self._pyramid: tuple[str, Pyramid] | None = None
+        self._optics: _Optics | None = None
+        self._placed: _Placed | None = None
+        self._pyramid: Pyramid | None = None
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
@@ -129,79 +173,49 @@ class Session:
             One sentence on what makes the rig unsolvable; the session stays as it was.
         """
         settings = settings or Settings()
-        seconds: dict[str, float] = {}
-        left_out: list[str] = []
-        clock = perf_counter()
-
-        def lap(name: str) -> None:
-            nonlocal clock
-            now = perf_counter()
-            seconds[name] = seconds.get(name, 0.0) + now - clock
-            clock = now
-
+        clock = _Clock()
         rig.check()
         settings.check()
         key = fingerprint(replace(rig, pictures=()), replace(settings, margin=0))
-        lap("fingerprint")
-        n_rays = 0
-        if self._optics and self._optics[0] == key:
-            _, plan, view_map, shares, tessellation, seen_share, covered = self._optics
-            left_out.append("tracing (the optics have not changed)")
-        else:
-            steps = sample_reached(rig, settings, self._kept, lap)
-            plan, view_map = yield from within(steps, 0.0, 0.8)
-            lap("tracing")
-            n_rays = view_map.n_rays
-            shares = yield from _rasterise(view_map, settings.brightness)
-            _refuse_if_dark(view_map, shares)
-            lap("shares")
-            tessellation = yield from within(tessellation_error(plan), 0.85, 0.9)
-            lap("tessellation error")
-            seen_share = np.where(view_map.is_whole, 1.0, view_coverage(shares))
-            covered = display_coverage(shares)
-            lap("coverage")
-            self._optics = (key, plan, view_map, shares, tessellation, seen_share, covered)
-        yield 0.9
-        placed_key = fingerprint(key, rig.picture.mesh, rig.picture.image.shape)
-        if not (self._placed and self._placed[0] == placed_key):
-            self._placed = (placed_key, [])
-        pyramid_key = fingerprint(rig.picture.image)
-        if not (self._pyramid and self._pyramid[0] == pyramid_key):
-            self._pyramid = (pyramid_key, Pyramid(rig.picture.image))
-            yield 0.92
-        placed, pyramid = self._placed[1], self._pyramid[1]
-        colours = np.empty((3, len(shares)), np.float32)
-        for k, first in enumerate(range(0, len(shares), SHARES_AT_ONCE)):
-            some = slice(first, first + SHARES_AT_ONCE)
-            if k < len(placed):
-                points = placed[k]
-            else:
-                points = picture_from_view(rig.picture, rig.viewer, shares.view_xy[some], shares.area[some])
-                if k < MOST_PLACED:
-                    placed.append(points)
-            colours[:, some] = pyramid.sample(points).T
-            yield 0.92 + 0.05 * first / len(shares)
-        source = paint(shares, colours.T, settings.margin)
-        lap("painting")
+        clock.lap("fingerprint")
+        optics = self._optics
+        is_new = optics is None or optics.key != key
+        if is_new:
+            optics = yield from self._look(rig, settings, key, clock)
+        yield 0.85
+        picture = rig.picture
+        placed_key = fingerprint(key, picture.mesh, picture.image.shape)
+        placed = self._placed if self._placed and self._placed.key == placed_key else _Placed(placed_key)
+        if not (self._pyramid and self._pyramid.is_of(picture.image)):
+            self._pyramid = Pyramid(picture.image)
+        painting = yield from _paint(rig, optics, placed, self._pyramid, is_new, clock)
+        if is_new:
+            _refuse_if_dark(optics.view_map, len(optics.shares))
+            self._optics = optics
+        source = painting.finished(optics.coverage.weight, settings.margin)
+        clock.lap("painting")
         yield 0.98
-        picture_coverage, misses = _of_the_picture(rig, view_map, seen_share)
-        lap("coverage")
+        if placed.covered is None:
+            placed.covered = _of_the_picture(rig, optics.view_map, optics.view_coverage)
+        self._placed = placed
+        clock.lap("coverage")
         yield 1.0
         return Solution(
             rig,
             source,
-            shares,
-            view_map,
-            covered,
-            seen_share,
-            picture_coverage,
-            misses,
-            seconds,
-            n_rays,
-            tessellation,
-            plan.used,
-            plan.left_out + tuple(left_out),
-            _notes(rig, plan, source, tessellation),
+            optics.shares,
+            optics.coverage.weight,
+            optics.view_map,
+            optics.coverage.of_display,
+            optics.view_coverage,
+            *placed.covered,
+            clock.seconds,
+            optics.view_map.n_rays if is_new else 0,
+            optics.tessellation_error,
+            optics.plate,
+            optics.plan.used,
+            optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
+            _notes(rig, optics.plan, source, optics.tessellation_error),
         )
 
     def simulate(
@@ -211,6 +225,43 @@ class Session:
         rig.check()
         settings.check()
         return (yield from simulate(make_plan(rig, settings, self._kept), source, spp))
+
+    def _look(self, rig: Rig, settings: Settings, key: str, clock: _Clock) -> Generator[float, None, _Optics]:
+        """Trace the view map of a rig; yields progress 0..0.85."""
+        plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.8)
+        clock.lap("tracing")
+        error = yield from within(tessellation_error(plan), 0.8, 0.85)
+        clock.lap("tessellation error")
+        plate = plate_view(plan)
+        if plate is not None:
+            clock.lap("brightness and blur")
+        coverage = Coverage(view_map.display_size, view_map.view_size)
+        return _Optics(key, plan, view_map, error, plate, _batches(view_map, settings.brightness), coverage)
+
+
+def _paint(
+    rig: Rig, optics: _Optics, placed: _Placed, pyramid: Pyramid, is_new: bool, clock: _Clock
+) -> Generator[float, None, Painting]:
+    """Add all shares to a painting, and to the coverage where the optics are new; yields progress 0.85..0.98."""
+    painting = Painting(optics.shares.display_size)
+    clock.lap("painting")
+    for n, shares in enumerate(optics.shares):
+        clock.lap("shares")
+        if is_new:
+            optics.coverage.add(shares)
+            clock.lap("coverage")
+        if n < len(placed.strokes):
+            strokes = placed.strokes[n]
+        else:
+            strokes = find_strokes(rig.picture, rig.viewer, shares)
+            if n < MOST_PLACED:
+                placed.strokes.append(strokes)
+        painting.add(pyramid, strokes)
+        clock.lap("painting")
+        yield 0.98 - 0.13 / (1 + n)
+    if not optics.shares.are_kept:
+        placed.strokes.clear()  # next to all that has to be made again they would save little
+    return painting
 
 
 def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: float) -> tuple[str, ...]:
@@ -232,8 +283,8 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
             f"The mesh is coarse: up to about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade"
             " it smooth where it is meant to be."
         )
-    brightest = source.max(axis=2)
-    bright = (brightest > 1 + 1e-6).sum() / max((brightest > 0).sum(), 1)
+    brightest = reduce(np.maximum, (source[..., channel] for channel in range(3)))  # rows of three are slow in numpy
+    bright = np.count_nonzero(brightest > 1 + 1e-6) / max(np.count_nonzero(brightest > 0), 1)
     if bright > 0:
         notes.append(
             f"{bright:.1%} of the source image is brighter than a display's white and would be clipped:"
@@ -242,18 +293,14 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
     return tuple(notes)
 
 
-def _rasterise(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> Generator[float, None, Shares]:
-    """Shares of all cells, some at a time; yields progress 0.8..0.85."""
-    gathered = Gathered(view_map.display_size, view_map.view_size, is_weighed)
-    for n, (view, display, throughput) in enumerate(view_map.pieces(at_pixels)):
-        gathered.add(view, display, throughput)
-        yield 0.85 - 0.05 / (1 + n)
-    return gathered.whole()
+def _batches(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> ShareBatches:
+    """The shares of a map's cells."""
+    return ShareBatches(view_map.display_size, view_map.view_size, is_weighed, partial(view_map.pieces, at_pixels))
 
 
-def _refuse_if_dark(view_map: ViewMap, shares: Shares) -> None:
+def _refuse_if_dark(view_map: ViewMap, n_shares: int) -> None:
     """Raise RigError when no ray arrives: a black source image is never what was meant."""
-    if len(shares):
+    if n_shares:
         return
     counts = np.bincount(view_map.reason.ravel(), minlength=len(Reason))
     counts[Reason.ARRIVED] = 0
@@ -266,7 +313,7 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
     """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses."""
     w, h = view_map.view_size
     shown, unseen, lost = 0.0, 0.0, np.zeros(len(Reason))
-    rows = max(1, CELLS_AT_ONCE // w)
+    rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
         x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(first, min(first + rows, h)) + 0.5)
         cover = picture_from_view(rig.picture, rig.viewer, np.stack([x.ravel(), y.ravel()], axis=1), 1.0).cover

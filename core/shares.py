@@ -7,8 +7,9 @@ area inside, pixel by pixel, and no polygon is ever clipped. The same walk gives
 of the part of the cell that lies in a pixel; the inverse of the cell's map takes it back to the viewer's image.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,6 +27,8 @@ FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
 NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
 PIXELS_AT_ONCE = 1 << 16
+SHARES_AT_ONCE = 1 << 17
+MOST_KEPT = 1 << 23  # shares, 36 bytes each: more of them are made again each time they are asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,26 +65,6 @@ class Shares:
         return np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
 
 
-def concatenate(*shares: Shares) -> Shares:
-    """Join shares of the same display and viewer image, as of several branches or passes.
-
-    Raises
-    ------
-    ValueError : when the sizes differ
-    """
-    first = shares[0]
-    if any((some.display_size, some.view_size) != (first.display_size, first.view_size) for some in shares):
-        raise ValueError("Shares can be joined only if their display and viewer images have the same sizes.")
-    throughput = None
-    if any(some.throughput is not None for some in shares):
-        throughput = np.concatenate([np.ones(len(s)) if s.throughput is None else s.throughput for s in shares])
-    fields = (
-        np.concatenate([getattr(some, name) for some in shares])
-        for name in ("display_index", "view_xy", "area", "display_area")
-    )
-    return Shares(first.display_size, first.view_size, *fields, throughput)
-
-
 def to_display(shares: Shares, values: NDArray[np.floating], weights: Floats | None = None) -> Floats:
     """Sum area * weight * value over the shares of each display pixel.
 
@@ -105,14 +88,40 @@ def to_view(shares: Shares, values: NDArray[np.floating], weights: Floats | None
     return _sums_by(shares.view_index, shares.view_size, _weighted(shares.area, weights), values)
 
 
-def display_coverage(shares: Shares) -> Floats:
-    """Part (height, width) of each display pixel that the viewer sees, 0..1; areas seen several times count once."""
-    return np.minimum(_sums_by(shares.display_index, shares.display_size, shares.display_area, None), 1.0)
+class Coverage:
+    """How much display and viewer see of each other: sums over shares, all of which are added before it is asked.
+
+    weight : (H, W) sum of area * throughput^2 over the shares of each display pixel, viewer px^2
+    """
+
+    def __init__(self, display_size: tuple[int, int], view_size: tuple[int, int]) -> None:
+        self.weight, self._display, self._view = (
+            np.zeros(size[::-1]) for size in (display_size, display_size, view_size)
+        )
+
+    def add(self, shares: Shares) -> None:
+        """Add some of the shares."""
+        squared = None if shares.throughput is None else shares.throughput**2
+        add_at(self.weight, shares.display_index, _weighted(shares.area, squared))
+        add_at(self._display, shares.display_index, shares.display_area)
+        add_at(self._view, shares.view_index, shares.area)
+
+    @cached_property
+    def of_display(self) -> Floats:
+        """Part (H, W) of each display pixel that the viewer sees, 0..1; areas seen several times count once."""
+        return np.minimum(self._display, 1.0, out=self._display)
+
+    @cached_property
+    def of_view(self) -> Floats:
+        """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
+        return np.minimum(self._view, 1.0, out=self._view)
 
 
-def view_coverage(shares: Shares) -> Floats:
-    """Part (height, width) of each viewer pixel that is connected to the display, 0..1."""
-    return np.minimum(_sums_by(shares.view_index, shares.view_size, shares.area, None), 1.0)
+def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
+    """Add weights (n,) to the pixels (n,) of an image (h, w): row * width + column."""
+    if len(index):
+        first, last = int(index.min()), int(index.max())  # a batch of shares may lie in a few rows of a large image
+        image.reshape(-1)[first : last + 1] += np.bincount(index - first, weights)
 
 
 def _index_type(size: tuple[int, int]) -> type[np.signedinteger]:
@@ -123,11 +132,9 @@ def _weighted(area: Floats, weights: Floats | None) -> Floats:
     return area if weights is None else area * weights
 
 
-def _sums_by(index: NDArray[np.integer], size: tuple[int, int], weights: Floats, values: NDArray | None) -> Floats:
+def _sums_by(index: NDArray[np.integer], size: tuple[int, int], weights: Floats, values: NDArray) -> Floats:
     """Sum weights * values (n,) or (n, c) by pixel of an image of a size (width, height)."""
     width, height = size
-    if values is None:
-        return np.bincount(index, weights, width * height).reshape(height, width)
     channels = [np.bincount(index, weights * channel, width * height) for channel in values.reshape(len(index), -1).T]
     return np.stack(channels, axis=-1).reshape(height, width, *values.shape[1:])
 
@@ -161,66 +168,129 @@ def rasterise(
     Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size. The edges are summed
     as font rasterisers do (signed areas, accumulated along rows); the moments are Green's theorem on the same edges.
     """
-    gathered = Gathered(display_size, view_size, throughput is not None)
-    gathered.add(view_polygons, display_polygons, throughput)
-    return gathered.whole()
+    sizes = display_size, view_size
+    return _joined(*sizes, throughput is not None, _divided(*sizes, view_polygons, display_polygons, throughput))
 
 
-class Gathered:
-    """Shares in the making, of the cells added so far: no share is held twice."""
+class ShareBatches:
+    """The shares of many cells, some at a time: kept where they are no more than MOST_KEPT, else made again each time.
 
-    def __init__(self, display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool) -> None:
-        self._sizes = display_size, view_size
-        self._pixel, self._view_xy = _Growing(_index_type(display_size)), _Growing(columns=2)
-        self._area, self._display_area = _Growing(), _Growing()
-        self._throughput = _Growing() if has_throughput else None
+    Parameters
+    ----------
+    display_size, view_size : (width, height), px
+    has_throughput : whether it is to be kept with the shares
+    pieces : gives the cells, each time anew, some at a time: polygons and throughput, as for `rasterise`
+    """
 
-    def add(self, view_polygons: Floats, display_polygons: Floats, throughput: Floats | None = None) -> None:
-        """Add the shares of more cells: parameters as for `rasterise`."""
-        width, height = self._sizes[0]
-        for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
-            some = slice(start, start + POLYGONS_AT_ONCE)
-            number = np.arange(start, start + len(display_polygons[some]))
-            cells = _Cells(number, *_columns(display_polygons[some]), *_columns(view_polygons[some]))
-            for part in _divide(cells, width, height):
-                self._pixel.add(part.pixel)
-                self._view_xy.add(part.u, part.v)
-                self._area.add(part.area)
-                self._display_area.add(part.display_area)
-                if self._throughput is not None:
-                    self._throughput.add(throughput[part.number])
-
-    def whole(self) -> Shares:
-        """All shares; nothing can be added any more."""
-        columns = (self._pixel, self._view_xy, self._area, self._display_area)
-        return Shares(
-            *self._sizes,
-            *(column.whole() for column in columns),
-            None if self._throughput is None else self._throughput.whole(),
-        )
-
-
-class _Growing:
-    """An array that grows at its end; the system moves large ones without copying, so that no field is held twice."""
-
-    def __init__(self, dtype: type = np.float64, columns: int | None = None) -> None:
-        self._rows = np.empty((0,) if columns is None else (0, columns), dtype)
+    def __init__(
+        self,
+        display_size: tuple[int, int],
+        view_size: tuple[int, int],
+        has_throughput: bool,
+        pieces: Callable[[], Iterable[tuple[Floats, Floats, Floats]]],
+    ) -> None:
+        self.display_size, self.view_size = display_size, view_size
+        self.has_throughput, self._pieces = has_throughput, pieces
+        self._kept: list[Shares] | None = None
         self._n = 0
 
-    def add(self, *columns: NDArray) -> None:
-        """Append rows, given column by column."""
-        end = self._n + len(columns[0])
-        if end > len(self._rows):
-            self._rows.resize((end + end // 2, *self._rows.shape[1:]), refcheck=False)
-        new = self._rows[self._n : end].reshape(-1, len(columns))
-        for j, values in enumerate(columns):
-            new[:, j] = values
-        self._n = end
+    def __len__(self) -> int:
+        """Number of shares, after they were all made once."""
+        return self._n
 
-    def whole(self) -> NDArray:
-        """The array, cut to its length."""
-        self._rows.resize((self._n, *self._rows.shape[1:]), refcheck=False)
-        return self._rows
+    @property
+    def are_kept(self) -> bool:
+        """Were they all made, and no more than are kept?"""
+        return self._kept is not None
+
+    def __iter__(self) -> Iterator[Shares]:
+        if self.are_kept:
+            yield from self._kept
+            return
+        n, kept = 0, []
+        for shares in self._made():
+            n += len(shares)
+            kept = [*kept, shares] if n <= MOST_KEPT else []
+            yield shares
+        self._n = n
+        if n <= MOST_KEPT:
+            self._kept = kept
+
+    def _made(self) -> Iterator[Shares]:
+        sizes = self.display_size, self.view_size
+        # on a large display cells go from top to bottom: most batches lie in a few rows, and `add_at` has less to add
+        is_large = self.display_size[0] * self.display_size[1] > 4 * SHARES_AT_ONCE
+        parts, n = [], 0
+        for cells in self._pieces():
+            if is_large:
+                order = np.argsort(cells[1][:, 0, 1])
+                cells = [values[order] for values in cells]
+            view, display, throughput = cells
+            for part in _divided(*sizes, view, display, throughput if self.has_throughput else None):
+                parts.append(part)
+                n += len(part)
+                if n >= SHARES_AT_ONCE:
+                    yield _joined(*sizes, self.has_throughput, parts)
+                    parts, n = [], 0
+        if parts:
+            yield _joined(*sizes, self.has_throughput, parts)
+
+    @property
+    def display_index(self) -> NDArray[np.integer]:
+        """That of all shares (n,)."""
+        return np.concatenate([shares.display_index for shares in self])
+
+    @property
+    def area(self) -> Floats:
+        """That of all shares (n,)."""
+        return np.concatenate([shares.area for shares in self])
+
+    @property
+    def throughput(self) -> Floats | None:
+        """That of all shares (n,), or None where it is 1 everywhere."""
+        return np.concatenate([shares.throughput for shares in self]) if self.has_throughput else None
+
+
+def _joined(
+    display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool, parts: Iterable[Shares]
+) -> Shares:
+    """Shares of the same sizes, in one."""
+    none = np.empty(0)
+    first = Shares(
+        display_size,
+        view_size,
+        np.empty(0, _index_type(display_size)),
+        np.empty((0, 2)),
+        *(none, none),
+        none if has_throughput else None,
+    )
+    parts = [first, *parts]
+    names = ["display_index", "view_xy", "area", "display_area", *(["throughput"] if has_throughput else [])]
+    return Shares(display_size, view_size, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def _divided(
+    display_size: tuple[int, int],
+    view_size: tuple[int, int],
+    view_polygons: Floats,
+    display_polygons: Floats,
+    throughput: Floats | None,
+) -> Iterator[Shares]:
+    """Shares of cells, a few at a time: parameters as for `rasterise`."""
+    for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
+        some = slice(start, start + POLYGONS_AT_ONCE)
+        number = np.arange(start, start + len(display_polygons[some]))
+        cells = _Cells(number, *_columns(display_polygons[some]), *_columns(view_polygons[some]))
+        for part in _divide(cells, *display_size):
+            yield Shares(
+                display_size,
+                view_size,
+                part.pixel.astype(_index_type(display_size)),
+                np.stack([part.u, part.v], axis=1),
+                part.area,
+                part.display_area,
+                None if throughput is None else throughput[part.number],
+            )
 
 
 class _Cells(NamedTuple):

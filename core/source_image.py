@@ -1,34 +1,60 @@
 """Paints the source image: least squares through the shares. The brute-force splat stands beside it as reference."""
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .picture import Pyramid, picture_from_view
+from .picture import Pyramid, Taps, find_taps, picture_from_view
 from .plan import Plan
-from .rig import Bools, Floats
-from .shares import Shares, to_display
+from .rig import Bools, Floats, Picture, Viewer
+from .shares import Shares, add_at
 from .trace import CHUNK, trace
 
 
-def paint(shares: Shares, colours: Floats, margin: int = 0) -> NDArray[np.float32]:
-    """Source image (H, W, 3), linear: the x that minimises the sum over shares of area (T x - colour)^2.
+class Painting:
+    """A source image in the making: the x that minimises the sum over shares of area (T x - colour)^2.
 
-    Parameters
-    ----------
-    shares : n shares
-    colours : (n, 3) of the picture at the shares' own points
-    margin : px by which the covered area is grown outward
+    Shares are added some at a time; how their colours are read can be kept for the next picture of the same size.
     """
-    throughput = np.ones(len(shares)) if shares.throughput is None else shares.throughput
-    total = to_display(shares, throughput, throughput)
-    covered = total > 0
-    total[~covered] = 1.0
-    image = np.empty((*total.shape, 3), np.float32)
-    for channel in range(3):  # one at a time: sums are in double precision, and a display may have many pixels
-        image[..., channel] = to_display(shares, colours[:, channel], throughput) / total
-    return grow(image, covered, margin)
+
+    def __init__(self, display_size: tuple[int, int]) -> None:
+        width, height = display_size
+        self._total = np.zeros((3, height, width))
+
+    def add(self, pyramid: Pyramid, taps: Taps) -> None:
+        """Add shares by their taps, as `find_strokes` makes them."""
+        for total, values in zip(self._total, pyramid.read(taps), strict=True):
+            add_at(total, taps.point, values)
+
+    def finished(self, weight: Floats, margin: int = 0) -> NDArray[np.float32]:
+        """Source image (H, W, 3), linear; nothing can be added any more.
+
+        Parameters
+        ----------
+        weight : (H, W), sum of area * T^2 over the shares of each display pixel
+        margin : px by which the covered area is grown outward
+        """
+        covered = weight > 0
+        image = np.empty((*weight.shape, 3), np.float32)
+        for channel, total in enumerate(self._total):
+            np.divide(total, weight, out=total, where=covered)
+            image[..., channel] = total
+        return grow(image, covered, margin)
+
+
+def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Taps:
+    """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
+
+    A share is read at its own point.
+    """
+    points = picture_from_view(picture, viewer, shares.view_xy, shares.area)
+    weight = points.cover * shares.area
+    if shares.throughput is not None:
+        weight *= shares.throughput
+    taps = find_taps(points, weight, picture.image.shape[1::-1])
+    return replace(taps, point=shares.display_index[taps.point])
 
 
 def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.float32]:

@@ -81,7 +81,62 @@ def test_every_level_of_the_pyramid_keeps_the_mean(shape):
     """Halving is an exact area mean, for odd sizes too."""
     image = np.random.default_rng(1).random((*shape, 4)).astype(np.float32)
     for level in Pyramid(image).levels:
-        np.testing.assert_allclose(level.mean(axis=(0, 1)), image[..., :3].mean(axis=(0, 1), dtype=float), rtol=1e-6)
+        found, expected = level.mean(axis=(1, 2), dtype=float), image[..., :3].mean(axis=(0, 1), dtype=float)
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_pyramid_knows_its_own_picture():
+    """A copy of its picture is its own; another value, another size and the picture changed in its place are not."""
+    image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
+    pyramid = Pyramid(image)
+    assert pyramid.is_of(image.copy())
+    assert not pyramid.is_of(image[:, :8])
+    assert not pyramid.is_of(image.transpose(1, 0, 2))
+    for channel in range(3):
+        other = image.copy()
+        other[4, 5, channel] += 1e-6
+        assert not pyramid.is_of(other)
+    planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)  # in memory as the pyramid has it
+    pyramid = Pyramid(planar)
+    planar[0, 0, 0] += 1
+    assert not pyramid.is_of(planar)
+
+
+def level_by_level(image, points):
+    """Colours (n, 3) of PicturePoints, one by one, from levels made of means of 2 x 2: the sizes are powers of two."""
+    levels = [image[..., :3].astype(float)]
+    while len(levels[-1]) > 1:
+        n = len(levels[-1]) // 2
+        levels.append(levels[-1].reshape(n, 2, n, 2, 3).mean(axis=(1, 3)))
+
+    def read(level, x, y):
+        n = len(level)
+        x, y = (np.clip(v / 2 ** (len(levels) - n.bit_length()) - 0.5, 0, n - 1) for v in (x, y))
+        column, row = (min(int(v), max(n - 2, 0)) for v in (x, y))
+        s, t, right, below = x - column, y - row, min(column + 1, n - 1), min(row + 1, n - 1)
+        upper, lower = ((1 - s) * level[r, column] + s * level[r, right] for r in (row, below))
+        return (1 - t) * upper + t * lower
+
+    found = np.zeros((len(points.xy), 3))
+    for i, ((x, y), cover, footprint) in enumerate(zip(points.xy, points.cover, points.footprint, strict=True)):
+        spread = [4.0**k for k in range(len(levels))]  # the variance of level k is this, less 1 / 3, by 4 / 12
+        k = int(np.clip(np.searchsorted(spread, 1 + footprint**2 / 3, side="right") - 1, 0, len(levels) - 1))
+        one = read(levels[k], x, y)
+        if k + 1 < len(levels):
+            part = ((1 + footprint**2 / 3) / spread[k] - 1) / 3
+            one = (1 - part) * one + part * read(levels[k + 1], x, y)
+        found[i] = cover * one
+    return found
+
+
+def test_points_are_read_as_one_by_one():
+    """Any places and footprints, beyond the picture's edges and larger than it, too: single precision, 1e-6."""
+    random = np.random.default_rng(9)
+    image, n = random.random((32, 32, 4)).astype(np.float32), 400
+    points = picture_module.PicturePoints(
+        random.uniform(-4, 36, (n, 2)), np.clip(random.uniform(-0.5, 1.5, n), 0, 1), 10 ** random.uniform(-2, 2, n)
+    )
+    np.testing.assert_allclose(Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6)
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():

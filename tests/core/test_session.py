@@ -10,6 +10,7 @@ from work import drain, solve
 
 from kiriko.core import ray_engine, surfaces
 from kiriko.core import session as session_module
+from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import tessellation_error
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.meshes import geometric_normals
@@ -35,6 +36,50 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     assert np.array_equal(found.source, expected.source)
     assert found.n_rays == 0
     assert "tracing" not in found.seconds
+
+
+@pytest.mark.parametrize("brightness", [False, True])
+def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
+    """Kept or made again, some at a time: images and coverages agree to rounding, also for a new picture."""
+    a_rig = ball_rig(3, pixels=48, display_pixels=300, image=lattice_image(64))
+    other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
+    expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
+    n = len(expected[0].shares)
+    assert n < shares_module.MOST_KEPT
+    monkeypatch.setattr(shares_module, "MOST_KEPT", n // 2)
+    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", n // 5)
+    monkeypatch.setattr(shares_module, "PIXELS_AT_ONCE", n // 20)
+    monkeypatch.setattr(session_module, "MOST_PLACED", 2)
+    kept = Session()
+    for some, one in zip((a_rig, other), expected, strict=True):
+        found = solve(some, kept, brightness=brightness)
+        assert len(list(found.shares)) > 3
+        assert len(found.shares) == n
+        np.testing.assert_allclose(found.source, one.source, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(found.seen(), one.seen(), rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(found.weight, one.weight, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(found.display_coverage, one.display_coverage, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(found.view_coverage, one.view_coverage, rtol=1e-9)
+        assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
+    assert found.n_rays == 0
+
+
+def test_a_picture_changed_in_its_place_is_painted_anew():
+    """A picture is known by its values, a place or size of it by those: nothing of the old one is left."""
+    kept = Session()
+    a_rig = small()
+    first = solve(a_rig, kept)
+    a_rig.picture.image[:] = a_rig.picture.image[::-1].copy()
+    found = solve(a_rig, kept)
+    assert not np.array_equal(found.source, first.source)
+    assert np.array_equal(found.source, solve(a_rig).source)
+    wide = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[:, :40].copy()),))
+    assert np.array_equal(solve(wide, kept).source, solve(wide).source)
+    shifted = replace(a_rig.picture, mesh=replace_vertices(a_rig.picture.mesh, np.array([0.001, 0, 0])))
+    aside = replace(a_rig, pictures=(shifted,))
+    found, expected = solve(aside, kept), solve(aside)
+    assert np.array_equal(found.source, expected.source)
+    assert found.picture_coverage == expected.picture_coverage != first.picture_coverage
 
 
 def test_only_a_changed_mesh_builds_an_engine(monkeypatch):

@@ -8,14 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core.shares import (
-    concatenate,
-    display_coverage,
-    rasterise,
-    to_display,
-    to_view,
-    view_coverage,
-)
+from kiriko.core import shares as shares_module
+from kiriko.core.shares import Coverage, ShareBatches, add_at, rasterise, to_display, to_view
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 fixed = settings(derandomize=True, deadline=None, max_examples=150, database=None)
@@ -96,6 +90,14 @@ def inverse_bilinear(quad, point):
         dt = (1 - s) * (quad[3] - quad[0]) + s * (quad[2] - quad[1])
         st = st + np.linalg.solve(np.stack([ds, dt], axis=1), point - here)
     return st
+
+
+def coverage(*batches):
+    """Coverage of some shares."""
+    found = Coverage(batches[0].display_size, batches[0].view_size)
+    for shares in batches:
+        found.add(shares)
+    return found
 
 
 # --- against the clipper ---
@@ -208,7 +210,7 @@ def test_affine_map_is_inverted_at_pixel_centres(view, scale, angle, flip):
     shares = rasterise((size, size), (view, view), grid(view), polygons)
     area = to_display(shares, np.ones(len(shares)))
     mean = to_display(shares, shares.view_xy) / np.where(area > 0, area, 1)[..., None]
-    full = display_coverage(shares) > 1 - 1e-12
+    full = coverage(shares).of_display > 1 - 1e-12
     assert full.sum() > 0.4 * size * size
     x, y = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
     expected = (np.stack([x, y], axis=-1) - middle[1]) @ inverse.T + middle[0]
@@ -243,7 +245,7 @@ def test_sums_are_the_polygons_areas(size):
     np.testing.assert_allclose(got, expected, rtol=1e-10)
     # neighbours share their edges: no pinhole, no overlap
     assert np.bincount(shares.display_index, shares.display_area).max() < 1 + 1e-11
-    np.testing.assert_allclose(view_coverage(shares), 1, rtol=1e-10)
+    np.testing.assert_allclose(coverage(shares).of_view, 1, rtol=1e-10)
 
 
 def keystone_means(size):
@@ -272,7 +274,7 @@ def test_smooth_map_is_inverted_to_second_order():
     for n in (5, 10, 20, 40, 80):
         view = grid(n)
         shares = rasterise((size, size), (n, n), view, perspective(view / n, size))
-        full = display_coverage(shares) > 1 - 1e-9
+        full = coverage(shares).of_display > 1 - 1e-9
         area = to_display(shares, np.ones(len(shares)))
         mean = to_display(shares, shares.view_xy / n)[full] / area[full][:, None]
         errors.append(np.sqrt(((mean - expected[full]) ** 2).mean()))
@@ -284,7 +286,7 @@ def test_clipping_at_the_border_keeps_the_part_inside():
     quad = np.array([[[-1e4, -2e4], [3e4, -1e4], [2e4, 4e4], [-3e4, 1e4]]])
     for polygon in (quad, quad[:, ::-1]):
         shares = rasterise((31, 17), (1, 1), SQUARE[None], polygon)
-        np.testing.assert_allclose(display_coverage(shares), 1, atol=1e-9)
+        np.testing.assert_allclose(coverage(shares).of_display, 1, atol=1e-9)
         total = abs(area_and_centroid(quad[0].tolist())[0])
         assert shares.area.sum() == pytest.approx(31 * 17 / total, rel=1e-9)
 
@@ -359,7 +361,7 @@ def test_fold_is_seen_from_both_sides():
     assert shares.area.sum() == pytest.approx(36, rel=1e-9)
     area = to_display(shares, np.ones(len(shares)))
     np.testing.assert_allclose(area[2:4, 2:5], 2, rtol=1e-9)
-    assert display_coverage(shares).max() == 1
+    assert coverage(shares).of_display.max() == 1
 
 
 def test_broken_cells_are_left_out():
@@ -383,7 +385,7 @@ def test_one_cell_over_a_large_display_is_cut_in_bands():
     quad = np.array([[[-3.0, 5.0], [1500.0, -10.0], [1400.0, 1210.0], [40.0, 1190.0]]])
     shares = rasterise((1300, 1200), (1, 1), SQUARE[None], quad)
     assert len(np.unique(shares.display_index)) == len(shares)
-    assert display_coverage(shares)[600, 100:1200] == pytest.approx(1, abs=1e-11)
+    assert coverage(shares).of_display[600, 100:1200] == pytest.approx(1, abs=1e-11)
     inside = clip(clip(quad[0].tolist(), 0, 0, 1), 0, 1300, -1)
     inside = clip(clip(inside, 1, 0, 1), 1, 1200, -1)
     assert shares.display_area.sum() == pytest.approx(abs(area_and_centroid(inside)[0]), rel=1e-12)
@@ -420,18 +422,57 @@ def test_throughput_follows_its_cell():
     assert rasterise((40, 32), (30, 20), view, quads).throughput is None
 
 
-def test_joined_shares_add_up():
-    """The product of joined shares is the sum of the products; a missing throughput counts as 1."""
-    view = grid(12)
+@pytest.mark.parametrize("has_throughput", [False, True])
+@pytest.mark.parametrize("most", [0, 1 << 20], ids=["made again", "kept"])
+def test_batches_add_up(monkeypatch, most, has_throughput):
+    """Batches are the shares of all cells, each time they are asked for; few are kept, many are divided anew."""
+    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 50)
+    monkeypatch.setattr(shares_module, "PIXELS_AT_ONCE", 64)
+    monkeypatch.setattr(shares_module, "MOST_KEPT", most)
+    view, asked = grid(12), []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
-    first = rasterise((18, 18), (12, 12), view[:70], quads[:70])
-    second = rasterise((18, 18), (12, 12), view[70:], quads[70:], np.full(74, 0.5))
-    both = concatenate(first, second)
-    assert len(both) == len(first) + len(second)
-    expected = to_display(first, np.ones(len(first))) + to_display(second, np.ones(len(second)), second.throughput)
-    np.testing.assert_allclose(to_display(both, np.ones(len(both)), both.throughput), expected, rtol=1e-12, atol=1e-15)
-    with pytest.raises(ValueError, match="same sizes"):
-        concatenate(first, rasterise((18, 17), (12, 12), view, quads))
+    throughput = np.random.default_rng(7).uniform(0, 1, len(view))
+
+    def pieces():
+        asked.append(1)
+        for some in (slice(0, 70), slice(70, None)):
+            yield view[some], quads[some], throughput[some]
+
+    batches = ShareBatches((18, 18), (12, 12), has_throughput, pieces)
+    assert not batches.are_kept
+    whole = rasterise((18, 18), (12, 12), view, quads, throughput if has_throughput else None)
+    weight = to_display(whole, np.ones(len(whole)) if not has_throughput else whole.throughput**2)
+    for _ in range(2):
+        every = list(batches)
+        assert len(every) > 3
+        assert len(batches) == sum(len(shares) for shares in every) == len(whole)
+        found = coverage(*every)
+        np.testing.assert_allclose(found.weight, weight, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(found.of_view, coverage(whole).of_view, rtol=1e-12)
+        np.testing.assert_allclose(found.of_display, coverage(whole).of_display, rtol=1e-12, atol=1e-15)
+    assert batches.are_kept == bool(most)
+    assert len(asked) == (1 if most else 2)
+    joined = to_display(batches, np.ones(len(batches)) if not has_throughput else batches.throughput**2)
+    np.testing.assert_allclose(joined, weight, rtol=1e-12, atol=1e-15)
+
+
+def test_no_cells_have_no_shares():
+    """A map without cells, or with none on the display, has no shares, and that is no error."""
+    for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9))]):
+        batches = ShareBatches((8, 8), (3, 3), False, lambda pieces=pieces: iter(pieces))
+        assert sum(len(shares) for shares in batches) == len(batches) == 0
+
+
+def test_what_is_added_to_an_image_is_added_to_what_is_there():
+    """The sums of a batch are added to those of others, wherever its pixels lie; without any nothing changes."""
+    random = np.random.default_rng(8)
+    image = random.normal(size=(7, 9))
+    expected = image.copy()
+    for low, high in ((0, 63), (20, 21), (40, 63), (5, 5)):
+        index, weights = random.integers(low, max(high, low + 1), high - low), random.normal(size=high - low)
+        np.add.at(expected.reshape(-1), index, weights)
+        add_at(image, index, weights)
+    np.testing.assert_allclose(image, expected, rtol=1e-13)
 
 
 def test_order_and_chunks_do_not_matter():
