@@ -50,20 +50,24 @@ class Points:
 class Paths:
     """Where traced rays went, up to the twelfth event, in the order of the points.
 
-    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the last. A ray that leaves
-    the rig goes on for `reach`, m.
+    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the last, as many as the
+    longest path needs. A ray that leaves the rig goes on for `reach`, m.
     """
 
     def __init__(self, reach: float) -> None:
         self.reach = reach
-        self.places, self.met = np.empty((0, MOST_EVENTS + 1, 3)), np.empty((0, MOST_EVENTS), np.int32)
+        self.places, self.met = np.empty((0, 2, 3)), np.empty((0, 1), np.int32)
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Take up the paths of rays from origins (n, 3)."""
-        n = len(origins)
-        places, met = np.full((n, MOST_EVENTS + 1, 3), np.nan), np.full((n, MOST_EVENTS), -1, np.int32)
+        steps = steps[:MOST_EVENTS]
+        more = max(len(steps) - self.met.shape[1], 0)
+        self.places = np.pad(self.places, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
+        self.met = np.pad(self.met, ((0, 0), (0, more)), constant_values=-1)
+        n, m = len(origins), self.met.shape[1]
+        places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
         places[:, 0] = origins
-        for k, step in enumerate(steps[:MOST_EVENTS]):
+        for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
             places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
         self.places, self.met = np.concatenate([self.places, places]), np.concatenate([self.met, met])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid
+from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, product
 from .meshes import box_of, interpolate
 from .motion import Motion
 from .optics import dot
@@ -18,6 +18,7 @@ from .rig import Bools, Floats, Ints
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 MANY_TRIANGLES = 10_000  # from here on a curved face is searched from one place only
 FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
+STEEP, NEAR = 0.5, 0.1  # cosine, and parts of a triangle's size: so a ray leaves the hull that has left the faces
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
@@ -179,7 +180,13 @@ class Layer:
         return engine
 
     def first_hits(
-        self, origins: Floats, directions: Floats, is_inside: Bools, accept: Accept, leaves: Bools | None = None
+        self,
+        origins: Floats,
+        directions: Floats,
+        is_inside: Bools,
+        accept: Accept,
+        leaves: Bools | None = None,
+        within: Floats | None = None,
     ) -> Hits:
         """First true hits of rays.
 
@@ -189,25 +196,33 @@ class Layer:
         is_inside : (n,) the ray is inside a closed solid of this layer, so that a miss cannot be
         accept : which hits are true ones
         leaves : (n,) the ray is inside a solid, so that only hits from behind can be; None where not all are solids
+        within : (n,) m, hits further away need not be found
         """
         if self.motion is None:
-            return self._first_hits(origins, directions, is_inside, accept, leaves)
-        hits = self._first_hits(*self.motion.back(origins, directions), is_inside, accept, leaves)
+            return self._first_hits(origins, directions, is_inside, accept, leaves, within)
+        hits = self._first_hits(*self.motion.back(origins, directions), is_inside, accept, leaves, within)
         turned = (None if column is None else self.motion.directions(column) for column in (hits.facing, hits.normal))
         return replace(hits, **dict(zip(("facing", "normal"), turned, strict=True)))
 
     def _first_hits(
-        self, origins: Floats, directions: Floats, is_inside: Bools, accept: Accept, leaves: Bools | None
+        self,
+        origins: Floats,
+        directions: Floats,
+        is_inside: Bools,
+        accept: Accept,
+        leaves: Bools | None,
+        within: Floats | None,
     ) -> Hits:
+        within = np.full(len(origins), np.inf) if within is None else within
         hits = Hits.none(len(origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
         enter, leave = slab(grown, origins, directions)
-        rays = np.flatnonzero((enter <= leave) & (leave >= 0) | is_inside)
+        rays = np.flatnonzero((enter <= np.minimum(leave, within)) & (leave >= 0) | is_inside)
         if not len(rays):
             return hits
         if not self.has_engine:
             for first in range(0, len(rays), CHUNK):
-                self._test_all(origins, directions, rays[first : first + CHUNK], accept, hits)
+                self._test_all(origins, directions, rays[first : first + CHUNK], accept, within, hits)
             return hits
         lost = self._ask_embree(
             origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, leaves, hits
@@ -238,7 +253,9 @@ class Layer:
         distance, enters, facing, normal = others
         return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
 
-    def _test_all(self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, hits: Hits) -> None:
+    def _test_all(
+        self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, within: Floats, hits: Hits
+    ) -> None:
         o, d = origins[rays], directions[rays]
         k, frames = self.n_triangles, self.frames
         # distances and barycentric coordinates of all triangles at once, by products of matrices
@@ -248,7 +265,7 @@ class Layer:
         with np.errstate(invalid="ignore", divide="ignore"):
             t = -start[:k] / slope[:k]
             u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
-            t[~(_is_within(u, v) & (t > -self.tolerance))] = np.inf
+            t[~(_is_within(u, v) & (t > -self.tolerance) & (t <= within[rays]))] = np.inf
         todo = np.arange(len(rays))
         while len(todo):
             nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
@@ -265,6 +282,18 @@ class Layer:
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
         found = self._engine.run(moved.astype(np.float32), directions.astype(np.float32), output=True)
         return found, start + found["tfar"].astype(float) * self.radius
+
+    def _only_leaves_hull(self, found: dict[str, np.ndarray], directions: Floats, far: Floats, leaves: Bools) -> Bools:
+        """Does what Embree found tell that rays (n,) only come out of the hull, having left the faces just behind it?
+
+        Such a ray is outside and has but a short way, a part of the triangle's size, to where it steeply leaves the
+        hull. It can enter nothing on that way: the faces turn much less over a triangle than the ray is steep.
+        """
+        normal = found["Ng"].T
+        area = np.sqrt(product(normal, normal))  # twice the area, in units of the engine
+        is_steep = product(normal, directions.T) > STEEP * area
+        is_near = (far / self.radius) ** 2 < NEAR**2 * area
+        return ~leaves & is_steep & is_near & (found["primID"] >= self._n_whole)
 
     def _refine(
         self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats, leaves: Bools | None
@@ -312,18 +341,24 @@ class Layer:
             hit = found["primID"] >= 0
             if not hit.all():
                 lost.append(rays[~hit & is_inside[rays]])
-                rays, start, step, far, o, d = (x[hit] for x in (rays, start, step, far, o, d))
-            some, is_met = self._refine(found, hit, o, d, _of(leaves, rays))
-            is_true, is_wrong = accept(rays, some)
+            again = np.zeros(len(rays), bool)
+            if self.curved is not None and leaves is not None:
+                again = hit & self._only_leaves_hull(found, d, far, leaves[rays])
+                hit &= ~again
+            if not hit.all():
+                o, d = o[hit], d[hit]
+            asked = rays[hit]
+            some, is_met = self._refine(found, hit, o, d, _of(leaves, asked))
+            is_true, is_wrong = accept(asked, some)
             is_true &= is_met
             if is_true.all():
-                hits.put(rays, some)
+                hits.put(asked, some)
             else:
-                hits.put(rays[is_true], some.at(is_true))
-            lost.append(rays[is_wrong & is_met])
-            again = ~is_true
+                hits.put(asked[is_true], some.at(is_true))
+            lost.append(asked[is_wrong & is_met])
+            again[hit] = ~is_true
             if self.curved is None:  # the true hit may lie a little further than Embree has it
-                far = np.where(np.isfinite(some.distance), np.fmax(some.distance, far), far)
+                far[hit] = np.where(np.isfinite(some.distance), np.fmax(some.distance, far[hit]), far[hit])
             start = np.maximum(far + step, start + step)[again]
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
         return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)

@@ -22,6 +22,7 @@ from .curved import (
     NODES,
     POWERS,
     CurvedFaces,
+    by_term,
     cross,
     monomials,
     slopes,
@@ -372,4 +373,5 @@ def make_curved(
     offsets[:, : N_NODES - 3] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
     coefficients[held] = np.matmul(FROM_NODES, offsets)
     vertex = v.of_corner[chosen]
+    coefficients = by_term(coefficients)
     return CurvedFaces(corners, row, coefficients, neighbour, neighbour_edge, bent_row, bent, vertex, v.normal)

@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from .optics import dot
 from .ray_engine import Frames
 from .rig import Bools, Floats, Ints
 
@@ -20,19 +19,28 @@ DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 class _Bundles:
     """Rays between two of their events, k at a time: ends (n, 2, k, 3); owner (n,), the path that they belong to.
 
-    middle (n, 2, 3) and radius (n, 2): ends of a cone around all of them
+    A cone around all of them has its axis along the ray in the middle.
     """
 
     ends: Floats
     owner: Ints
 
     @cached_property
-    def middle(self) -> Floats:
-        return self.ends[:, :, self.ends.shape[2] // 2]
+    def start(self) -> Floats:
+        """Where (3, n) cones begin."""
+        return np.ascontiguousarray(self.ends[:, 0, self.ends.shape[2] // 2].T)
+
+    @cached_property
+    def way(self) -> Floats:
+        """From the beginning (3, n) of cones to their end."""
+        return self.ends[:, 1, self.ends.shape[2] // 2].T - self.start
 
     @cached_property
     def radius(self) -> Floats:
-        return np.linalg.norm(self.ends - self.middle[:, :, None], axis=3).max(axis=2)
+        """Radius (2, n) of cones at their beginning and end."""
+        middle = self.ends.shape[2] // 2
+        off = self.ends - self.ends[:, :, middle : middle + 1]
+        return np.sqrt((off * off).sum(axis=3).max(axis=2)).T.copy()
 
 
 class ThinParts:
@@ -56,16 +64,16 @@ class ThinParts:
         first = np.flatnonzero(np.diff(unit, prepend=-1))
         within = np.arange(n) - first[unit]
         self._starts = [np.append(first, n), *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS)]
-        low, high = self._corners.min(axis=1), self._corners.max(axis=1)
+        low, high = self._corners.min(axis=1).T.copy(), self._corners.max(axis=1).T.copy()
         self._boxes = [
-            (np.minimum.reduceat(low, s[:-1]), np.maximum.reduceat(high, s[:-1])) for s in self._starts
+            (np.minimum.reduceat(low, s[:-1], axis=1), np.maximum.reduceat(high, s[:-1], axis=1)) for s in self._starts
         ]  # fmt: skip
 
     @cached_property
     def box(self) -> Floats:
         """Lower and upper corner (2, 3), m, of the box around all triangles."""
         low, high = self._boxes[0]
-        return np.stack([low.min(axis=0), high.max(axis=0)])
+        return np.stack([low.min(axis=1), high.max(axis=1)])
 
     @cached_property
     def _frames(self) -> Frames:
@@ -91,7 +99,7 @@ class ThinParts:
             for level, boxes in enumerate(self._boxes):
                 if level:
                     i, node = self._within(level, i, node)
-                near = _is_in_boxes(bundles, i, *(side[node] for side in boxes))
+                near = _is_in_boxes(bundles, i, *(np.take(side, node, axis=1) for side in boxes))
                 i, node = i[near], node[near]
             for some in np.split(np.arange(len(i)), range(TRIANGLES_AT_ONCE, len(i), TRIANGLES_AT_ONCE)):
                 near = self._is_near(bundles.ends[i[some]], node[some])
@@ -110,10 +118,13 @@ class ThinParts:
         Not when all rays stay on one side of its plane, or pass it beyond the same of its edges.
         """
         frames = self._frames
-        corner, normal = frames.corner[k][:, None], frames.normal[k][:, None]
-        before, after = (dot(ends[:, end] - corner, normal) for end in (0, 1))
-        one_side = np.minimum(before, after).min(axis=1) > 0
-        one_side |= np.maximum(before, after).max(axis=1) < 0
+        inside = (ends - frames.corner[k][:, None, None]).reshape(len(k), 2 * ends.shape[2], 3)
+        axes = np.stack([frames.normal[k], frames.axis_u[k], frames.axis_v[k]], axis=2)
+        # heights over the planes, and barycentric coordinates of what is below, (n, 2, r) each
+        height, u, v = np.moveaxis(np.matmul(inside, axes), 2, 0).reshape(3, *ends.shape[:3])
+        near = np.flatnonzero((height.min(axis=(1, 2)) <= 0) & (height.max(axis=(1, 2)) >= 0))
+        before, after = np.moveaxis(height[near], 1, 0)
+        (u, by_u), (v, by_v) = ((x[near, 0], x[near, 1] - x[near, 0]) for x in (u, v))
         crosses = before * after <= 0
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.nan_to_num(before / (before - after))
@@ -126,12 +137,13 @@ class ThinParts:
                 np.where(crosses, t, np.where(ahead, first, 0.0)),
                 np.where(crosses, t, np.where(ahead, 1.0, last)),
             )
-            beyond = np.ones((3, len(k)), bool)
+            beyond = np.ones((3, len(near)), bool)
             for place in (low, high):
-                at = ends[:, 0] + place[..., None] * (ends[:, 1] - ends[:, 0]) - corner
-                u, v = dot(at, frames.axis_u[k][:, None]), dot(at, frames.axis_v[k][:, None])
-                beyond &= np.stack([np.fmax.reduce(x, axis=1) < 0 for x in (u, v, 1 - u - v)])
-        return ~one_side & ~beyond.any(axis=0)
+                x, y = u + place * by_u, v + place * by_v
+                beyond &= np.stack([np.fmax.reduce(side, axis=1) < 0 for side in (x, y, 1 - x - y)])
+        touched = np.zeros(len(ends), bool)
+        touched[near] = ~beyond.any(axis=0)
+        return touched
 
 
 def _along_curve(points: Floats) -> Ints:
@@ -172,16 +184,27 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
 
 
 def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
-    """Do the cones around bundles i (n,) meet boxes with corners low and high (n, 3)?"""
-    start, way = bundles.middle[i, 0], bundles.middle[i, 1] - bundles.middle[i, 0]
-    radius = bundles.radius[i]
-    widest = radius.max(axis=1)
+    """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?"""
+    radius = np.take(bundles.radius, i, axis=1)
+    at_most = radius.max(axis=0)
+    enter, leave = _slabs(bundles, i, low - at_most, high + at_most)
+    # those that are left once more, no wider than the cone is where it meets the box
+    near = np.flatnonzero(enter <= leave)
+    first, last = radius[:, near]
+    widest = first + (last - first) * np.where(last > first, leave[near], enter[near])
+    widest = np.clip(widest, 0.0, at_most[near])
+    enter, leave = _slabs(bundles, i[near], low[:, near] - widest, high[:, near] + widest)
+    is_near = np.zeros(len(i), bool)
+    is_near[near] = enter <= leave
+    return is_near
+
+
+def _slabs(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Where (n,), 0..1 of their way, the middles of bundles i (n,) enter and leave boxes low to high (3, n)."""
+    start, way = np.take(bundles.start, i, axis=1), np.take(bundles.way, i, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / way
-        for _ in range(2):  # the second time no wider than the cone is where it meets the box
-            a, b = (low - widest[:, None] - start) * inverse, (high + widest[:, None] - start) * inverse
-            enter = np.fmax.reduce(np.fmin(a, b), axis=1, initial=0.0)
-            leave = np.fmin.reduce(np.fmax(a, b), axis=1, initial=1.0)
-            widest = radius[:, 0] + (radius[:, 1] - radius[:, 0]) * np.where(radius[:, 1] > radius[:, 0], leave, enter)
-            widest = np.clip(widest, 0.0, radius.max(axis=1))
-    return enter <= leave
+        a, b = (low - start) * inverse, (high - start) * inverse
+    near, far = np.fmin(a, b), np.fmax(a, b)
+    # reductions along the first axis: along rows of three they are several times slower
+    return np.fmax.reduce(near, axis=0, initial=0.0), np.fmin.reduce(far, axis=0, initial=1.0)

@@ -226,13 +226,16 @@ def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
 
 
 def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
-    """First hits of the live rays, and the same for each layer by itself. Triangles are the plan's."""
+    """First hits of the live rays, and those of each layer that are no further. Triangles are the plan's."""
     live = rays.live
     origins, directions = rays.positions[live], rays.directions[live]
     mask, cluster, last_part = rays.mask[live], rays.cluster[live], rays.last_part[live]
-    by_layer = []
+    by_layer = [None] * len(plan.layers)
     per_layer = plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids
-    for layer, numbers, closed_bits, bits in zip(*per_layer, strict=True):
+    nearest = np.full(len(live), np.inf)
+    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    order = sorted(enumerate(zip(*per_layer, strict=True)), key=lambda numbered: not numbered[1][0].has_engine)
+    for number, (layer, numbers, closed_bits, bits) in order:
         tolerance = max(layer.tolerance, plan.merge_distance)
 
         def accept(i: Ints, hits: Hits, numbers: Ints = numbers, tolerance: float = tolerance) -> tuple[Bools, Bools]:
@@ -247,10 +250,12 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
 
         leaves = None if layer.curved is None or bits is None else (mask & bits[cluster]) != 0
-        hits = layer.first_hits(origins, directions, (mask & closed_bits[cluster]) != 0, accept, leaves)
+        is_inside = (mask & closed_bits[cluster]) != 0
+        hits = layer.first_hits(origins, directions, is_inside, accept, leaves, nearest + tolerance)
         found = hits.triangle >= 0
         hits.triangle[found] = numbers[hits.triangle[found]]
-        by_layer.append(hits)
+        nearest = np.minimum(nearest, hits.distance)
+        by_layer[number] = hits
     first = by_layer[0]
     for hits in by_layer[1:]:
         nearer = hits.distance < first.distance

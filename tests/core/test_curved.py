@@ -729,6 +729,16 @@ def test_flat_rigs_are_untouched():
     assert is_same(*(landings_of(a_rig.glasses[0].mesh, surface) for surface in ("smooth", "facets")))
 
 
+@pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "cylinder 8 x 1", "wavy slab"])
+def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
+    """Faces are not asked again where light has just left them steeply: landings are as if all were, bit for bit."""
+    mesh = meshes(name, False)
+    quick = landings_of(mesh)
+    monkeypatch.setattr("kiriko.core.ray_engine.STEEP", 2.0)  # no cosine is: every one is asked
+    assert quick.has_arrived.sum() > 5
+    assert is_same(quick, landings_of(mesh))
+
+
 def shuffled(mesh, random):
     """The same mesh with vertices and triangles in another order, each triangle beginning at another corner."""
     order, triangles = random.permutation(len(mesh.vertices)), random.permutation(len(mesh.triangles))
