@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .errors import RigError
-from .optics import dot, normalise, transmittance
+from .optics import normalise, transmittance
 from .rig import Bools, Floats, Ints, MirrorArray, Plate
 
 GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its plane and meets nothing
@@ -69,10 +69,14 @@ def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
     slit = np.floor(q)
     unfolded = q + travel
     into = np.floor(unfolded)
-    n_reflections = np.abs(into - slit)
+    n_reflections = np.abs(into - slit).astype(np.int64)
     inside = unfolded - into
-    is_odd = n_reflections % 2 == 1
-    return slit + np.where(is_odd, 1.0 - inside, inside), n_reflections.astype(np.int64)
+    return slit + np.where(is_odd(n_reflections), 1.0 - inside, inside), n_reflections
+
+
+def is_odd(n: Ints) -> Bools:
+    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of the fold."""
+    return (n & 1).astype(bool)
 
 
 def odd_share(r: Floats) -> Floats:
@@ -85,11 +89,17 @@ def odd_number(r: Floats) -> Floats:
     return 2.0 * np.floor(np.abs(r) / 2) + 1.0
 
 
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Of columns: (n,) of (2, n) and (2, n or 1)."""
+    return a[0] * b[0] + a[1] * b[1]
+
+
 class _Light(NamedTuple):
     """Light at the face it comes to, in the plate's frame.
 
-    place (n, 2) m, from the centre; along (n, 2) and cosine (n,): its direction in air, along the plate and across;
-    side (n,) +1 on its way along the normal, else -1; depth (n,) cosine of the direction in the glass
+    place (2, n) m, from the centre; along (2, n) and cosine (n,): its direction in air, along the plate and across;
+    side (n,) +1 on its way along the normal, else -1; depth (n,) cosine of the direction in the glass.
+    Rows of n and not n pairs: broadcasts over pairs take several times as long.
     """
 
     place: Floats
@@ -123,21 +133,24 @@ class ArrayFrame:
         """The light that the face it comes to reflects."""
         light = self._entering(positions, directions)
         # seen from the middle plane, where light seems to come from, the face is half the thickness nearer
-        place = light.place - 0.5 * self.array.thickness / light.cosine[:, None] * light.along
+        place = light.place - 0.5 * self.array.thickness / light.cosine * light.along
         throughput = 1.0 - self._transmittance(light)
         path = np.full(len(positions), PlatePath.REFLECTED, np.uint8)
         return self._leaving(place, light.along, -light.cosine * light.side, throughput, path)
 
     def _entering(self, positions: Floats, directions: Floats) -> _Light:
-        local = directions @ self.axes.T
-        along, cosine = local[:, :2], np.maximum(np.abs(local[:, 2]), GRAZING)
-        place = (positions - self.centre) @ self.axes[:2].T - 0.5 * self.array.thickness / cosine[:, None] * along
-        depth = np.sqrt(np.maximum(1.0 - dot(along, along) / self.array.ior**2, GRAZING**2))
-        return _Light(place, along, np.where(local[:, 2] < 0, -1.0, 1.0), cosine, depth)
+        local = self.axes @ directions.T
+        along, cosine = local[:2], np.maximum(np.abs(local[2]), GRAZING)
+        place = self.axes[:2] @ (positions - self.centre).T - 0.5 * self.array.thickness / cosine * along
+        n = self.array.ior
+        # sqrt(1 - along^2 / n^2), without the difference of near-equal numbers that grazing light makes of it at n = 1
+        depth = np.sqrt((n - 1.0) * (n + 1.0) + cosine**2) / n
+        return _Light(place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, depth)
 
     def _leaving(self, place: Floats, along: Floats, across: Floats, throughput: Floats, path: np.ndarray) -> Crossing:
-        directions = normalise(along @ self.axes[:2] + across[:, None] * self.axes[2])
-        return Crossing(self.centre + place @ self.axes[:2], directions, throughput, path)
+        directions = np.vstack([along, across])
+        directions /= np.sqrt((directions * directions).sum(axis=0))
+        return Crossing(self.centre + place.T @ self.axes[:2], directions.T @ self.axes, throughput, path)
 
     def _transmittance(self, light: _Light) -> Floats:
         """Of one face (n,)."""
@@ -146,18 +159,17 @@ class ArrayFrame:
         return transmittance(light.cosine, light.depth, 1.0 / self.array.ior)
 
     def _mirrors(self, place: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (2, n, 2) of the two directions of mirrors that light meets at places (n, 2).
+        """Unit normals (2, 2, n or 1) of the two directions of mirrors, xy, that light meets at places (2, n).
 
-        And (2, n), m: added to a place's component along such a normal it is the distance from a mirror without phase.
+        And (2, n or 1), m: added to a place's component along such a normal it is the way from a mirror without phase.
         """
         angle = np.pi / 4 * np.array([1.0, 3.0]) + np.array([0.0, self.array.crossing_error])
         if self.array.layout != "radial":
-            normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            return np.broadcast_to(normals[:, None], (2, *place.shape)), np.zeros((2, len(place)))
+            return np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, :, None], np.zeros((2, 1))
         # rings, as wide as the holes' diagonal; in each of them the holes stand side by side, their diagonals radial
-        azimuth, radius = np.arctan2(place[:, 1], place[:, 0]), np.hypot(place[:, 0], place[:, 1])
+        azimuth, radius = np.arctan2(place[1], place[0]), np.hypot(*place)
         turned = azimuth + angle[:, None]
-        normals = np.stack([np.cos(turned), np.sin(turned)], axis=2)
+        normals = np.stack([np.cos(turned), np.sin(turned)], axis=1)
         ring = np.sqrt(2.0) * self.array.pitch * np.rint(radius / (np.sqrt(2.0) * self.array.pitch))
         along_ring = np.sin(angle)[:, None] * ring * azimuth
         return normals, along_ring
@@ -167,38 +179,43 @@ class ArrayFrame:
         light = self._entering(positions, directions)
         throughput = self._transmittance(light) ** 2
         normals, offset = self._mirrors(light.place)
-        place, along = light.place, light.along.copy()
+        place, along = light.place, light.along
         way = array.height / (array.ior * light.depth)  # through a layer, for each unit of `along`
-        is_odd = np.empty((2, len(place)), bool)
-        rays = np.arange(len(place))
-        for turn in (0, 1):
-            k = np.where(light.side > 0, turn, 1 - turn)  # light against the normal comes to the second layer first
-            normal = normals[k, rays]
-            speed = dot(along, normal)
-            q = (dot(place, normal) + offset[k, rays]) / array.pitch - np.asarray(array.phase)[k]
+        is_first = light.side > 0  # light against the normal comes to the second layer first
+        turned_round = []
+        for first, then in ((0, 1), (1, 0)):
+            normal = np.where(is_first, normals[first], normals[then])
+            beside = np.where(
+                is_first,
+                offset[first] - array.pitch * array.phase[first],
+                offset[then] - array.pitch * array.phase[then],
+            )
+            speed = _dot(along, normal)
+            q = (_dot(place, normal) + beside) / array.pitch
             moved, is_turned, part = layer(q, speed * way / array.pitch)
             throughput = throughput * part
-            is_odd[k, rays] = is_turned
-            place = place + array.pitch * moved[:, None] * normal
+            turned_round.append(is_turned)
+            step = array.pitch * moved
             if array.layout == "crossed":  # along its mirrors a layer of slits lets light drift, holes do not
-                place = place + way[:, None] * (along - speed[:, None] * normal)
-            along = along - np.where(is_turned, 2.0 * speed, 0.0)[:, None] * normal
-        place = place - 0.5 * array.thickness / light.cosine[:, None] * along
-        path = np.select(
-            [is_odd.all(axis=0), is_odd[0], is_odd[1]],
-            [PlatePath.IMAGED, PlatePath.STRAY_1, PlatePath.STRAY_2],
-            PlatePath.THROUGH,
-        )
-        return self._leaving(place, along, light.side * light.cosine, throughput, path.astype(np.uint8))
+                place = place + way * along
+                step = step - way * speed
+            place = place + step * normal
+            along = along - np.where(is_turned, 2.0 * speed, 0.0) * normal
+        place = place - 0.5 * array.thickness / light.cosine * along
+        before, after = turned_round
+        path = np.where(is_first, _PATHS[before + 2 * after], _PATHS[after + 2 * before])
+        return self._leaving(place, along, light.side * light.cosine, throughput, path)
 
     def _as_mirrors(self, q: Floats, travel: Floats) -> "_Turned":
         out, n_reflections = fold(q, travel)
-        return out - q, n_reflections % 2 == 1, self.array.reflectance**n_reflections
+        return out - q, is_odd(n_reflections), self.array.reflectance**n_reflections
 
     def _as_one_mirror(self, q: Floats, travel: Floats) -> "_Turned":
         return np.zeros(len(q)), np.ones(len(q), bool), _part(self.array, travel, True)
 
 
+# by: is it turned round by the first layer, 1, and by the second, 2
+_PATHS = np.array([PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8)
 _Turned = tuple[Floats, Bools, Floats]  # of a layer: how far light moved, pitches; is it turned round; its throughput
 _Layer = Callable[[Floats, Floats], _Turned]
 
@@ -212,32 +229,24 @@ def light_by_angle(array: MirrorArray, incidence: Floats, azimuth: float = 0.0) 
     azimuth : rad, of the light's way along the plate, from one of its sides, to which mirrors stand at 45 degrees
     """
     sine, cosine = np.sin(incidence), np.maximum(np.cos(incidence), GRAZING)
-    depth = np.sqrt(np.maximum(1.0 - (sine / array.ior) ** 2, GRAZING**2))
+    depth = np.sqrt((array.ior - 1.0) * (array.ior + 1.0) + cosine**2) / array.ior
     face = transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(incidence))
     pitches = sine * array.height / (array.ior * depth * array.pitch)
     first, second = np.pi / 4, 3 * np.pi / 4 + array.crossing_error
     found = {PlatePath.REFLECTED: 1.0 - face}
-    for is_odd in (True, False):
-        before = _part(array, pitches * np.cos(azimuth - first), is_odd)
-        turned = 2 * first + np.pi - azimuth if is_odd else azimuth  # by a mirror
-        for is_next_odd in (True, False):
-            after = _part(array, pitches * np.cos(turned - second), is_next_odd)
-            found[_PATHS[is_odd, is_next_odd]] = face**2 * before * after
+    for by_first in (True, False):
+        before = _part(array, pitches * np.cos(azimuth - first), by_first)
+        turned = 2 * first + np.pi - azimuth if by_first else azimuth
+        for by_second in (True, False):
+            after = _part(array, pitches * np.cos(turned - second), by_second)
+            found[PlatePath(_PATHS[by_first + 2 * by_second])] = face**2 * before * after
     return found
 
 
-_PATHS = {
-    (True, True): PlatePath.IMAGED,
-    (True, False): PlatePath.STRAY_1,
-    (False, True): PlatePath.STRAY_2,
-    (False, False): PlatePath.THROUGH,
-}
-
-
-def _part(array: MirrorArray, travel: Floats, is_odd: bool) -> Floats:
+def _part(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
     """Share (n,) of light that is reflected an odd, or an even, number of times by one layer, and comes out."""
     share, number = odd_share(travel), odd_number(travel)
-    if is_odd:
+    if is_turned:
         return share * array.reflectance**number
     return (1.0 - share) * array.reflectance ** (number + np.where(np.abs(travel) < number, -1.0, 1.0))
 
@@ -247,11 +256,16 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
 
     Raises
     ------
-    RigError : the plate is smaller than a pitch
+    RigError : the plate is smaller than a pitch, or it is not known how its mirrors stand
     """
     corners = plate.mesh.corners
     side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
     side = normalise(side - (side @ normal) * normal)
+    if not (side @ side > 0.5 and np.isfinite(0.0 if plate.centre is None else plate.centre).all()):
+        raise RigError(
+            f"The x axis of the plate '{plate.name}', to which its mirrors stand at 45 degrees, does not lie in it:"
+            " turn its mesh, and apply its scale."
+        )
     axes = np.stack([side, np.cross(normal, side), normal])
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
     if (high - low)[:2].min() < plate.array.pitch:

@@ -81,6 +81,11 @@ def rules(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_rules.py", arguments.rest)
 
 
+def plate(arguments: argparse.Namespace) -> None:
+    """Measure the closed form of the mirror array against a mesh (further options go to scripts/bench_plate.py)."""
+    run_with_tests("bench_plate.py", arguments.rest, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+
+
 def live(arguments: argparse.Namespace) -> None:
     """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
     run_in_blender("bench_live.py", arguments.rest)
@@ -112,7 +117,7 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, compare, curved, growth, rules, live, surface, pictures, lint, build, setup):
+    for verb in (demo, test, bench, compare, curved, growth, rules, plate, live, surface, pictures, lint, build, setup):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
@@ -125,6 +130,7 @@ def main() -> None:
         "curved",
         "growth",
         "rules",
+        "plate",
         "live",
         "surface",
         "pictures",
