@@ -30,7 +30,9 @@ def test_what_stands_far_aside_is_left_out_and_changes_nothing():
     assert sum("no light comes near it" in text for text in found.left_out) == 2
     whole = drain(sample(make_plan(a_rig, Settings())))
     at = np.random.default_rng(0).uniform(0, 96, (2000, 2))
-    np.testing.assert_allclose(found.view_map.display_from_view(at), whole.display_from_view(at), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        found.view_map.display_from_view(at), whole.display_from_view(at), rtol=0, atol=1e-5
+    )  # another ray engine
 
 
 @pytest.mark.parametrize("thin", [False, True])
