@@ -21,9 +21,10 @@ from . import blender_shaders as shaders
 from .blender_image import image_from_pixels, pixels_from_image
 from .blender_media import Interface, interfaces
 from .blender_mesh import mesh_from_triangles, sharpen_creases
+from .blender_plate import be_mirror_array
 from .blender_scene import Reading, length_of_unit, part_name, shown_parts
 from .errors import ImageError, RigError
-from .rig import Mesh, Rig
+from .rig import Mesh, MirrorArray, Rig
 from .surfaces import tessellate
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
@@ -70,6 +71,7 @@ class Preview:
         self._made: list[bpy.types.ID] = []
         self._source = source
         self._fresnel = fresnel
+        self._metres = length_of_unit(scene)
         self._folder = tempfile.TemporaryDirectory(prefix="kiriko-")
         self.path = Path(self._folder.name) / "preview.exr"
         remove_leftovers()
@@ -115,11 +117,14 @@ class Preview:
         block[TEMPORARY] = True
         return block
 
-    def _material(self, role: str, interface: Interface | None) -> bpy.types.Material:
-        """A new material for a role; `interface` is that of glass."""
+    def _material(self, role: str, law: Interface | MirrorArray | None) -> bpy.types.Material:
+        """A new material for a role; `law` is the interface of glass, or the mirrors of a plate that has any."""
         material = self._mark(bpy.data.materials.new(f"Kiriko Preview {role.title()}"))
         if role == "GLASS":
-            shaders.be_glass(material, interface.index, self._fresnel)
+            shaders.be_glass(material, law.index, self._fresnel)
+        elif role == "PLATE" and law is not None:
+            array = replace(law, has_fresnel=law.has_fresnel and self._fresnel)
+            self._mark(be_mirror_array(material, array, self._metres))
         elif role == "DISPLAY" and self._source is None:
             shaders.show_coordinates(material)
         elif role == "DISPLAY":
@@ -136,30 +141,33 @@ class Preview:
         self.notes += notes
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
         curved = _curved_meshes(reading.rig)
-        copies: dict[tuple[int, str, str, Interface | None], bpy.types.Mesh] = {}
+        arrays = {plate.name: plate.array for plate in reading.rig.plates}
+        copies: dict[tuple[int, str, str, Interface | MirrorArray | None], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
         counts: Counter[str] = Counter()
         for instance, owner in shown_parts(depsgraph, scene):
             if instance.object.type != "MESH":
                 continue
             name = part_name(instance, counts)
-            role, interface = owner.kiriko.role, None
+            role, law = owner.kiriko.role, None
             taken |= {owner, instance.object.original}
             if instance.is_instance:
                 taken.add(instance.parent.original)
             if role == "GLASS":
-                interface = glasses.get(name)  # none where the mesh has no faces
-            if role == "PICTURE" or (role == "GLASS" and (interface is None or interface.index is None)):
+                law = glasses.get(name)  # none where the mesh has no faces
+            elif role == "PLATE":
+                law = arrays.get(name)
+            if role == "PICTURE" or (role == "GLASS" and (law is None or law.index is None)):
                 continue
-            is_inside_out = interface is not None and interface.is_inside_out
+            is_inside_out = role == "GLASS" and law.is_inside_out
             if name in curved:
-                mesh, matrix = self._tessellated(curved[name], is_inside_out, length_of_unit(scene))
-                mesh.materials.append(self._material(role, interface))
+                mesh, matrix = self._tessellated(curved[name], is_inside_out, self._metres)
+                mesh.materials.append(self._material(role, law))
             else:
                 matrix = instance.matrix_world
-                key = instance.object.data.as_pointer(), role, owner.kiriko.surface, interface
+                key = instance.object.data.as_pointer(), role, owner.kiriko.surface, law
                 if key not in copies:
-                    copies[key] = self._copy(instance.object, owner.kiriko.surface, self._material(role, interface))
+                    copies[key] = self._copy(instance.object, owner.kiriko.surface, self._material(role, law))
                     if is_inside_out:
                         copies[key].flip_normals()  # Cycles tells inside from outside by them
                 mesh = copies[key]
@@ -286,7 +294,7 @@ def _seen_in_render(layer: bpy.types.LayerCollection) -> Iterator[bpy.types.Obje
 
 def remove_leftovers() -> None:
     """Remove everything a preview made, also of one that was cut short."""
-    for group in ("scenes", "objects", "cameras", "meshes", "materials", "images"):
+    for group in ("scenes", "objects", "cameras", "meshes", "materials", "node_groups", "images"):
         blocks = [block for block in getattr(bpy.data, group) if block.get(TEMPORARY)]
         if blocks:
             bpy.data.batch_remove(blocks)
@@ -344,4 +352,6 @@ def render_map(
     """
     options = {"size": size, "percentage": percentage, "border": border}
     with Preview(scene, reading, None, **options, samples=1, fresnel=False, filter_width=0.01) as preview:
-        return preview.render()[..., :3]
+        carried = preview.render()[..., :3]
+    throughput = carried[..., 2:]  # below 1 behind mirrors that absorb
+    return np.divide(carried, throughput, out=np.zeros_like(carried), where=throughput > 0)

@@ -178,6 +178,7 @@ def _write_numbers(
         "seconds": solution.seconds,
         "rays": solution.n_rays,
         "tessellation_error": solution.tessellation_error,
+        "plate": None if solution.plate is None else asdict(solution.plate),
         "tolerance": tolerance,
         "map_error": asdict(solution.map_error),
         "total_seconds": sum(solution.seconds.values()),

@@ -17,6 +17,8 @@ from .blender_mesh import LocalMesh, column, flat_size, in_world, read_local, sh
 from .blender_picture import read_pixels, stored_pixels
 from .blender_viewer import read_viewer
 from .errors import RigError
+from .meshes import geometric_normals
+from .optics import normalise
 from .rig import (
     Blocker,
     ConstantIndex,
@@ -32,6 +34,7 @@ from .rig import (
     Viewer,
 )
 
+UPRIGHT = 0.99  # cosine between a plate's normal and its x axis above which that axis does not lie in it
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
 MAPPED = {"DISPLAY", "PICTURE"}  # roles whose UV map counts
@@ -365,7 +368,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
 
 
 def read_plate(part: Part, metres: float) -> Plate:
-    """A plate with its mirrors, which are counted from the object's origin and turned with its x axis."""
+    """A plate with its mirrors, counted from the object's origin and turned with its x axis, or y if x stands on it."""
     ours = part.owner.kiriko.plate
     if ours.model == "IDEAL" or part.matrix is None:
         return Plate(part.name, part.mesh)
@@ -380,7 +383,10 @@ def read_plate(part: Part, metres: float) -> Plate:
         has_fresnel=ours.fresnel,
         phase=tuple(ours.phase),
     )
-    return Plate(part.name, part.mesh, array, side=part.matrix[:3, 0], centre=part.matrix[:3, 3])
+    x, y = normalise(part.matrix[:3, :2].T)
+    corners = part.mesh.corners[:1]
+    is_upright = len(corners) > 0 and abs(geometric_normals(corners)[0] @ x) > UPRIGHT
+    return Plate(part.name, part.mesh, array, side=y if is_upright else x, centre=part.matrix[:3, 3])
 
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:

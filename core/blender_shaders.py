@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 
-def _cleared(material: bpy.types.Material) -> tuple[Any, Any]:
+def cleared(material: bpy.types.Material) -> tuple[Any, Any]:
     """Empty node tree of a material, and its new output node."""
     if bpy.app.version < (5, 0, 0):  # always on, and deprecated, from 5.0
         material.use_nodes = True
@@ -35,7 +35,7 @@ def _front_only(tree: Any, output: Any, shader: Any) -> None:
 
 def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
     """Make a material emit the texels of an image, as the pixels of a screen: square, sharp, on the front only."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image, texture.interpolation, texture.extension = image, "Closest", "CLIP"
@@ -49,7 +49,7 @@ def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
 
 def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     """Make a material show an image as it is, unlit, on both sides."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image, texture.extension = image, "CLIP"
@@ -61,7 +61,7 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
 
 def show_coordinates(material: bpy.types.Material) -> None:
     """Make a material emit (u, v, 1): a renderer then says where on the display each viewer pixel lands."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     combine = tree.nodes.new("ShaderNodeCombineXYZ")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
@@ -80,7 +80,7 @@ def be_plate(material: bpy.types.Material) -> None:
 
     Cycles' Incoming is -i, so the law is its reflection about the normal.
     """
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     geometry = tree.nodes.new("ShaderNodeNewGeometry")
     reflect = tree.nodes.new("ShaderNodeVectorMath")
     portal = tree.nodes.new("ShaderNodeBsdfRayPortal")
@@ -96,7 +96,7 @@ def be_plate(material: bpy.types.Material) -> None:
 
 def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
     """Smooth clear glass; without Fresnel it refracts everything, has no noise, and is black at total reflection."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     glass = tree.nodes.new("ShaderNodeBsdfGlass" if fresnel else "ShaderNodeBsdfRefraction")
     glass.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     glass.inputs["Roughness"].default_value = 0.0
@@ -107,7 +107,7 @@ def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
 
 def be_mirror(material: bpy.types.Material) -> None:
     """A mirror without loss."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     glossy = tree.nodes.new("ShaderNodeBsdfAnisotropic")
     glossy.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     glossy.inputs["Roughness"].default_value = 0.0
@@ -116,5 +116,5 @@ def be_mirror(material: bpy.types.Material) -> None:
 
 def be_blocker(material: bpy.types.Material) -> None:
     """Black on both sides."""
-    tree, output = _cleared(material)
+    tree, output = cleared(material)
     tree.links.new(_black(tree).outputs[0], output.inputs["Surface"])

@@ -2,10 +2,25 @@
 
 import bpy
 
-from . import add_rig, command_line, export, live, plate_preset, preview, report, simulate, solve, visible_range, work
+from . import (
+    add_rig,
+    command_line,
+    export,
+    live,
+    plate_material,
+    plate_preset,
+    preview,
+    report,
+    simulate,
+    solve,
+    visible_range,
+    work,
+)
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
+    plate_material.KIRIKO_OT_add_plate_material,
+    plate_material.KIRIKO_OT_add_asset_library,
     plate_preset.KIRIKO_OT_plate_preset,
     solve.KIRIKO_OT_solve,
     live.KIRIKO_OT_live,

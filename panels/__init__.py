@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import add_menu, export, result, rig, settings, solve
+from . import add_menu, export, preferences, result, rig, settings, solve
 
 __all__ = ["settings"]
 
@@ -15,6 +15,7 @@ CLASSES = (
     export.VIEW3D_PT_kiriko_export,
     export.VIEW3D_PT_kiriko_report,
     add_menu.VIEW3D_MT_kiriko_add,
+    preferences.KIRIKO_preferences,
 )
 
 

@@ -10,6 +10,7 @@ class VIEW3D_MT_kiriko_add(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.operator("kiriko.add_rig", text="Rig", icon="MATSPHERE")
+        self.layout.operator("kiriko.add_plate_material", text="Plate Material", icon="MATERIAL")
 
 
 def draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

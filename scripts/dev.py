@@ -91,6 +91,11 @@ def live(arguments: argparse.Namespace) -> None:
     run_in_blender("bench_live.py", arguments.rest)
 
 
+def lab(arguments: argparse.Namespace) -> None:
+    """Measure the plate as a lab would: image distance, sharpness, brightness (options go to scripts/bench_lab.py)."""
+    run_in_blender("bench_lab.py", arguments.rest)
+
+
 def run_with_tests(script: str, rest: list[str], interpreter: Path | None = None, **extra: str) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
     interpreter = interpreter or set_up(*newest_blender())
@@ -117,7 +122,23 @@ def build(arguments: argparse.Namespace) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (demo, test, bench, compare, curved, growth, rules, plate, live, surface, pictures, lint, build, setup):
+    for verb in (
+        demo,
+        test,
+        bench,
+        compare,
+        curved,
+        growth,
+        rules,
+        plate,
+        live,
+        lab,
+        surface,
+        pictures,
+        lint,
+        build,
+        setup,
+    ):
         verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
@@ -132,6 +153,7 @@ def main() -> None:
         "rules",
         "plate",
         "live",
+        "lab",
         "surface",
         "pictures",
     }:

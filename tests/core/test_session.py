@@ -8,7 +8,7 @@ import pytest
 from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from work import drain, solve
 
-from kiriko.core import ray_engine, surfaces
+from kiriko.core import ray_engine, reach, surfaces
 from kiriko.core import session as session_module
 from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import tessellation_error
@@ -31,7 +31,7 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     solve(a_rig, kept)
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = solve(other)
-    monkeypatch.setattr(session_module, "sample", lambda plan: pytest.fail("traced again"))
+    monkeypatch.setattr(reach, "sample", lambda plan: pytest.fail("traced again"))
     found = solve(other, kept)
     assert np.array_equal(found.source, expected.source)
     assert found.n_rays == 0

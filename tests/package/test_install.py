@@ -59,3 +59,10 @@ def test_command_line_without_a_file(
     assert commands["kiriko"](["solve", "--out", str(tmp_path / "out")]) != 0
     assert len(capfd.readouterr().err.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_plate_material_from_the_zip(installed: str) -> None:
+    """The zip brings the plate's materials along."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
+    assert bpy.context.object.active_material.name == "Kiriko Plate"

@@ -35,6 +35,7 @@ def test_zip_has_the_package_and_nothing_else(contents: dict[str, list[str]], pl
     code = [
         ROOT / "__init__.py",
         *(p for room in ("core", "operators", "panels") for p in ROOT.glob(f"{room}/**/*.py")),
+        *(ROOT / "assets" / name for name in ("kiriko_plate.blend", "blender_assets.cats.txt")),
     ]
     assert {path.relative_to(ROOT).as_posix() for path in code} <= names
     rooms = {"core", "operators", "panels", "assets", "wheels"}

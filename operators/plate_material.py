@@ -1,0 +1,127 @@
+"""Add a plate's material, and the folder where such materials are."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.blender_scene import length_of_unit
+from ..core.errors import KirikoError, MeshError, RigError
+from ..core.plan import FLAT
+from . import work
+
+FOLDER = Path(__file__).resolve().parent.parent / "assets"
+FILE = FOLDER / "kiriko_plate.blend"
+MARK = "kiriko_plate"  # what a material of ours is known by, whatever its name: the layout of its mirrors
+NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
+SIZE = 0.488  # m, of a new plane
+
+
+def _material(layout: str, metres: float) -> bpy.types.Material:
+    """The plate's material: the one in the file already, else appended; a Blender unit is `metres` long."""
+    for material in bpy.data.materials:
+        if material.get(MARK) == layout and material.library is None:
+            return material
+    name = NAMES[layout]
+    try:
+        with bpy.data.libraries.load(str(FILE)) as (_, wanted):
+            wanted.materials = [name]
+    except OSError:
+        raise RigError(f"The file {FILE} is missing or broken: install Kiriko again.") from None
+    (material,) = wanted.materials
+    if material is None:
+        raise RigError(f"The file {FILE} has no material '{name}': install Kiriko again.")
+    material.asset_clear()
+    material.use_fake_user = False
+    for node in material.node_tree.nodes:
+        for length in {"Pitch", "Height"} & set(node.inputs.keys()):
+            node.inputs[length].default_value /= metres
+    return material
+
+
+def _is_flat(mesh: bpy.types.Mesh) -> bool:
+    places = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", places)
+    places = places.reshape(-1, 3).astype(float)
+    size = np.linalg.eigvalsh(np.cov(places, rowvar=False))  # squares of it, the least first
+    return bool(size[0] <= FLAT**2 * size[2])
+
+
+class KIRIKO_OT_add_plate_material(bpy.types.Operator):
+    """Make the active flat mesh, or a new plane, a mirror array plate, whose mid-air image Cycles shows"""
+
+    bl_idname = "kiriko.add_plate_material"
+    bl_label = "Add Plate Material"
+    bl_options = {"REGISTER", "UNDO"}
+
+    layout: bpy.props.EnumProperty(
+        name="Mirrors",
+        description="How the plate's mirrors stand",
+        items=(
+            ("crossed", "Crossed Layers", "Two layers of slits, one above the other (MMAP, ASKA3D)"),
+            ("holes", "Square Holes", "Both directions in one layer (DCRA)"),
+            ("radial", "Radial Holes", "Square holes, turned round the object's origin (radially arranged DCRA)"),
+        ),
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        thing = context.active_object
+        is_new = thing is None or thing.type != "MESH" or not thing.select_get()
+        metres = length_of_unit(context.scene)
+        try:
+            if not is_new:
+                self._check(thing)
+            material = _material(self.layout, metres)
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if is_new:
+            bpy.ops.mesh.primitive_plane_add(size=SIZE / metres)
+            thing = context.active_object
+            thing.name = thing.data.name = "Kiriko Plate"
+        thing.active_material = material
+        if context.scene.render.engine != "CYCLES":
+            self.report({"WARNING"}, f"'{material.name}' is seen in Cycles only: choose it as the render engine.")
+        else:
+            self.report({"INFO"}, f"'{thing.name}' is a plate by its material '{material.name}'.")
+        return {"FINISHED"}
+
+    def _check(self, thing: bpy.types.Object) -> None:
+        if not (thing.is_editable and thing.data.is_editable):
+            raise MeshError(f"'{thing.name}' is linked from another file: make it local first.")
+        if not len(thing.data.polygons):
+            raise MeshError(f"'{thing.name}' has no faces: give it some, or deselect it for a new plane.")
+        if not _is_flat(thing.data):
+            raise MeshError(f"'{thing.name}' is not flat, as a plate has to be: deselect it for a new plane.")
+
+
+def library_path() -> str:
+    """Where Blender's asset libraries have the folder already; empty where they do not."""
+    for library in bpy.context.preferences.filepaths.asset_libraries:
+        if library.path and Path(bpy.path.abspath(library.path)).resolve() == FOLDER:
+            return library.path
+    return ""
+
+
+class KIRIKO_OT_add_asset_library(bpy.types.Operator):
+    """Add Kiriko's materials to the asset libraries of your preferences, to drag them from the asset browser"""
+
+    bl_idname = "kiriko.add_asset_library"
+    bl_label = "Add Asset Library"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, ["Kiriko is among your asset libraries already"] if library_path() else [])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not FILE.exists():
+            self.report({"ERROR"}, f"The file {FILE} is missing: install Kiriko again.")
+            return {"CANCELLED"}
+        library = context.preferences.filepaths.asset_libraries.new(name="Kiriko", directory=str(FOLDER))
+        context.preferences.is_dirty = True
+        self.report({"INFO"}, f"The asset library '{library.name}' is in Preferences > File Paths: {FOLDER}.")
+        return {"FINISHED"}

@@ -1,0 +1,19 @@
+"""What Kiriko has to say in Preferences > Add-ons."""
+
+import bpy
+
+from ..operators import plate_material
+
+
+class KIRIKO_preferences(bpy.types.AddonPreferences):
+    """One button: nothing is set here, and no asset library is added unasked."""
+
+    bl_idname = __package__.rpartition(".")[0]
+
+    def draw(self, context: bpy.types.Context) -> None:
+        path = plate_material.library_path()
+        self.layout.label(text="Plate materials for Cycles, in the asset browser:")
+        if path:
+            self.layout.label(text=f"In your asset libraries: {path}", icon="CHECKMARK")
+        else:
+            self.layout.operator("kiriko.add_asset_library", icon="ASSET_MANAGER")
