@@ -104,13 +104,13 @@ class PlateView:
     Parameters
     ----------
     brightness : mean share of the light that images, 0..1; least and most of it
-    blur : rms by which the mirrors' pitch moves what is seen, viewer px; NaN where it is not known
+    blur : rms by which the mirrors' pitch moves what is seen, viewer px; None where it is not known
     """
 
     brightness: float
     least: float
     most: float
-    blur: float
+    blur: float | None
 
 
 def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
@@ -143,5 +143,5 @@ def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
         brightness=float(share.mean()),
         least=float(share.min()),
         most=float(share.max()),
-        blur=float(np.sqrt((back**2).sum(axis=1).mean())) if len(back) else float("nan"),
+        blur=float(np.sqrt((back**2).sum(axis=1).mean())) if len(back) else None,
     )

@@ -40,7 +40,8 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         plate = details.get("plate")
         if plate:
             text = f"Plate: {plate['brightness']:.0%} of the light, {plate['least']:.0%} to {plate['most']:.0%}"
-            sentence(layout, context, f"{text}; blur {plate['blur']:.2g} viewer px", icon="MESH_GRID")
+            blur = "" if plate["blur"] is None else f"; blur {plate['blur']:.2g} viewer px"
+            sentence(layout, context, f"{text}{blur}", icon="MESH_GRID")
         sentence(layout, context, f"Solved in {details['total_seconds']:.2g} s", icon="TIME")
         cost = details["cost"]
         for name in ("half", "twice"):
