@@ -19,9 +19,8 @@ from .rig import Bools, Floats, Ints
 from .trace import Reason
 
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
-MARGIN = 0.5  # of the distance of its outermost row of nodes from the next: so far a square may reach beyond them
+MARGIN = 0.25  # of the lesser step from a node to its neighbours: so far what is between may be beyond the node
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
-FARTHER = 2.0  # times the span of some nodes' landings: nor from so far beside it
 FOR_QUADS = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
 PLACES = 4  # along a display pixel, from which it takes its colour
 FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixel needs one place only
@@ -330,7 +329,8 @@ class _Sampling:
         corners = np.stack([at, at + 1, at + PARTS + 2, at + PARTS + 1], axis=1)
         is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
         cells = self._at_nodes(finest)[:, corners][is_there]
-        is_aside = _is_aside(self.points.xy[cells], self.points.branch[cells], np.array(self.display_size))
+        rows = cells[:, [0, 1, 3, 2]]
+        is_aside = _is_aside(self.points.xy[rows], self.points.branch[rows], np.array(self.display_size))
         # beside the glass there is nothing to find, but where something thin is near
         is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
         is_beside_glass &= ~np.broadcast_to(self._is_touched(finest)[:, None], is_there.shape)[is_there]
@@ -407,26 +407,31 @@ def _box(xy: Floats) -> tuple[Floats, Floats]:
 
 
 def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
-    """Do squares (n,) with nodes that land at (n, k, 2), NaN for lost ones, show nothing of the display?
+    """Do squares (n,) with nodes, k rows of k, that land at (n, k^2, 2) show nothing of the display?
 
-    Those on one branch do so when their nodes land beside it, by more than the outermost may differ from what is
-    between. Where some nodes are lost the others may tend anywhere, but not back from further beside the display than
-    it is wide, or than twice what many of them span.
+    Those on one branch do so when all their nodes land beside it, on one side, and what they tend to does as well: along
+    each row and column, a step beyond the last that lands, and a part of a step around the one nearest to the display.
     """
-    low, high = _box(xy)
     is_lost = branch == 0
-    far = np.broadcast_to(FAR * display_size, low.shape)
-    enough = (~is_lost).sum(axis=1)[:, None] >= SIDE
-    far = np.where(enough, np.minimum(FARTHER * (high - low), far), far)
-    ordered = np.sort(xy, axis=1)
-    inner = min(SIDE, xy.shape[1] // 2)
-    is_mixed = is_lost.any(axis=1)[:, None]
-    above = np.where(is_mixed, far, MARGIN * (ordered[:, -1] - ordered[:, -inner]))
-    below = np.where(is_mixed, far, MARGIN * (ordered[:, inner - 1] - ordered[:, 0]))
-    is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1)
-    with np.errstate(invalid="ignore"):
-        is_beside = (high + above <= 0) | (low - below >= display_size)
-    return is_beside.any(axis=1) & is_single
+    is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1) & ~is_lost.all(axis=1)
+    chosen = np.flatnonzero(is_single)
+    k = round(xy.shape[1] ** 0.5)
+    beyond = np.stack([xy[chosen] - display_size, -xy[chosen]])  # the image, by so much
+    beyond[:, is_lost[chosen]] = np.nan
+    holds = ~(beyond <= 0)
+    beyond, holds = (x.reshape(2, -1, k, k, 2) for x in (beyond, holds))
+    for axis in (2, 3):
+        along = np.moveaxis(beyond, axis, 2)
+        step = np.diff(along, axis=2)
+        outside = np.full_like(step[:, :, :1], np.inf)  # nothing is lost there
+        before, after = np.concatenate([outside, -step], axis=2), np.concatenate([step, outside], axis=2)
+        with np.errstate(invalid="ignore"):
+            needed = np.where(np.isnan(before) | np.isnan(after), 1.0, MARGIN) * np.fmin(before, after)
+            needed = np.where(np.isfinite(needed), needed, FAR * display_size)
+            holds &= ~np.moveaxis(along < needed, 2, axis)
+    is_aside = np.zeros(len(xy), bool)
+    is_aside[chosen] = holds.all(axis=(2, 3)).any(axis=(0, 2))
+    return is_aside
 
 
 def _filled(view_size: tuple[int, int], corner: Ints, size: Ints, values: np.ndarray, blank: int) -> np.ndarray:
