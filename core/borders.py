@@ -12,6 +12,7 @@ from .trace import Step, Words, courses, trace
 CHUNK = 5000  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
 SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
+EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
 QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
@@ -238,7 +239,7 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
         det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
         u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
         v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
-        inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+        inside = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
         return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (xy[:, 2] - xy[:, 0])
 
 

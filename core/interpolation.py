@@ -12,10 +12,11 @@ from .rig import Floats, Ints
 SIDE = 5  # nodes along a side: quartics
 PARTS = SIDE - 1  # a cell's side in steps between nodes
 COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(SIDE), np.arange(SIDE)))
-# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The two places differ in
-# x only, in which the error is odd: errors along x and y do not cancel at both.
+# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The first two places
+# differ in x only, in which the error is odd: errors along x and y do not cancel at both. The others are for what is
+# not smooth within a cell, most often the edges of the mesh's faces: anywhere between the nodes that the first leave.
 _WORST = 0.3555671 / PARTS
-CHECKS = np.array([[_WORST, _WORST], [1 - _WORST, _WORST]])
+CHECKS = np.array([[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]])
 # The error of a quartic is that largest value, 3.63, times the fifth derivative / 5!. Of the fifth differences nothing
 # is known: where the map is steep, beside grazing rays, they were found to be up to three times the fourth.
 QUARTIC = 3 * 3.6314 / 120

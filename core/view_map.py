@@ -1,7 +1,7 @@
 """Which rays to trace: the view map, viewer pixels to display pixels, as cells.
 
 Squares of the viewer's image are traced at 5 x 5 nodes. Where these lie on one branch and a biquartic through them
-keeps the tolerance, at two more rays too, the square is one cell; elsewhere it is quartered, down to 4 pixels. There
+keeps the tolerance, at six more rays too, the square is one cell; elsewhere it is quartered, down to 4 pixels. There
 the nodes are the pixels' corners: pixels whose corners lie on one branch are cells, the others are cut in pieces.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from . import interpolation
 from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_seen, trace_points
-from .interpolation import CHECKS, COLUMN, PARTS, ROW, SIDE
+from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Reason
@@ -226,7 +226,7 @@ class _Squares:
         return self.corner[:, :1] + step * COLUMN, self.corner[:, 1:] + step * ROW
 
     def checks(self) -> Floats:
-        """Viewer px (n, 2, 2) of the places at which the interpolation is checked."""
+        """Viewer px (n, 6, 2) of the places at which the interpolation is checked."""
         return self.corner[:, None] + self.size[:, None, None] * CHECKS
 
 
@@ -312,7 +312,7 @@ class _Sampling:
     def _missed(self, squares: _Squares, first: int) -> Floats:
         """By how much (n,), display px, smooth squares miss the points traced to check them; inf on another branch."""
         n = len(squares)
-        nodes, checks = self._at_nodes(squares), first + np.arange(2 * n).reshape(n, 2)
+        nodes, checks = self._at_nodes(squares), first + np.arange(len(CHECKS) * n).reshape(n, len(CHECKS))
         missed = np.zeros(n)
         for k, place in enumerate(CHECKS):
             expected = interpolation.at_places(self.points.xy[nodes], np.tile(place, (n, 1)))
@@ -409,8 +409,9 @@ def _box(xy: Floats) -> tuple[Floats, Floats]:
 def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     """Do squares (n,) with nodes, k rows of k, that land at (n, k^2, 2) show nothing of the display?
 
-    Those on one branch do so when all their nodes land beside it, on one side, and what they tend to does as well: along
-    each row and column, a step beyond the last that lands, and a part of a step around the one nearest to the display.
+    Those on one branch do so when all their nodes land beside it, on one side, and what they tend to does as well:
+    along each row and column, a step beyond the last that lands, and a part of a step around the one nearest to the
+    display.
     """
     is_lost = branch == 0
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1) & ~is_lost.all(axis=1)

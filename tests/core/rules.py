@@ -8,6 +8,7 @@ from reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid
 
 from kiriko.core import ray_engine
 from kiriko.core.plan import Kept, Plan, Settings, make_plan
+from kiriko.core.reach import out_of_sight
 from kiriko.core.rig import Glass, Rig
 
 
@@ -94,6 +95,18 @@ def moved_viewer(a_rig: Rig) -> Rig:
     return replace(a_rig, viewers=(replace(viewer, position=viewer.position + np.array([0.01, 0, 0.02])),))
 
 
+def with_another_aside() -> Rig:
+    """The rig with a second ellipsoid, far to the side."""
+    a_rig = ellipsoid_rig()
+    glass = a_rig.glasses[0]
+    mesh = replace(glass.mesh, vertices=glass.mesh.vertices + np.array([0.5, 0, 0]))
+    return replace(a_rig, glasses=(glass, replace(glass, name="aside", mesh=mesh)))
+
+
+def without_the_other(a_rig: Rig) -> Plan:
+    return make_plan(a_rig, Settings(), aside=out_of_sight(a_rig))
+
+
 def two_boxes() -> Rig:
     boxes = (Glass(name, box([0.02, 0.02, 0.05], (x, 0, 0))) for name, x in (("a", -0.012), ("b", 0.012)))
     return rig(tuple(boxes), pixels=256)
@@ -108,6 +121,7 @@ RULES = {
     "without brightness there is no Fresnel": Rule(
         ellipsoid_rig, plan, lambda a_rig: make_plan(a_rig, Settings(brightness=True))
     ),
+    "glass that no light comes near is not made ready": Rule(with_another_aside, without_the_other, plan),
     "flat glass has no curved faces": Rule(
         lambda: cube_rig(pixels=256), plan, lambda a_rig: make_plan(marked_smooth(a_rig), Settings())
     ),
