@@ -15,6 +15,8 @@ MOST_STARTS = 3  # the last of them with everything
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
     """Glasses, by their number, that the viewer does not look at: light may come to them by way of the others only."""
+    if len(rig.glasses) == 1:
+        return ()
     viewer = rig.viewer
     aside = []
     for number, glass in enumerate(rig.glasses):

@@ -57,7 +57,9 @@ class Mesh:
     @property
     def bounds(self) -> Floats:
         """Lower and upper corner of the axis-aligned box (2, 3), m."""
-        used = self.vertices[np.unique(self.triangles)]
+        is_used = np.zeros(len(self.vertices), bool)
+        is_used[self.triangles] = True
+        used = self.vertices[is_used]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     def check(self, owner: str) -> None:

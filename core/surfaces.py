@@ -1,6 +1,7 @@
 """What is traced of a mesh: its surface, the shells it falls into, the solids they enclose."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -61,11 +62,11 @@ class Surface:
             corner_normals=None if self.corner_normals is None else motion.directions(self.corner_normals),
         )
 
-    @property
+    @cached_property
     def bounds(self) -> Floats:
         return box_of(self.corners)
 
-    @property
+    @cached_property
     def volume(self) -> float:
         """Enclosed volume of the facets, m^3, positive for a solid."""
         return volume_of(self.corners)
