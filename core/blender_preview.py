@@ -28,6 +28,7 @@ from .rig import Mesh, MirrorArray, Rig
 from .surfaces import tessellate
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
+SHEARED = 1e-6  # of an object's scale: less shear is rounding
 BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
 
 
@@ -142,7 +143,7 @@ class Preview:
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
         curved = _curved_meshes(reading.rig)
         arrays = {plate.name: plate.array for plate in reading.rig.plates}
-        copies: dict[tuple[int, str, str, Interface | MirrorArray | None], bpy.types.Mesh] = {}
+        copies: dict[tuple[object, ...], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
         counts: Counter[str] = Counter()
         for instance, owner in shown_parts(depsgraph, scene):
@@ -164,10 +165,12 @@ class Preview:
                 mesh, matrix = self._tessellated(curved[name], is_inside_out, self._metres)
                 mesh.materials.append(self._material(role, law))
             else:
-                matrix = instance.matrix_world
-                key = instance.object.data.as_pointer(), role, owner.kiriko.surface, law
+                matrix, shear = _without_shear(instance.matrix_world)
+                key = instance.object.data.as_pointer(), role, owner.kiriko.surface, law, shear
                 if key not in copies:
                     copies[key] = self._copy(instance.object, owner.kiriko.surface, self._material(role, law))
+                    if shear is not None:
+                        copies[key].transform(Matrix(shear))
                     if is_inside_out:
                         copies[key].flip_normals()  # Cycles tells inside from outside by them
                 mesh = copies[key]
@@ -268,6 +271,24 @@ class Preview:
             cycles.pixel_filter_type = "BOX"
         else:
             cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", filter_width
+
+
+def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...] | None]:
+    """A place that an object can have, with the same x axis, and what its mesh has to be transformed by before, if any.
+
+    Objects have a location, a rotation and a scale; parents of uneven scale give them shear besides.
+    """
+    columns = np.array(matrix, float)[:3, :3]
+    turned, upper = np.linalg.qr(columns)
+    sign = np.where(np.diag(upper) < 0, -1.0, 1.0)
+    turned, upper = turned * sign, upper * sign[:, None]
+    scale = np.diag(upper)
+    if not (scale > 0).all() or np.abs(upper - np.diag(scale)).max() <= SHEARED * scale.max():
+        return matrix, None
+    place, shear = np.eye(4), np.eye(4)
+    place[:3, :3], place[:3, 3] = turned * scale, np.array(matrix, float)[:3, 3]
+    shear[:3, :3] = upper / scale[:, None]
+    return Matrix(place.tolist()), tuple(map(tuple, shear.tolist()))
 
 
 def _curved_meshes(rig: Rig) -> dict[str, Mesh]:

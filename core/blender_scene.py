@@ -367,26 +367,30 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     return glass, readings, notes
 
 
-def read_plate(part: Part, metres: float) -> Plate:
-    """A plate with its mirrors, counted from the object's origin and turned with its x axis, or y if x stands on it."""
-    ours = part.owner.kiriko.plate
-    if ours.model == "IDEAL" or part.matrix is None:
-        return Plate(part.name, part.mesh)
-    pitch = ours.pitch * metres
-    array = MirrorArray(
+def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
+    """The mirrors that a plate's settings, whose model is not ideal, tell of."""
+    return MirrorArray(
         layout=ours.model.lower(),
-        pitch=pitch,
-        height=ours.height * pitch,
+        pitch=1e-3 * ours.pitch,
+        height=1e-3 * ours.pitch * ours.height,
         ior=ours.ior,
         reflectance=ours.reflectance,
         crossing_error=ours.crossing_error if ours.model == "CROSSED" else 0.0,
         has_fresnel=ours.fresnel,
         phase=tuple(ours.phase),
     )
+
+
+def read_plate(part: Part) -> Plate:
+    """A plate with its mirrors, counted from the object's origin and turned with its x axis, or y if x stands on it."""
+    if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
+        return Plate(part.name, part.mesh)
     x, y = normalise(part.matrix[:3, :2].T)
     corners = part.mesh.corners[:1]
     is_upright = len(corners) > 0 and abs(geometric_normals(corners)[0] @ x) > UPRIGHT
-    return Plate(part.name, part.mesh, array, side=y if is_upright else x, centre=part.matrix[:3, 3])
+    return Plate(
+        part.name, part.mesh, mirrors(part.owner.kiriko.plate), side=y if is_upright else x, centre=part.matrix[:3, 3]
+    )
 
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
@@ -530,7 +534,7 @@ def read(
     rig = Rig(
         viewers=() if viewer is None else (viewer,),
         glasses=tuple(glasses),
-        plates=tuple(read_plate(p, metres) for p in by_role.get("PLATE", [])),
+        plates=tuple(read_plate(p) for p in by_role.get("PLATE", [])),
         displays=tuple(displays),
         pictures=tuple(pictures),
         mirrors=tuple(Mirror(p.name, p.mesh) for p in by_role.get("MIRROR", [])),

@@ -31,14 +31,6 @@ class PlatePath(IntEnum):
 
 
 STRAY_PATHS = (PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.THROUGH, PlatePath.REFLECTED)
-PLATE_PATH_WORDS = {
-    PlatePath.NONE: "beside the plate",
-    PlatePath.IMAGED: "mid-air image",
-    PlatePath.STRAY_1: "stray light of the first layer",
-    PlatePath.STRAY_2: "stray light of the second layer",
-    PlatePath.THROUGH: "straight through",
-    PlatePath.REFLECTED: "reflected by the glass",
-}
 
 
 class Crossing(NamedTuple):
@@ -125,7 +117,7 @@ class ArrayFrame:
         """
         return self._cross(positions, directions, self._as_one_mirror)
 
-    def crossed(self, positions: Floats, directions: Floats) -> Crossing:
+    def folded(self, positions: Floats, directions: Floats) -> Crossing:
         """What becomes of light that meets the mirrors where they stand."""
         return self._cross(positions, directions, self._as_mirrors)
 
@@ -181,14 +173,15 @@ class ArrayFrame:
         normals, offset = self._mirrors(light.place)
         place, along = light.place, light.along
         way = array.height / (array.ior * light.depth)  # through a layer, for each unit of `along`
+        phase = np.fmod(array.phase, 1.0)  # whole pitches make no difference
         is_first = light.side > 0  # light against the normal comes to the second layer first
         turned_round = []
         for first, then in ((0, 1), (1, 0)):
             normal = np.where(is_first, normals[first], normals[then])
             beside = np.where(
                 is_first,
-                offset[first] - array.pitch * array.phase[first],
-                offset[then] - array.pitch * array.phase[then],
+                offset[first] - array.pitch * phase[first],
+                offset[then] - array.pitch * phase[then],
             )
             speed = _dot(along, normal)
             q = (_dot(place, normal) + beside) / array.pitch
@@ -268,9 +261,12 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
         )
     axes = np.stack([side, np.cross(normal, side), normal])
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
-    if (high - low)[:2].min() < plate.array.pitch:
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    # a strip that lies askew is narrower than it reaches along either side
+    width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))
+    if width < plate.array.pitch:
         raise RigError(
-            f"The plate '{plate.name}' is {1e3 * (high - low)[:2].min():g} mm wide, less than the"
+            f"The plate '{plate.name}' is {1e3 * width:g} mm wide, less than the"
             f" {1e3 * plate.array.pitch:g} mm from mirror to mirror: scale it up or lower its pitch."
         )
     middle = 0.5 * (low + high)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .diagram import Curve, linear, log_log
-from .plate import PLATE_PATH_WORDS, PlatePath, light_by_angle
+from .plate import PlatePath, light_by_angle
 from .reference import PERCENTILE, ImageErrors, MapErrors
 from .rig import MirrorArray
 from .work_precision import Rung, WorkPrecision, cost
@@ -180,10 +180,13 @@ def plate_csv(array: MirrorArray) -> str:
 def plate_svg(array: MirrorArray, name: str) -> str:
     """The same as a diagram, stray light of both layers as one."""
     light = light_by_angle(array, np.radians(ANGLES))
-    curves = [
-        Curve(PLATE_PATH_WORDS[path], tuple(zip(ANGLES, light[path].tolist(), strict=True)))
-        for path in (PlatePath.IMAGED, PlatePath.STRAY_1, PlatePath.THROUGH, PlatePath.REFLECTED)
-    ]
+    shares = {
+        "mid-air image": light[PlatePath.IMAGED],
+        "stray light, one layer alone": light[PlatePath.STRAY_1] + light[PlatePath.STRAY_2],
+        "straight through": light[PlatePath.THROUGH],
+        "reflected by the glass": light[PlatePath.REFLECTED],
+    }
+    curves = [Curve(name, tuple(zip(ANGLES, share.tolist(), strict=True))) for name, share in shares.items()]
     note = (
         f"{array.layout}, {1e3 * array.pitch:g} mm from mirror to mirror, {1e3 * array.height:g} mm high, index"
         f" {array.ior:g}, reflectance {array.reflectance:g}"

@@ -114,7 +114,7 @@ class MirrorArray:
     pitch : m, from mirror to mirror
     height : m, of the mirrors, that of one layer
     ior : index of refraction of the glass between the mirrors
-    reflectance : of a mirror, 0..1
+    reflectance : of a mirror, above 0, up to 1
     crossing_error : rad, by which the second layer is turned further than 90 degrees from the first
     has_fresnel : the plate's two faces reflect as glass does
     phase : in pitches, by which the mirrors of the two directions stand beside the plate's centre
@@ -143,8 +143,8 @@ class MirrorArray:
         for name, value in (("pitch", self.pitch), ("mirror height", self.height)):
             if not (np.isfinite(value) and value > 0):
                 raise RigError(f"{owner} has a {name} of {1e3 * value:g} mm: set one above 0.")
-        if not 0 <= self.reflectance <= 1:
-            raise RigError(f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set one from 0 to 1.")
+        if not 0 < self.reflectance <= 1:
+            raise RigError(f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set one above 0, up to 1.")
         if not (np.isfinite(self.ior) and self.ior >= 1):
             raise RigError(f"{owner} has an index of refraction of {self.ior:g}: set one of 1 or more.")
         if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:

@@ -222,9 +222,13 @@ class Session:
         self, rig: Rig, settings: Settings, source: NDArray[np.float32], spp: int
     ) -> Generator[float, None, Simulation]:
         """Simulate what the viewer sees of a source image (H, W, 3 or 4) by the plate's mirrors; yields progress."""
+        return (yield from simulate(self.plan(rig, settings), source, spp))
+
+    def plan(self, rig: Rig, settings: Settings) -> Plan:
+        """The whole of a rig ready to be traced, with what is kept from before."""
         rig.check()
         settings.check()
-        return (yield from simulate(make_plan(rig, settings, self._kept), source, spp))
+        return make_plan(rig, settings, self._kept)
 
     def _look(self, rig: Rig, settings: Settings, key: str, clock: _Clock) -> Generator[float, None, _Optics]:
         """Trace the view map of a rig; yields progress 0..0.85."""

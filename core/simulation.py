@@ -8,12 +8,14 @@ from numpy.typing import NDArray
 
 from .plan import Plan
 from .plate import PlatePath
-from .rig import Bools
+from .rig import Bools, Floats, Ints
 from .trace import CHUNK, Landings, PlateLight, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
-SAMPLED = 2048  # rays from which brightness and blur are told
+SAMPLED = 4096  # rays from which brightness and blur are told
 STEP = 0.05  # viewer px, for derivatives of the view map
+SPREAD = np.array([0.7548776662466927, 0.5698402909980532])  # powers of the plastic number's inverse: even in a square
+SELDOM = 8  # one in so many rays is followed by the plate's faces where two for each pixel showed nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,69 +26,70 @@ class Simulation:
     ----------
     image : (h, w, 3) linear, row 0 at the top
     error : standard error of a pixel's luminance, rms over the image
-    luminance : mean over the image, for each PlatePath by which light came
-    spp : rays a viewer pixel
-    n_rays : rays traced
+    luminance : mean over the image, for each PlatePath by which light came; luminance_error : its standard errors
+    spp : rays a viewer pixel, an even number
     """
 
     image: NDArray[np.float32]
     error: float
     luminance: dict[PlatePath, float]
+    luminance_error: dict[PlatePath, float]
     spp: int
-    n_rays: int
 
 
 def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -> Generator[float, None, Simulation]:
     """Follow rays from everywhere in the viewer's image the way that the plate's mirrors send them.
 
-    All light counts, that which comes past the glass too, with what glass and plate leave of it. What each face of the
-    plate reflects is a ray of its own.
+    All light of the display counts, that which comes past glass and plate too, with what they leave of it. What is
+    reflected by the face of the first plate that light comes to is a ray of its own.
 
     Parameters
     ----------
-    source : (H, W, 3) what the display shows, linear, row 0 at the top
-    spp : rays a viewer pixel, at a random place in each of as many parts of it
+    source : (H, W, 3 or 4) what the display shows, linear, row 0 at the top
+    spp : rays a viewer pixel; one more where that is odd, for each of two halves is an image by itself, and their
+        difference tells the error
     """
     viewer, display = plan.rig.viewer, plan.rig.display
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
-    lights: list[PlateLight] = ["crossed", "reflected"] if has_faces else ["crossed"]
     texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
-    n = viewer.width * viewer.height
-    total, squares = np.zeros((3, n)), np.zeros(n)
-    luminance = dict.fromkeys(PlatePath, 0.0)
+    n, passes = viewer.width * viewer.height, 2 * ((max(spp, 1) + 1) // 2)
+    halves = np.zeros((2, 3, n))
+    by_pass = np.zeros((passes, len(PlatePath)))
     random = np.random.default_rng(seed)
-    across = int(np.ceil(np.sqrt(spp)))
-    n_done, n_rays, n_all = 0, 0, spp * n
-    for k in range(spp):
-        if k == 1 and not luminance[PlatePath.REFLECTED]:
-            lights = ["crossed"]  # of a ray a pixel none got there by the plate's faces
+    start = random.random((2, n, 2))
+    for k in range(passes):
+        has_shown = by_pass[:, PlatePath.REFLECTED].any()
         for first in range(0, n, CHUNK):
             pixels = np.arange(first, min(first + CHUNK, n))
-            # the pixel is cut in parts, which take turns; where there are more parts than rays they are drawn by lot
-            part = (k if across**2 == spp else random.integers(across**2, size=len(pixels))) + np.zeros(len(pixels))
-            inside = (np.stack([part % across, part // across], axis=1) + random.random((len(pixels), 2))) / across
-            rays = viewer.rays(np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside)
-            seen = np.zeros((len(pixels), 3))
-            for light in lights:
-                landings = trace(plan, *rays, light=light)
-                n_rays += len(pixels)
+            inside = (start[k % 2, pixels] + (k // 2) * SPREAD) % 1.0
+            xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
+            ways: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
+            if has_faces:
+                share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
+                ways.append(("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share))
+            for light, some, weight in ways:
+                landings = trace(plan, *viewer.rays(xy[some]), light=light)
                 is_seen, index = _texels(landings, display.width, display.height)
                 if light == "reflected":  # by ideal plates nothing is
                     is_seen &= landings.plate_path == PlatePath.REFLECTED
-                colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
-                seen[is_seen] += colours
+                colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
+                halves[k % 2][:, pixels[some[is_seen]]] += colours.T
                 bright = np.bincount(landings.plate_path[is_seen], colours @ LUMINANCE, len(PlatePath))
-                for path in PlatePath:
-                    luminance[path] += bright[path] / n_all
-            total[:, first : first + len(pixels)] += seen.T
-            squares[first : first + len(pixels)] += (seen @ LUMINANCE) ** 2
-            n_done += len(pixels)
-            yield n_done / n_all
-    mean = LUMINANCE @ total / spp
-    variance = np.maximum(squares / spp - mean**2, 0.0) / max(spp - 1, 1)
-    image = (total / spp).T.reshape(viewer.height, viewer.width, 3).astype(np.float32)
-    return Simulation(image, float(np.sqrt(variance.mean())), luminance, spp, n_rays)
+                by_pass[k] += bright / n
+            yield (k * n + first + len(pixels)) / (passes * n)
+    halves *= 2.0 / passes
+    image = halves.mean(axis=0).T.reshape(viewer.height, viewer.width, 3).astype(np.float32)
+    apart = LUMINANCE @ (halves[0] - halves[1])
+    # passes of one half keep clear of each other: as if they were independent is on the safe side
+    spread = by_pass.std(axis=0, ddof=1) / np.sqrt(passes)
+    return Simulation(
+        image,
+        float(np.sqrt((apart**2).mean()) / 2),
+        dict(zip(PlatePath, by_pass.mean(axis=0).tolist(), strict=True)),
+        dict(zip(PlatePath, spread.tolist(), strict=True)),
+        passes,
+    )
 
 
 def _texels(landings: Landings, width: int, height: int) -> tuple[Bools, NDArray[np.int64]]:
@@ -99,18 +102,21 @@ def _texels(landings: Landings, width: int, height: int) -> tuple[Bools, NDArray
 
 @dataclass(frozen=True)
 class PlateView:
-    """What mirrors make of the picture's light, over what is seen of it.
+    """What mirrors make of the picture's light, over what is seen of the display.
 
     Parameters
     ----------
     brightness : mean share of the light that images, 0..1; least and most of it
     blur : rms by which the mirrors' pitch moves what is seen, viewer px; None where it is not known
+    brightness_error, blur_error : standard errors of the two, from a sample of rays
     """
 
     brightness: float
     least: float
     most: float
     blur: float | None
+    brightness_error: float
+    blur_error: float | None
 
 
 def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
@@ -120,28 +126,39 @@ def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
     viewer, size = plan.rig.viewer, (plan.rig.display.width, plan.rig.display.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
     view = np.random.default_rng(seed).uniform(0, (viewer.width, viewer.height), (SAMPLED, 2))
-    steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
     here = trace(bright, *viewer.rays(view))
     is_seen, _ = _texels(here, *size)
     if not is_seen.any():
         return None
-    view = view[is_seen]
+    view, xy, branch = view[is_seen], here.xy[is_seen], here.branch[is_seen]
     # what the plate leaves of the light: all that is left, by what is left of it with an ideal plate
     without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
-    around = [trace(plan, *viewer.rays(view + step)) for step in steps]
-    real = trace(plan, *viewer.rays(view), light="crossed")
-    moved = real.xy - here.xy[is_seen]
-    j = np.stack([around[0].xy - around[1].xy, around[2].xy - around[3].xy], axis=2) / STEP
-    is_one = (real.plate_path == PlatePath.IMAGED) & np.isfinite(moved).all(axis=1)
-    for other in around:
-        is_one &= other.branch == here.branch[is_seen]
-    det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-    is_one &= np.abs(det) > 0
-    back = np.linalg.solve(j[is_one], moved[is_one][:, :, None])[:, :, 0]
+    back = _moved(plan, view, xy, branch)
+    square = (back**2).sum(axis=1)
+    blur = float(np.sqrt(square.mean())) if len(square) else None
     return PlateView(
         brightness=float(share.mean()),
         least=float(share.min()),
         most=float(share.max()),
-        blur=float(np.sqrt((back**2).sum(axis=1).mean())) if len(back) else None,
+        blur=blur,
+        brightness_error=float(share.std() / np.sqrt(len(share))),
+        blur_error=float(square.std() / np.sqrt(len(square)) / (2 * blur)) if blur else None,
     )
+
+
+def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Floats:
+    """By how much (m, 2), viewer px, mirrors move what is seen at viewer px (n, 2), which lands at xy (n, 2).
+
+    Of those that the mirrors image, by the view map's derivatives, where these are known.
+    """
+    viewer = plan.rig.viewer
+    steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
+    around = [trace(plan, *viewer.rays(view + step)) for step in steps]
+    real = trace(plan, *viewer.rays(view), light="folded")
+    j = np.stack([around[0].xy - around[1].xy, around[2].xy - around[3].xy], axis=2) / STEP
+    is_known = real.plate_path == PlatePath.IMAGED
+    for other in (real, *around):
+        is_known &= other.branch == branch
+    is_known &= np.abs(j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]) > 0
+    return np.linalg.solve(j[is_known], (real.xy - xy)[is_known][:, :, None])[:, :, 0]

@@ -17,7 +17,7 @@ from .rig import Bools, Floats, Ints
 
 Words = NDArray[np.uint64]
 
-PlateLight = Literal["imaged", "crossed", "reflected"]
+PlateLight = Literal["imaged", "folded", "reflected"]
 
 CHUNK = 1 << 16  # rays traced together: their arrays stay in the cache
 
@@ -409,7 +409,7 @@ def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
 
 def _meet_array(plan: Plan, array: ArrayFrame, rays: _Rays, i: Ints) -> None:
     is_again = rays.has_met_plate[i]
-    again = "crossed" if rays.light == "reflected" else rays.light
+    again = "folded" if rays.light == "reflected" else rays.light
     for light, some in ((rays.light, i[~is_again]), (again, i[is_again])):
         if not len(some):
             continue
@@ -436,11 +436,14 @@ def _meet_blocker(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[H
 
 
 def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """End here: with a landing when the light came by glass and plate to the display's front."""
+    """End here: with a landing when the light came by glass and plate to the display's front.
+
+    Light that carries no picture, but is followed to see all there is, may come past the plate.
+    """
     is_front = dot(rays.directions[i], plan.normals[hits.triangle]) < 0
     counts = rays.has_met_glass[i] | (not plan.settings.only_through_glass)
     reason = np.select(
-        [~counts, ~rays.has_met_plate[i], ~is_front],
+        [~counts, ~rays.has_met_plate[i] & (rays.light == "imaged"), ~is_front],
         [Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.BLOCKED],
         Reason.ARRIVED,
     )

@@ -147,7 +147,7 @@ class KIRIKO_OT_add_rig(bpy.types.Operator):
         plate_size = self.plate_size or PLATE_SIZE * grow
         plate = bench.rectangle("Kiriko Plate", placement.plate, plate_size, plate_size)
         plate.kiriko.role, plate.display_type = "PLATE", "WIRE"
-        plate.data.materials.append(bench.material("Kiriko Plate", shaders.be_plate))
+        plate.data.materials.append(bench.material("Kiriko Ideal Plate", shaders.be_plate))
         picture = bench.rectangle("Kiriko Picture", placement.picture, picture_size, picture_size)
         picture.kiriko.role, scene.kiriko.picture_source = "PICTURE", "PLANE"
         image = bench.keep(encoded_image("Kiriko Lattice", lattice()))

@@ -57,6 +57,13 @@ def parser() -> argparse.ArgumentParser:
     solve = verbs.add_parser("solve", parents=[shared], help="compute the source image and write it to a folder")
     solve.set_defaults(run=_solve)
     solve.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
+    solve.add_argument(
+        "--simulate",
+        type=_count,
+        default=0,
+        metavar="N",
+        help="simulate N rays a pixel through the plate's mirrors, too",
+    )
     solve.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
     solve.add_argument("--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)")
     return top
@@ -132,6 +139,8 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
     }
     if arguments.preview:
         names["preview"] = "preview.png"
+    if arguments.simulate:
+        names["simulated"] = "simulated.png"
     return {what: arguments.out / name for what, name in names.items()}
 
 
@@ -142,7 +151,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
     yield f"measuring '{Path(bpy.data.filepath).name}'"
     found = yield from _progress(report.measured(bpy.context, rig, arguments.seconds))
-    report.write(arguments.out, rig, found)
+    report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
     yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"
 
@@ -176,6 +185,17 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         with Preview(scene, reading, scene.kiriko.result.source, samples=arguments.samples) as preview:
             jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
         numbers["preview_notes"] = preview.notes
+    if arguments.simulate:
+        yield "simulating the plate's mirrors"
+        steps = work.session().simulate(reading.rig, work.settings_of(scene), solution.source, arguments.simulate)
+        found = yield from _progress(steps)
+        jobs.append(("simulated", found.image, "PNG8", None))
+        numbers["simulated"] = {
+            "rays_a_pixel": found.spp,
+            "noise": found.error,
+            "luminance": {path.name.lower(): light for path, light in found.luminance.items()},
+            "luminance_error": {path.name.lower(): error for path, error in found.luminance_error.items()},
+        }
     for what, pixels, form, area in jobs:
         image_io.write(files[what], pixels, form, size=area, title=f"Kiriko {what} image", overwrite=True)
     image_io.write_text(files["report"], json.dumps(numbers, indent=2) + "\n")

@@ -5,7 +5,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.blender_scene import length_of_unit
+from ..core.blender_plate import be_mirror_array
+from ..core.blender_scene import length_of_unit, mirrors
 from ..core.errors import KirikoError, MeshError, RigError
 from ..core.plan import FLAT
 from . import work
@@ -13,6 +14,7 @@ from . import work
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 FILE = FOLDER / "kiriko_plate.blend"
 MARK = "kiriko_plate"  # what a material of ours is known by, whatever its name: the layout of its mirrors
+UNIT = "kiriko_unit"  # m: of a Blender unit, when the material came into the file
 NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
 SIZE = 0.488  # m, of a new plane
 
@@ -20,7 +22,7 @@ SIZE = 0.488  # m, of a new plane
 def _material(layout: str, metres: float) -> bpy.types.Material:
     """The plate's material: the one in the file already, else appended; a Blender unit is `metres` long."""
     for material in bpy.data.materials:
-        if material.get(MARK) == layout and material.library is None:
+        if material.get(MARK) == layout and material.get(UNIT, 1.0) == metres and material.library is None:
             return material
     name = NAMES[layout]
     try:
@@ -33,9 +35,19 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
         raise RigError(f"The file {FILE} has no material '{name}': install Kiriko again.")
     material.asset_clear()
     material.use_fake_user = False
+    material[UNIT] = metres
     for node in material.node_tree.nodes:
         for length in {"Pitch", "Height"} & set(node.inputs.keys()):
             node.inputs[length].default_value /= metres
+    return material
+
+
+def _own_material(thing: bpy.types.Object, metres: float) -> bpy.types.Material | None:
+    """A material with the mirrors that a plate of a rig has by its settings; None for what has none."""
+    if thing.kiriko.role != "PLATE" or thing.kiriko.plate.model == "IDEAL":
+        return None
+    material = bpy.data.materials.new(f"{thing.name} Mirrors")
+    be_mirror_array(material, mirrors(thing.kiriko.plate), metres)
     return material
 
 
@@ -75,7 +87,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         try:
             if not is_new:
                 self._check(thing)
-            material = _material(self.layout, metres)
+            material = (None if is_new else _own_material(thing, metres)) or _material(self.layout, metres)
         except KirikoError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

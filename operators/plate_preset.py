@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..core.blender_scene import length_of_unit
 from ..core.rig import PRESETS
 from . import work
 
@@ -31,7 +30,7 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         array, ours = PRESETS[self.preset], context.active_object.kiriko.plate
         ours.model = array.layout.upper()
-        ours.pitch = array.pitch / length_of_unit(context.scene)
+        ours.pitch = 1e3 * array.pitch
         ours.height = array.height / array.pitch
         ours.ior, ours.reflectance = array.ior, array.reflectance
         ours.crossing_error, ours.fresnel, ours.phase = array.crossing_error, array.has_fresnel, array.phase

@@ -154,7 +154,8 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             use_bundled_modules()
             form = image_io.format_for(self.filepath, "PNG8")
             image_io.write(self._file(), pixels[..., :3], form, title=NAME, overwrite=self.overwrite)
-        image = replace_image(bpy.data.images.get(NAME), NAME, pixels)
+        result = context.scene.kiriko.result
+        result.preview = image = replace_image(result.preview, NAME, pixels)
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 space = area.spaces.active
@@ -163,4 +164,4 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if preview.notes:
             self.report({"WARNING"}, " ".join(preview.notes))
         else:
-            self.report({"INFO"}, f"The image '{NAME}' shows what the viewer sees.")
+            self.report({"INFO"}, f"The image '{image.name}' shows what the viewer sees.")

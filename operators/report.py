@@ -4,6 +4,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Generator
+from dataclasses import asdict
 from pathlib import Path
 
 import bpy
@@ -12,8 +13,10 @@ import numpy as np
 from ..core import image_io
 from ..core.blender_result import write_ladder
 from ..core.errors import ImageError
+from ..core.plan import Settings
 from ..core.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from ..core.rig import Plate, Rig
+from ..core.simulation import plate_view
 from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
 from .export import absolute, use_bundled_modules
@@ -59,7 +62,7 @@ def _can_write() -> bool:
     return True
 
 
-def write(target: Path, rig: Rig, found: WorkPrecision) -> None:
+def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> None:
     """Write the report's files to a folder, each whole or not at all; ImageError when they cannot be written."""
     about = {
         "file": Path(bpy.data.filepath).name,
@@ -70,6 +73,9 @@ def write(target: Path, rig: Rig, found: WorkPrecision) -> None:
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
     }
+    view = plate_view(work.session().plan(rig, settings))
+    if view is not None:
+        about["plate"] = asdict(view)
     texts = [as_csv(found), as_json(found, about), as_svg(found)]
     plate = _array_plate(rig)
     if plate is not None:
@@ -118,6 +124,6 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), "allow overwriting")
             found = yield from measured(context, rig, self.seconds)
-            write(target, rig, found)
+            write(target, rig, work.settings_of(scene), found)
         write_ladder(scene, found.ladder)
         return f"Wrote {', '.join(names(rig))} to '{target}'."

@@ -3,6 +3,7 @@
 from collections.abc import Generator
 
 import bpy
+import numpy as np
 
 from ..core.blender_image import pixels_from_image
 from ..core.blender_result import percent, replace_image
@@ -25,7 +26,7 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
         name="Samples",
         description="Rays a pixel; four times as many halve the noise",
         default=16,
-        min=1,
+        min=2,
         max=65536,
     )
 
@@ -48,17 +49,20 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
         yield 0.0
         settings = work.settings_of(scene)
         found = yield from work.session().simulate(rig, settings, pixels_from_image(source), self.samples)
-        replace_image(bpy.data.images.get(NAME), NAME, found.image)
-        return f"The image '{NAME}' shows what the viewer sees{_stray(found)}; noise {found.error:.2g} of white."
+        scene.kiriko.result.seen = image = replace_image(scene.kiriko.result.seen, NAME, found.image)
+        return f"The image '{image.name}' shows what the viewer sees{told(found)}."
 
 
-def _stray(found: Simulation) -> str:
-    """How much of the light is none of the picture's."""
+def told(found: Simulation) -> str:
+    """How much of the light is none of the picture's, and how large the noise is."""
     whole = sum(found.luminance.values())
     if not whole:
         return ": nothing"
-    stray = sum(found.luminance[path] for path in STRAY_PATHS)
-    beside = found.luminance[PlatePath.NONE]
-    parts = {"stray light of the plate": stray, "light past the plate": beside}
-    told = [f"{percent(light / whole)} of it {word}" for word, light in parts.items() if light > 0]
-    return f", {', '.join(told)}" if told else ""
+    parts = {"stray light of the plate": STRAY_PATHS, "past the plate": (PlatePath.NONE,)}
+    words = []
+    for word, paths in parts.items():
+        light = sum(found.luminance[path] for path in paths)
+        error = np.linalg.norm([found.luminance_error[path] for path in paths])
+        if light > 0:
+            words.append(f"{percent(light / whole)} (+- {percent(float(error) / whole)}) of it {word}")
+    return "".join(f", {text}" for text in (*words, f"noise {found.error:.2g} of white"))

@@ -9,7 +9,6 @@ from ..core.blender_objects import grid_object
 from ..core.blender_result import percent
 from ..core.blender_scene import length_of_unit
 from ..core.errors import RigError
-from ..core.plan import make_plan
 from ..core.visible_range import FARTHEST, visible_range
 from . import work
 
@@ -38,7 +37,7 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        plan = make_plan(work.read(context).rig, work.settings_of(scene))
+        plan = work.session().plan(work.read(context).rig, work.settings_of(scene))
         yield 0.0
         found = yield from visible_range(plan, self.share)
         is_seen = found.share >= self.share

@@ -39,9 +39,7 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             sentence(layout, context, f"Error: {', '.join(known)}", icon="DRIVER_DISTANCE")
         plate = details.get("plate")
         if plate:
-            text = f"Plate: {plate['brightness']:.0%} of the light, {plate['least']:.0%} to {plate['most']:.0%}"
-            blur = "" if plate["blur"] is None else f"; blur {plate['blur']:.2g} viewer px"
-            sentence(layout, context, f"{text}{blur}", icon="MESH_GRID")
+            sentence(layout, context, plate_words(plate), icon="MESH_GRID")
         sentence(layout, context, f"Solved in {details['total_seconds']:.2g} s", icon="TIME")
         cost = details["cost"]
         for name in ("half", "twice"):
@@ -49,6 +47,17 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
                 other = cost[name]
                 text = f"Tolerance {other['tolerance']:.3g} px: about {other['seconds']:.2g} s"
                 sentence(layout, context, text, icon="BLANK1")
+
+
+def plate_words(plate: dict) -> str:
+    """Brightness and blur by a plate's mirrors, with their standard errors."""
+    words = (
+        f"Plate: {plate['brightness']:.1%} (+- {plate['brightness_error']:.1%}) of the light,"
+        f" {plate['least']:.0%} to {plate['most']:.0%}"
+    )
+    if plate["blur"] is None:
+        return words
+    return f"{words}; blur {plate['blur']:.2g} (+- {plate['blur_error'] or 0:.1g}) viewer px"
 
 
 class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):

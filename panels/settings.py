@@ -64,14 +64,14 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     pitch: FloatProperty(
         name="Pitch",
-        description="From mirror to mirror",
-        default=PRESETS["ASKA3D-488"].pitch,
-        min=1e-6,
-        soft_min=1e-4,
-        soft_max=5e-3,
-        precision=5,
-        step=0.01,
-        subtype="DISTANCE",
+        description="From mirror to mirror, in millimetres whatever the scene's unit",
+        default=1e3 * PRESETS["ASKA3D-488"].pitch,
+        min=1e-3,
+        soft_min=0.1,
+        soft_max=5.0,
+        precision=3,
+        step=1,
+        unit="CAMERA",
     )
     height: FloatProperty(
         name="Height",
@@ -97,7 +97,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
         name="Reflectance",
         description="Share of light that a mirror reflects",
         default=0.87,
-        min=0.0,
+        min=0.001,
         max=1.0,
         subtype="FACTOR",
     )
@@ -192,6 +192,12 @@ class KirikoResult(bpy.types.PropertyGroup):
         type=bpy.types.Image,
     )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
+    seen: PointerProperty(
+        name="Seen Image", description="What the viewer sees, as last simulated", type=bpy.types.Image
+    )
+    preview: PointerProperty(
+        name="Preview", description="What the viewer sees, as last rendered by Cycles", type=bpy.types.Image
+    )
     coverage: FloatProperty(
         name="Coverage",
         description="Share of the picture that the viewer gets to see from the display",

@@ -279,7 +279,7 @@ def traced_shares(rig: Rig, angle: float, n: int, seed: int) -> dict[str, tuple[
     (mirrors,) = plan.arrays.values()
     ahead = np.sin(angle) * mirrors.axes[1] + np.cos(angle) * mirrors.axes[2]
     places = mirrors.centre + np.random.default_rng(seed).uniform(-0.1, 0.1, (n, 2)) @ mirrors.axes[:2]
-    landings = trace_all(plan, places - 0.05 * ahead, np.broadcast_to(ahead, places.shape), light="crossed")
+    landings = trace_all(plan, places - 0.05 * ahead, np.broadcast_to(ahead, places.shape), light="folded")
     found = {}
     for name, paths in CLASSES.items():
         shares = landings.throughput * np.isin(landings.plate_path, paths)

@@ -95,8 +95,8 @@ class MirrorMesh:
         self.scene = EmbreeScene()
         self.mesh = TriangleMesh(self.scene, triangles.astype(np.float32))  # kept: the scene does not own it
 
-    def crossed(self, positions: Floats, directions: Floats, offset: float) -> Crossing:
-        """The same as ArrayFrame.crossed, from mirror to mirror; off each light goes on from `offset` mm beside it."""
+    def folded(self, positions: Floats, directions: Floats, offset: float) -> Crossing:
+        """The same as ArrayFrame.folded, from mirror to mirror; off each light goes on from `offset` mm beside it."""
         array, normal, centre = self.frame.array, self.frame.axes[2], MM * self.frame.centre
         slope = directions @ normal
         half = MM * array.thickness / 2
@@ -141,7 +141,7 @@ def agreement(mesh: MirrorMesh, light: tuple[Floats, Floats], offset: float) -> 
     """How well mesh and closed form agree on what becomes of light."""
     same_path, apart = [], []
     for some in chunks(light):
-        found, crossing = mesh.crossed(*some, offset), mesh.frame.crossed(*some)
+        found, crossing = mesh.folded(*some, offset), mesh.frame.folded(*some)
         same_path.append(found.path == crossing.path)
         apart.append(MM * np.linalg.norm(found.positions - crossing.positions, axis=1))
     same, apart = np.concatenate(same_path), np.concatenate(apart)
@@ -182,9 +182,9 @@ def print_speed(runs: int) -> None:
     world, own = MirrorMesh(plate_frame()), MirrorMesh(plate_frame(is_own=True))
     slow, fast = random_light(world.frame, N_SLOW), random_light(own.frame, N_FAST)
     ways = {
-        "mesh in world axes": (N_SLOW, lambda: [world.crossed(*some, TIMED_OFFSET) for some in chunks(slow)]),
-        "mesh in its mirrors' axes": (N_FAST, lambda: [own.crossed(*some, TIMED_OFFSET) for some in chunks(fast)]),
-        "closed form": (N_FAST, lambda: [own.frame.crossed(*some) for some in chunks(fast)]),
+        "mesh in world axes": (N_SLOW, lambda: [world.folded(*some, TIMED_OFFSET) for some in chunks(slow)]),
+        "mesh in its mirrors' axes": (N_FAST, lambda: [own.folded(*some, TIMED_OFFSET) for some in chunks(fast)]),
+        "closed form": (N_FAST, lambda: [own.frame.folded(*some) for some in chunks(fast)]),
     }
     a_ray = seconds_in_turns([way for _, way in ways.values()], runs) / [n for n, _ in ways.values()]
     print(f"\n{'way':<28} {'paths a second':>15} {'closed form is faster':>22}")
@@ -203,7 +203,7 @@ def print_ball_rig(runs: int) -> None:
     ways = {
         "ideal plate": lambda: trace_all(plans[0], *light),
         "mirror array, its image": lambda: trace_all(plans[1], *light, "imaged"),
-        "mirror array, all its light": lambda: trace_all(plans[1], *light, "crossed"),
+        "mirror array, all its light": lambda: trace_all(plans[1], *light, "folded"),
     }
     times = seconds_in_turns(list(ways.values()), runs)
     print(f"\n{'path through the ball rig':<28} {'paths a second':>15} {'costs':>22}")

@@ -151,7 +151,7 @@ def assert_agree(core: SimpleNamespace, reading: Any, light: str) -> None:
 def test_light_beyond_the_plate_is_the_tracers(core: SimpleNamespace, layout: str, pose: str) -> None:
     """Image, stray light and what goes through: class, landing and throughput, on both sides, wherever it stands."""
     plate = bench(pose)
-    assert_agree(core, read(core, plate, core.rig.MirrorArray(layout, **LAYOUTS[layout])), "crossed")
+    assert_agree(core, read(core, plate, core.rig.MirrorArray(layout, **LAYOUTS[layout])), "folded")
 
 
 @pytest.mark.parametrize("pose", POSES)
@@ -167,7 +167,7 @@ def test_plate_in_a_plane_across_its_x_axis(core: SimpleNamespace) -> None:
     turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
     plate.data.transform(turn.inverted())
     plate.matrix_world = Matrix.Diagonal((0.5 * SIDE, 0.5 * SIDE, 1, 1)) @ turn
-    assert_agree(core, read(core, plate, core.rig.MirrorArray(), axis=1), "crossed")
+    assert_agree(core, read(core, plate, core.rig.MirrorArray(), axis=1), "folded")
 
 
 def test_all_light_is_the_sum_of_its_classes(core: SimpleNamespace) -> None:

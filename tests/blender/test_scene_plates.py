@@ -36,7 +36,7 @@ def test_mirrors_go_with_the_object(read, scene, model):
     plate = small_rig()["PLATE"]
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.01
     ours = plate.kiriko.plate
-    ours.model, ours.pitch, ours.height, ours.phase, ours.crossing_error = model, 0.2, 3.0, (0.25, 0.5), 0.01
+    ours.model, ours.pitch, ours.height, ours.phase, ours.crossing_error = model, 2.0, 3.0, (0.25, 0.5), 0.01
     plate.matrix_world = Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.3, 4, "X") @ Matrix.Scale(2, 4)
     (found,) = read()
     assert found.array.layout == model.lower()

@@ -93,7 +93,7 @@ def test_a_fold_comes_out_where_marching_from_mirror_to_mirror_does(name):
     array = replace(ARRAYS[name], reflectance=0.5, has_fresnel=False)
     frame = frame_of(array, seed=3)
     light = light_on(frame, 20_000)
-    found, expected = frame.crossed(*light), march(array, frame.centre, frame.axes, *light)
+    found, expected = frame.folded(*light), march(array, frame.centre, frame.axes, *light)
     assert expected.clearance.min() > 1e-13, "a ray so near to an edge that rounding decides: choose another seed"
     n_reflections = expected.n_reflections.sum(axis=0)
     assert np.array_equal(found.throughput, 0.5**n_reflections)
@@ -110,7 +110,7 @@ def test_light_at_everyday_angles_comes_out_within_a_picometre_of_the_march():
     """Up to 70 degrees on a plate of 0.4 m the two agree to 1e-14 m and 1e-14 rad, and none is left out."""
     frame = frame_of(MirrorArray(reflectance=0.5, has_fresnel=False), seed=5)
     light = light_on(frame, 50_000, least=np.cos(np.radians(70)))
-    found, expected = frame.crossed(*light), march(frame.array, frame.centre, frame.axes, *light)
+    found, expected = frame.folded(*light), march(frame.array, frame.centre, frame.axes, *light)
     assert np.array_equal(found.throughput, 0.5 ** expected.n_reflections.sum(axis=0))
     assert np.abs(found.positions - expected.positions).max() < 1e-14
     assert np.abs(found.directions - expected.directions).max() < 1e-14
@@ -197,7 +197,7 @@ def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cos
     """Nothing is NaN or infinite, directions are unit to 4 eps, on the right side, and throughput is from 0 to 1."""
     frame, position, direction = one_ray(array, place, azimuth, cosine, way)
     with np.errstate(divide="raise", invalid="raise", over="raise"):
-        for light in (frame.imaged, frame.crossed, frame.reflected):
+        for light in (frame.imaged, frame.folded, frame.reflected):
             found = light(position, direction)
             assert np.isfinite(found.positions).all()
             assert np.linalg.norm(found.directions[0]) == pytest.approx(1, abs=4 * EPS)
@@ -217,8 +217,8 @@ def test_light_sent_back_comes_out_where_it_came_in(array, place, azimuth, cosin
     size = np.abs(position).max() + (array.thickness + array.pitch) / cosine
     clear = 1e-9 * array.pitch + 128 * EPS * size / cosine**2
     assume(march(array, frame.centre, frame.axes, position, direction).clearance[0] > clear)
-    there = frame.crossed(position, direction)
-    back = frame.crossed(there.positions, -there.directions)
+    there = frame.folded(position, direction)
+    back = frame.folded(there.positions, -there.directions)
     assert back.path[0] == there.path[0]
     assert np.abs(back.directions + direction).max() < 32 * EPS / cosine
     assert np.abs(back.positions - position).max() < 128 * EPS * size / cosine**2
@@ -246,7 +246,7 @@ def test_each_reflection_costs_the_reflectance_and_each_face_its_fresnel_loss(la
     positions, directions = light_on(frame, 3000, least=0.05)
     n = march(array, frame.centre, frame.axes, positions, directions).n_reflections.sum(axis=0)
     expected = (1 - fresnel(np.abs(directions @ frame.axes[2]), array.ior)) ** 2 * 0.87**n
-    assert np.abs(frame.crossed(positions, directions).throughput - expected).max() < 1e-12
+    assert np.abs(frame.folded(positions, directions).throughput - expected).max() < 1e-12
 
 
 def fresnel(cosine, n):
@@ -271,7 +271,7 @@ def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
     assert np.abs(found.directions - mirrored).max() < 1e-15
     assert np.abs(np.cross(face - found.positions, mirrored)).max() < 1e-14
     assert np.abs(found.throughput - fresnel(np.abs(cosine), 1.52)).max() < 1e-12
-    transmitted = np.sqrt(frame.crossed(positions, directions).throughput)  # both faces, mirrors that lose nothing
+    transmitted = np.sqrt(frame.folded(positions, directions).throughput)  # both faces, mirrors that lose nothing
     assert np.abs(found.throughput + transmitted - 1).max() < 1e-14
     assert (found.path == PlatePath.REFLECTED).all()
     bare = replace(frame, array=replace(frame.array, has_fresnel=False))
@@ -305,9 +305,7 @@ def test_the_table_of_shares_in_the_symmetric_plane(degrees, expected):
     assert np.abs(np.subtract(formula, expected)).max() <= 0.0005
     # both layers see the same r here: one phase of the first suffices, and Pu = Pv
     steps = array.pitch * (np.arange(2000) + 0.5) / 2000
-    path = (
-        frame_of(array).crossed(steps[:, None] * np.array([1, 1, 0]) / np.sqrt(2), np.tile(direction, (2000, 1))).path
-    )
+    path = frame_of(array).folded(steps[:, None] * np.array([1, 1, 0]) / np.sqrt(2), np.tile(direction, (2000, 1))).path
     is_odd = np.isin(path, (IMAGED, STRAY_1)).mean()
     counted = is_odd**2, 2 * is_odd * (1 - is_odd), (1 - is_odd) ** 2
     assert np.abs(np.subtract(counted, expected)).max() < 0.0005 + 1 / 1000
@@ -321,7 +319,7 @@ def test_shares_are_those_of_the_formula_in_and_out_of_the_symmetric_plane(layou
     """Pu Pv are imaged, Pu (1 - Pv) and (1 - Pu) Pv stray in one layer, the rest goes through: to 2 steps of phase."""
     array = MirrorArray(layout)
     direction = at_angle(degrees, azimuth, way)
-    path = frame_of(array).crossed(*all_phases(array, direction)).path
+    path = frame_of(array).folded(*all_phases(array, direction)).path
     share = np.bincount(path, minlength=5) / len(path)
     first, second = map(odd, pitches_crossed(array, direction))
     expected = first * second, first * (1 - second), (1 - first) * second, (1 - first) * (1 - second)
@@ -339,7 +337,7 @@ def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, a
     array = MirrorArray(layout, has_fresnel=False)
     frame = frame_of(array)
     positions, directions = all_phases(array, at_angle(degrees, azimuth, way))
-    crossed, imaged = frame.crossed(positions, directions), frame.imaged(positions, directions)
+    crossed, imaged = frame.folded(positions, directions), frame.imaged(positions, directions)
     assert (imaged.path == IMAGED).all()
     is_image = crossed.path == IMAGED
     assert np.abs(crossed.directions[is_image] - imaged.directions[is_image]).max() < 1e-15
@@ -383,7 +381,7 @@ def test_layers_crossed_wrong_turn_the_image_by_twice_the_error(error, way):
     ideal = plane_symmetry(directions, np.broadcast_to(frame.axes[2], directions.shape))
     across = (ideal @ frame.axes[2])[:, None] * frame.axes[2]
     expected = across + turned(ideal - across, frame.axes[2], 2 * way * error)
-    crossed = frame.crossed(positions, directions)
+    crossed = frame.folded(positions, directions)
     assert np.abs(frame.imaged(positions, directions).directions - expected).max() < 1e-14
     is_image = crossed.path == IMAGED
     assert is_image.sum() > 50
@@ -401,7 +399,7 @@ def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
     side = c * x + s * y
     other = ArrayFrame(turned_round, frame.centre, np.stack([side, np.cross(-z, side), -z]))
     light = light_on(frame, 5000, least=0.1)
-    one, two = frame.crossed(*light), other.crossed(*light)
+    one, two = frame.folded(*light), other.folded(*light)
     assert np.abs(one.positions - two.positions).max() < 1e-12
     assert np.abs(one.directions - two.directions).max() < 1e-13
     assert np.array_equal(one.throughput, two.throughput)
@@ -484,7 +482,7 @@ def test_a_plate_that_cannot_be_made_is_refused_in_one_sentence(words):
     assert sentence.endswith(".")
 
 
-@pytest.mark.parametrize("array", [*PRESETS.values(), *ARRAYS.values(), MirrorArray(reflectance=0, ior=1)])
+@pytest.mark.parametrize("array", [*PRESETS.values(), *ARRAYS.values(), MirrorArray(reflectance=1e-3, ior=1)])
 def test_a_plate_that_can_be_made_is_not_refused(array):
     """Presets, and the ends of each range, pass."""
     with_array(array).check()
@@ -500,7 +498,7 @@ def test_a_plate_smaller_than_a_pitch_is_refused_in_one_sentence():
         array_frame(Plate("plate", strip, MirrorArray()), np.array([0, 0, 1.0]))
 
 
-@pytest.mark.parametrize("light", ["imaged", "crossed", "reflected"])
+@pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
 def test_light_in_the_plates_own_plane_passes_it_by(light):
     """Exactly in the plane it meets no plate; a hair beside it meets it at grazing. No number is lost either way."""
     rig = with_array(MirrorArray())
