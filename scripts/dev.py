@@ -86,6 +86,11 @@ def plate(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_plate.py", arguments.rest, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 
+def misalignment(arguments: argparse.Namespace) -> None:
+    """Measure what a bench that is off does to the picture (further options go to scripts/bench_misalignment.py)."""
+    run_with_tests("bench_misalignment.py", arguments.rest)
+
+
 def live(arguments: argparse.Namespace) -> None:
     """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
     run_in_blender("bench_live.py", arguments.rest)
@@ -131,6 +136,7 @@ def main() -> None:
         growth,
         rules,
         plate,
+        misalignment,
         live,
         lab,
         surface,
@@ -152,6 +158,7 @@ def main() -> None:
         "growth",
         "rules",
         "plate",
+        "misalignment",
         "live",
         "lab",
         "surface",
