@@ -122,7 +122,7 @@ def percent(share: float) -> str:
 def listed(misses: dict[str, float]) -> str:
     """Shares by reason, the largest first."""
     by_size = sorted(misses.items(), key=lambda miss: -miss[1])
-    return ", ".join(f"{percent(share)} {word}" for word, share in by_size if share > 0)
+    return ", ".join(f"{percent(share)} {word}" for word, share in by_size if round(share, 6) > 0)
 
 
 def summary(coverage: float, misses: dict[str, float]) -> str:
