@@ -49,16 +49,18 @@ def sample_reached(
     ------
     RigError, MeshError : as by make_plan
     """
-    aside = out_of_sight(rig)
+    aside, told = out_of_sight(rig), 0.0
     for start in range(MOST_STARTS):
         plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         lap("plan")
-        yield 0.0
+        steps = sample(plan)
         try:
-            view_map = yield from sample(plan)
+            while True:
+                yield told
+                told = max(told, next(steps))  # what begins again has come no further
+        except StopIteration as done:
+            return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), done.value
         except ReachedError as found:
             aside = tuple(number for k, number in enumerate(plan.aside) if k not in found.boxes)
             lap("tracing")
-            continue
-        return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), view_map
     raise AssertionError("with everything in the plan nothing else can be reached")

@@ -5,8 +5,9 @@ from pathlib import Path
 from types import ModuleType
 
 import bpy
+import numpy as np
 import pytest
-from small_rigs import small_rig
+from small_rigs import pixels, small_rig
 
 
 @pytest.fixture
@@ -97,3 +98,26 @@ def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixtu
     """--help explains on stdout, exit code 0."""
     assert run("solve", "--help") == 0
     assert "--out DIR" in capsys.readouterr().out
+
+
+def test_solve_simulates_when_asked(run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture) -> None:
+    """One picture more, and its numbers: light by path, with standard errors, is what the picture shows in the mean."""
+    bpy.data.objects["Kiriko Plate"].kiriko.plate.model = "CROSSED"
+    bpy.ops.wm.save_mainfile()
+    assert run("solve", "--out", saved, "--simulate", 4) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert "simulating" in told.out
+    found = json.loads((saved / "report.json").read_text())["simulated"]
+    assert found["rays_a_pixel"] == 4
+    assert 0 < found["noise"] < 0.2
+    paths = {"none", "imaged", "stray_1", "stray_2", "through", "reflected"}
+    assert set(found["luminance"]) == set(found["luminance_error"]) == paths
+    assert found["luminance"]["imaged"] > found["luminance_error"]["imaged"] > 0
+    image = bpy.data.images.load(str(saved / "simulated.png"))
+    encoded = pixels(image)[..., :3]
+    assert encoded.shape == (64, 64, 3)
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    assert (linear @ [0.2126, 0.7152, 0.0722]).mean() == pytest.approx(sum(found["luminance"].values()), rel=0.02)
+    assert run("solve", "--out", saved, "--simulate", 4) == 1
+    assert "simulated.png" in refusal(capsys)

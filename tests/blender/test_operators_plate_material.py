@@ -3,7 +3,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from small_rigs import cube, inventory, new_object, primitive
+from small_rigs import cube, inventory, new_object, primitive, small_rig
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 BLEND = ROOT / "assets" / "kiriko_plate.blend"
@@ -201,3 +201,34 @@ def test_asset_library_is_added_once_and_only_when_asked(scene: bpy.types.Scene,
         bpy.ops.kiriko.add_asset_library()
     libraries.remove(libraries["Kiriko"])
     assert bpy.ops.kiriko.add_asset_library.poll()
+
+
+def test_a_scene_of_another_unit_has_a_material_of_its_own(scene: bpy.types.Scene) -> None:
+    """Lengths in a material are in Blender units: that of metres stays, and is used again in metres."""
+    made = []
+    for metres in (1.0, 0.001, 1.0, 0.001):
+        scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
+        thing = plane(f"Plane {len(made)}")
+        assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
+        made.append(thing.active_material)
+        assert group_of(made[-1]).inputs["Pitch"].default_value * metres == pytest.approx(0.5e-3, rel=1e-6)
+        assert group_of(made[-1]).inputs["Height"].default_value * metres == pytest.approx(1.25e-3, rel=1e-6)
+    assert made[0] == made[2] != made[1] == made[3]
+
+
+def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scene) -> None:
+    """Its model, pitch and the rest in a material of its own; an ideal plate gets that of the file."""
+    thing = small_rig()["PLATE"]
+    bpy.ops.object.select_all(action="DESELECT")
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.kiriko.add_plate_material()
+    assert thing.active_material.name == "Kiriko Plate"
+    ours = thing.kiriko.plate
+    ours.model, ours.pitch, ours.height, ours.phase, ours.fresnel = "CROSSED", 2.0, 3.0, (0.25, -0.5), False
+    bpy.ops.kiriko.add_plate_material(layout="holes")
+    assert thing.active_material != bpy.data.materials["Kiriko Plate"]
+    inputs = group_of(thing.active_material).inputs
+    found = {name: inputs[name].default_value for name in ("Pitch", "Height", "Phase 1", "Phase 2", "Fresnel")}
+    assert found == pytest.approx({"Pitch": 0.002, "Height": 0.006, "Phase 1": 0.25, "Phase 2": -0.5, "Fresnel": 0.0})
+    assert "Crossing Error" in inputs  # of crossed layers, whatever the button would have made

@@ -1,3 +1,7 @@
+import importlib
+import re
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -43,3 +47,59 @@ def test_another_display_wants_another_solve(scene):
     with pytest.raises(RuntimeError, match="solve again"):
         bpy.ops.kiriko.simulate()
     assert inventory() == before
+
+
+def test_stray_light_and_noise_are_told(scene, kiriko):
+    """In words with their standard errors, added as those of independent numbers; none of what there is none of."""
+    simulate, plate, core = (
+        importlib.import_module(f"{kiriko.__name__}.{name}")
+        for name in ("operators.simulate", "core.plate", "core.simulation")
+    )
+    path = plate.PlatePath
+    light = dict.fromkeys(path, 0.0)
+    error = light | {path.STRAY_1: 0.024, path.THROUGH: 0.032, path.NONE: 0.01}
+    light |= {path.IMAGED: 1.2, path.STRAY_1: 0.4, path.THROUGH: 0.1, path.REFLECTED: 0.1, path.NONE: 0.2}
+    found = core.Simulation(np.zeros((1, 1, 3)), 0.0123, light, error, 4)
+    assert simulate.told(found) == (
+        ", 30 % (+- 2 %) of it stray light of the plate, 10 % (+- 0.5 %) of it past the plate, noise 0.012 of white"
+    )
+    only = dict.fromkeys(path, 0.0) | {path.IMAGED: 1.0}
+    assert simulate.told(core.Simulation(found.image, 0.5, only, error, 4)) == ", noise 0.5 of white"
+    assert simulate.told(core.Simulation(found.image, 0.0, dict.fromkeys(path, 0.0), error, 4)) == ": nothing"
+
+
+def test_the_operator_says_how_much_is_stray(scene, kiriko):
+    """A white display so wide that light of one layer alone comes from it; more samples, less noise."""
+    small_rig(display_size=0.6)["PLATE"].kiriko.plate.model = "CROSSED"
+    bpy.ops.kiriko.solve()
+    source = scene.kiriko.result.source
+    source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
+    module = importlib.import_module(f"{kiriko.__name__}.operators.simulate")
+    finish = importlib.import_module(f"{kiriko.__name__}.core.session").finish
+    noises = []
+    words = re.compile(r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise ([\d.]+) of white")
+    for samples in (4, 64):
+        text = finish(module.KIRIKO_OT_simulate.steps(SimpleNamespace(samples=samples), bpy.context))
+        stray, error, noise = map(float, words.search(text).groups())
+        assert 5 < stray < 25  # of docs' table .132 beside .863, with fewer reflections, and one more face
+        assert 0 < error < 1
+        noises.append(noise)
+    assert noises[0] > 1.5 * noises[1] > 0
+
+
+def test_an_image_of_yours_with_the_name_of_ours_stays(scene):
+    """Ours is the one in the result; it takes the place of the last of ours, and of no other."""
+    mine = bpy.data.images.new("Kiriko Seen", 2, 3)
+    mine.use_fake_user = True
+    small_rig()
+    bpy.ops.kiriko.solve()
+    n_images = len(bpy.data.images)
+    for _ in range(2):
+        bpy.ops.kiriko.simulate(samples=2)
+        assert bpy.data.images["Kiriko Seen"] == mine
+        assert tuple(mine.size) == (2, 3)
+        seen = scene.kiriko.result.seen
+        assert seen != mine
+        assert tuple(seen.size) == (64, 64)
+        assert pixels(seen)[..., :3].max() > 0.5
+        assert len(bpy.data.images) == n_images + 1

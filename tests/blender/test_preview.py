@@ -7,8 +7,8 @@ import bpy
 import closed_forms
 import numpy as np
 import pytest
-from mathutils import Matrix
-from small_rigs import cube, inventory, linear_lattice, new_object, primitive, small_rig
+from mathutils import Matrix, Quaternion
+from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
 
 # Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over a display of 0.05 m, times the lever of the bending
 SINGLE = 2e-5  # of the display's width: 0.01 px of 512
@@ -338,3 +338,64 @@ def test_a_preview_that_cannot_be_is_refused_before_the_render(scene: bpy.types.
             bpy.ops.kiriko.preview(samples=1, **options)
     assert "Kiriko Preview" not in bpy.data.images
     assert not list(tmp_path.iterdir())
+
+
+def random_place(rng: np.random.Generator) -> Matrix:
+    """A location, a rotation and an uneven scale, now and then a mirroring one."""
+    scale = rng.uniform(0.3, 3, 3) * rng.choice([1, 1, -1], 3)
+    return Matrix.LocRotScale(rng.normal(size=3).tolist(), Quaternion(rng.normal(size=4).tolist()).normalized(), scale)
+
+
+def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: SimpleNamespace) -> None:
+    """Place @ shear is the matrix; the place has the same x axis, and an object put there stands there to rounding."""
+    rng = np.random.default_rng(3)
+    thing = new_object(None)
+    n_mirrored = 0
+    for _ in range(200):
+        matrix = random_place(rng) @ random_place(rng)  # of a parent, and of its child
+        place, shear = core.blender_preview._without_shear(matrix)
+        scale = float(np.abs(np.array(matrix)).max())
+        assert np.array(place @ Matrix(shear)) == pytest.approx(np.array(matrix), abs=3e-6 * scale)
+        assert np.array(place.col[0]) == pytest.approx(np.array(matrix.col[0]), abs=3e-6 * scale)
+        assert np.diag(shear) == pytest.approx(np.ones(4), abs=1e-6)  # all of the size is the place's
+        columns = np.array(place)[:3, :3]
+        length = np.linalg.norm(columns, axis=0)
+        assert columns.T @ columns == pytest.approx(np.diag(length**2), abs=3e-6 * scale**2)
+        assert np.sign(place.determinant()) == np.sign(matrix.determinant())
+        n_mirrored += place.determinant() < 0
+        thing.matrix_world = place
+        bpy.context.view_layer.update()
+        assert np.array(thing.matrix_world) == pytest.approx(np.array(place), abs=1e-5 * max(1.0, scale))
+    assert 50 < n_mirrored < 150
+
+
+def test_without_shear_a_place_is_left_as_it_is(core: SimpleNamespace) -> None:
+    """To the bit, mirrored or not: also a scale that is even, or uneven along the object's own axes."""
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        matrix = random_place(rng)
+        assert core.blender_preview._without_shear(matrix) == (matrix, None)
+
+
+@pytest.mark.parametrize("is_upright", [False, True])
+def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
+    core: SimpleNamespace, scene: bpy.types.Scene, is_upright: bool
+) -> None:
+    """Its place is sheared; where its mesh stands upright on its own plane the mesh is. Mean luminance to 5 %."""
+    parts = small_rig(display_size=0.1)
+    if is_upright:
+        turn = Matrix.Rotation(np.pi / 2, 4, "X")
+        parts["PLATE"].data.transform(turn.inverted())
+        parts["PLATE"].matrix_world = parts["PLATE"].matrix_world @ turn
+    parent = new_object(None)
+    parent.scale = (1.0, 1.0, 1.25)
+    parts["PLATE"].parent = parent
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.solve()
+    bpy.ops.kiriko.simulate(samples=16)
+    seen = pixels(scene.kiriko.result.seen)[..., :3]
+    reading = core.blender_scene.read(bpy.context)
+    shown = core.blender_preview.render_preview(scene, reading, scene.kiriko.result.source, samples=32)[..., :3]
+    one, other = (image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] for image in (seen, shown))
+    assert one > 0.02
+    assert other == pytest.approx(one, rel=0.05)

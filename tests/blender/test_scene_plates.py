@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from small_rigs import small_rig
+from small_rigs import new_object, primitive, small_rig
 
 
 @pytest.fixture
@@ -53,3 +53,47 @@ def test_only_a_plate_has_a_preset(scene):
     bpy.context.view_layer.objects.active = glass
     with pytest.raises(RuntimeError, match="Select a plate"):
         bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
+
+
+@pytest.mark.parametrize("metres", [1.0, 0.001])
+def test_a_preset_sets_everything_whatever_the_unit(read, scene, metres):
+    """Nothing of what was set before is left; the pitch is in millimetres in a scene of any unit."""
+    scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
+    plate = small_rig()["PLATE"] if metres == 1 else new_object(primitive("grid", size=100), "PLATE")
+    bpy.context.view_layer.objects.active = plate
+    ours = plate.kiriko.plate
+    ours.model, ours.pitch, ours.height, ours.ior, ours.reflectance = "RADIAL", 3.0, 1.0, 1.7, 0.2
+    ours.crossing_error, ours.fresnel, ours.phase = 0.01, False, (0.3, -0.4)
+    bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
+    assert ours.pitch == pytest.approx(0.5, rel=1e-6)
+    assert tuple(ours.phase) == (0.0, 0.0)
+    if metres == 1:
+        (found,) = read()
+        array = found.array
+        assert (array.layout, array.crossing_error, array.has_fresnel, array.phase) == ("crossed", 0.0, True, (0, 0))
+        assert array.pitch == pytest.approx(0.5e-3, rel=1e-6)
+        assert (array.height, array.ior, array.reflectance) == pytest.approx((1.25e-3, 1.52, 0.87), rel=1e-6)
+
+
+def test_a_plate_drawn_across_its_x_axis_has_its_mirrors_by_y(read):
+    """Where the object's x axis stands upright on its faces its y axis is the side; elsewhere x is."""
+    plate = small_rig()["PLATE"]
+    plate.kiriko.plate.model = "CROSSED"
+    x, y = (np.array(plate.matrix_world.col[k][:3]) for k in (0, 1))
+    (before,) = read()
+    assert np.cross(before.side, x) == pytest.approx(np.zeros(3), abs=1e-6)
+    turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
+    plate.data.transform(turn.inverted())
+    plate.matrix_world = plate.matrix_world @ turn
+    bpy.context.view_layer.update()
+    (found,) = read()
+    assert np.cross(found.side, y) == pytest.approx(np.zeros(3), abs=1e-6)
+    assert found.mesh.vertices == pytest.approx(before.mesh.vertices, abs=1e-6)  # it stands where it stood
+
+
+@pytest.mark.parametrize("is_on", [True, False])
+def test_the_faces_reflect_as_their_switch_says(read, is_on):
+    plate = small_rig()["PLATE"]
+    plate.kiriko.plate.model, plate.kiriko.plate.fresnel = "HOLES", is_on
+    (found,) = read()
+    assert found.array.has_fresnel is is_on

@@ -10,7 +10,7 @@ from closed_forms import unit
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from marching import march, turned
-from reference_rigs import ball_rig, rectangle
+from reference_rigs import ball_rig, box, rectangle
 
 from kiriko.core.errors import RigError
 from kiriko.core.optics import plane_symmetry, reflect
@@ -526,3 +526,61 @@ def test_a_viewer_in_the_plates_plane_is_told_so_in_one_sentence():
     rig = replace(rig, plates=(replace(rig.plates[0], mesh=rectangle(0.15 * y, x, y, 0.1, 0.1)),))
     with pytest.raises(RigError, match=r"^The display stays dark: .*\.$"):
         finish(Session().solve(rig))
+
+
+def two_plates(second_centre, second_normal):
+    """Two plates with mirrors, the second where light of the first comes by, in a room that is the display."""
+    x, y, z = np.eye(3)
+    bench = with_array(None)
+    up = unit(np.cross(second_normal, x))
+    plates = (
+        Plate("first", rectangle(0.15 * y, x, unit(y + z), 0.4, 0.4), MirrorArray(phase=(0.1, 0.2))),
+        Plate("second", rectangle(second_centre, x, up, 1.0, 1.0), MirrorArray(pitch=0.3e-3, height=0.6e-3)),
+    )
+    room = box([3.0] * 3)
+    inward = replace(room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1)))
+    shard = replace(bench.glasses[0], mesh=box([0.01] * 3, (0.0, -1.2, 0.0)))
+    shown = replace(bench, glasses=(shard,), plates=plates, displays=(replace(bench.display, mesh=inward),))
+    return make_plan(shown, Settings(only_through_glass=False, brightness=True))
+
+
+def onto(frame, positions, directions):
+    """Where light (n, 3) meets the plane of a plate, which lies ahead of it."""
+    t = ((frame.centre - positions) @ frame.axes[2]) / (directions @ frame.axes[2])
+    assert (t > 0).all()
+    return positions + t[:, None] * directions
+
+
+def slanted(n=4000):
+    """Light (n, 3) from before the first plate onto its middle, within 20 degrees of +y."""
+    rng = np.random.default_rng(11)
+    directions = unit(np.stack([rng.uniform(-0.25, 0.25, n), np.ones(n), rng.uniform(-0.25, 0.25, n)], axis=1))
+    return rng.uniform(-0.02, 0.02, (n, 3)), directions
+
+
+def test_of_two_plates_the_first_that_did_not_image_decides():
+    """One behind the other: the path of the first, of the second where the first imaged, throughputs multiplied."""
+    plan = two_plates(np.array([0, 0.17, 0.0]), np.array([0, -1.0, 1.0]) / np.sqrt(2))
+    first, second = plan.arrays.values()
+    light = slanted()
+    one = first.folded(onto(first, *light), light[1])
+    two = second.folded(onto(second, one.positions, one.directions), one.directions)
+    found = trace(plan, *light, light="folded")
+    assert found.has_arrived.all()
+    assert np.array_equal(found.plate_path, np.where(one.path == IMAGED, two.path, one.path))
+    assert found.throughput == pytest.approx(one.throughput * two.throughput, rel=1e-9)
+    pairs = {(int(a), int(b)) for a, b in zip(one.path, two.path, strict=True)}
+    assert {(IMAGED, STRAY_1), (STRAY_1, IMAGED), (STRAY_1, STRAY_2), (STRAY_2, STRAY_1), (THROUGH, IMAGED)} <= pairs
+
+
+def test_light_is_reflected_by_the_first_plate_only():
+    """What the first's face sends onto the second goes through that as light does that is not reflected."""
+    plan = two_plates(np.array([0, 0.15, 0.3]), unit(np.array([0.0, 1, 1])))
+    first, second = plan.arrays.values()
+    light = slanted()
+    one = first.reflected(onto(first, *light), light[1])
+    two = second.folded(onto(second, one.positions, one.directions), one.directions)
+    found = trace(plan, *light, light="reflected")
+    assert (found.plate_path == PlatePath.REFLECTED).all()
+    assert found.throughput == pytest.approx(one.throughput * two.throughput, rel=1e-9)
+    assert np.abs(found.directions - two.directions).max() < 1e-12

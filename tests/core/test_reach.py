@@ -77,3 +77,21 @@ def test_a_session_goes_on_when_glass_steps_aside_and_back():
     assert np.array_equal(results[0].source, results[2].source)
     assert not np.array_equal(results[0].source, results[1].source)
     assert np.array_equal(results[1].source, solve(ball_rig(3, pixels=48)).source)
+
+
+def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_them():
+    """A rod of a fortieth of a pixel, between the first rays and those that check them, is in the plan all the same.
+
+    Behind a slab, so that nothing else asks for finer squares.
+    """
+    plain = rig(box([0.1, 0.03, 0.1]), pixels=128)
+    a_rig = with_others(plain, box([0.1, 1e-5, 1e-5], (0, 0.1537, -0.1)))
+    assert out_of_sight(a_rig) == (1,)
+    # with no walls of its box to pass by, none of the rays comes near the rod: none raises ReachedError
+    blind = replace(make_plan(a_rig, Settings(), aside=(1,)), thin_parts=make_plan(plain, Settings()).thin_parts)
+    assert drain(sample(blind)).n_rays > 1000
+    laps = []
+    plan, _ = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
+    assert laps == ["plan", "tracing", "plan"]
+    assert plan.aside == ()
+    assert not any("comes near" in text for text in plan.left_out)

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import box, cube_rig, lattice_image, rectangle, rig
+from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from work import drain, solve
 
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.plate import PlatePath
+from kiriko.core.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Display, MirrorArray
 from kiriko.core.simulation import LUMINANCE, plate_view, simulate
+from kiriko.core.trace import trace_all
 
 NO_GLASS = box([0.3, 0.03, 0.3])
 
@@ -90,3 +91,73 @@ def test_a_display_that_is_not_seen_has_none_either():
     a_rig = with_mirrors(plain_rig(pixels=16))
     away = Display("display", rectangle([5.0, 0, 0], [1, 0, 0], [0, 1, 0], 0.01, 0.01), 8, 8)
     assert plate_view(make_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False))) is None
+
+
+@pytest.mark.parametrize("spp", [2, 3, 16, 64])
+def test_the_standard_error_holds_for_any_number_of_samples(spp):
+    """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is rounded up."""
+    plan = make_plan(with_mirrors(plain_rig(pixels=48)), Settings())
+    source = np.ones((512, 512, 3), np.float32)
+    source[::16] = 0
+    one, other = (drain(simulate(plan, source, spp, seed)) for seed in (1, 2))
+    apart = ((one.image - other.image) @ LUMINANCE) / np.sqrt(2)
+    assert np.sqrt((apart**2).mean()) == pytest.approx(one.error, rel=0.1)
+    assert one.spp == other.spp == spp + spp % 2
+
+
+def test_a_display_looked_at_straight_has_its_own_colours():
+    """Before the viewer, past glass and plate: each quarter of the image is a pixel of the display, counted as NONE."""
+    x, _, z = np.eye(3)
+    a_rig = with_mirrors(rig(box([0.01] * 3, (0.5, 0, 0)), pixels=16, field=0.05))
+    facing = Display("display", rectangle(np.zeros(3), x, z, 0.05, 0.05), 2, 2)
+    plan = make_plan(replace(a_rig, displays=(facing,)), Settings())
+    source = np.array([[[0.1, 0.9, 0.3], [2.0, 0, 0]], [[0, 0.5, 0], [0.2, 0.3, 0.7]]], np.float32)
+    found = drain(simulate(plan, source, 4))
+    assert found.image == pytest.approx(source.repeat(8, axis=0).repeat(8, axis=1), abs=1e-6)
+    assert found.error == pytest.approx(0, abs=1e-7)
+    assert found.luminance.pop(PlatePath.NONE) == pytest.approx(float((source @ LUMINANCE).mean()), rel=1e-6)
+    assert not any(found.luminance.values())
+
+
+def test_brightness_is_the_share_that_each_direction_leaves():
+    """Behind a ball, by angle: least, mean and most are those of other rays by the formula, without the ball's loss."""
+    plan = make_plan(ball_rig(3, pixels=64, field=0.02), Settings())
+    found = plate_view(make_plan(with_mirrors(plan.rig), Settings()))
+    landings = trace_all(plan, *plan.rig.viewer.rays(np.random.default_rng(9).uniform(0, 64, (40_000, 2))))
+    # an ideal plate keeps the angle and, turned round, the azimuth
+    plate = np.array([[1, 0, 0], [0, 0.5**0.5, 0.5**0.5], [0, -(0.5**0.5), 0.5**0.5]])
+    along, up, across = plate @ landings.directions[landings.has_arrived].T
+    share = light_by_angle(MirrorArray(), np.arccos(np.abs(across)), np.arctan2(up, along))[PlatePath.IMAGED]
+    assert found.least < found.brightness < found.most
+    assert found.brightness == pytest.approx(share.mean(), abs=4 * found.brightness_error)
+    assert (found.least, found.most) == pytest.approx((share.min(), share.max()), abs=0.01)
+    assert share.max() > 1.05 * share.mean() > 1.1 * share.min()
+
+
+def test_blur_does_not_mind_how_the_display_is_unwrapped():
+    """Two halves that have changed places in UV: what lands in the other one is not far away."""
+    a_rig = with_mirrors(ball_rig(3, pixels=64))
+    whole = a_rig.display.mesh
+    x, y, z = np.eye(3)
+    sides = [rectangle(0.15 * (y - z) + side * x, x, y, 0.025, 0.05) for side in (-0.0125, 0.0125)]
+    uv = np.concatenate([half.uv * [0.5, 1] + [shift, 0] for half, shift in zip(sides, (0.5, 0.0), strict=True)])
+    split = replace(
+        whole,
+        vertices=np.concatenate([half.vertices for half in sides]),
+        triangles=np.concatenate([sides[0].triangles, sides[1].triangles + 4]),
+        uv=uv,
+    )
+    other = replace(a_rig, displays=(replace(a_rig.display, mesh=split),))
+    one, two = (plate_view(make_plan(some, Settings())) for some in (a_rig, other))
+    assert two.blur == pytest.approx(one.blur, rel=0.2)
+    assert two.brightness == pytest.approx(one.brightness, abs=4 * one.brightness_error)
+
+
+def test_the_standard_errors_are_how_samples_spread():
+    """Over 12 seeds, to a factor of 1.6: of 12 values a standard deviation is known to a fifth."""
+    plan = make_plan(with_mirrors(ball_rig(2, pixels=64)), Settings())
+    found = [plate_view(plan, seed) for seed in range(12)]
+    for name in ("brightness", "blur"):
+        spread = np.std([getattr(some, name) for some in found], ddof=1)
+        told = np.mean([getattr(some, f"{name}_error") for some in found])
+        assert 1 / 1.6 < spread / told < 1.6, name

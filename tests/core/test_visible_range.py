@@ -9,6 +9,8 @@ from work import drain
 
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plate import PlatePath, light_by_angle
+from kiriko.core.rig import MirrorArray
 from kiriko.core.visible_range import FINE, STEPS, visible_range
 
 MIDDLE = STEPS // 2
@@ -53,3 +55,28 @@ def test_a_picture_behind_the_viewer_is_refused():
     viewer = replace(a_rig.viewer, axes=a_rig.viewer.axes * np.array([[-1.0], [1], [-1]]))
     with pytest.raises(RigError, match="behind the viewer"):
         found(replace(a_rig, viewers=(viewer,)))
+
+
+def test_a_plate_to_the_right_is_seen_from_the_left():
+    """The line through the picture meets it on the other side: left and right are told apart, in the grid too."""
+    glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
+    a_rig = rig(glass, ior=1.0, picture=1e-4, display=0.2, plate=0.1)
+    (plate,) = a_rig.plates
+    moved = replace(plate, mesh=replace(plate.mesh, vertices=plate.mesh.vertices + np.array([0.03, 0, 0])))
+    seen = found(replace(a_rig, plates=(moved,)))
+    left, right = np.arctan(0.08 / 0.15), np.arctan(0.02 / 0.15)
+    assert seen.extent[:2] == pytest.approx((left, right), abs=1.5 * FINE)
+    row = seen.share[MIDDLE] > 0
+    assert row[:MIDDLE].sum() > 2 * row[MIDDLE + 1 :].sum() > 0
+    assert (seen.positions[MIDDLE, :MIDDLE, 0] < 0).all()
+
+
+def test_brightness_is_what_the_plate_leaves_of_the_light_that_comes():
+    """Mirrors at 45 degrees in the symmetric plane: their share by the formula, whether the display is all seen."""
+    glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
+    (share,) = light_by_angle(MirrorArray(), np.array([np.pi / 4]))[PlatePath.IMAGED]
+    for display in (0.05, 0.015):
+        a_rig = rig(glass, ior=1.0, picture=0.03, display=display)
+        seen = found(replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),)), 0.2)
+        assert seen.brightness[MIDDLE, MIDDLE] == pytest.approx(share, rel=5e-3)
+        assert 0.5 < share < 0.9

@@ -12,10 +12,11 @@ from reference_rigs import cube_rig
 from work import drain
 
 from kiriko.core import reference, work_precision
-from kiriko.core.diagram import Curve, log_log
+from kiriko.core.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
 from kiriko.core.errors import RigError
 from kiriko.core.plan import LEAST_TOLERANCE, Settings
-from kiriko.core.report import as_csv, as_json, as_svg, table
+from kiriko.core.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from kiriko.core.rig import MirrorArray
 from kiriko.core.session import Session
 from kiriko.core.work_precision import WorkPrecision, cost, measure, quantisation
 
@@ -246,3 +247,35 @@ def test_a_diagram_without_points_and_with_marks_in_its_text_is_whole():
     root = ET.fromstring(log_log("a < b & c", "x", "y", [Curve("<none>", (), ())]))
     assert any(text.text == "a < b & c" for text in root.iter(f"{SVG}text"))
     assert len(ticks(root, "x")) == 2
+
+
+def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
+    """One affine map takes all points of the CSV to those of the SVG; stray light is that of both layers together."""
+    array = MirrorArray(crossing_error=0.1)
+    rows = list(csv.DictReader(io.StringIO(plate_csv(array))))
+    light = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    assert np.abs(light["stray_1"] - light["stray_2"]).max() > 0.05
+    expected = {
+        "mid-air image": light["imaged"],
+        "stray light, one layer alone": light["stray_1"] + light["stray_2"],
+        "straight through": light["through"],
+        "reflected by the glass": light["reflected"],
+    }
+    svg = ET.fromstring(plate_svg(array, "A & B"))
+    name = "{http://www.w3.org/2000/svg}"
+    curves = {
+        group.find(f"{name}title").text: np.array(
+            [[float(x) for x in point.split(",")] for point in group.find(f"{name}polyline").get("points").split()]
+        )
+        for group in svg.iter(f"{name}g")
+        if group.get("class") == "curve"
+    }
+    assert list(curves) == list(expected)
+    assert any("'A & B'" in (text.text or "") for text in svg.iter(f"{name}text"))
+    at = np.concatenate(list(curves.values()))
+    told = np.stack([np.tile(light["incidence_degrees"], 4), np.concatenate(list(expected.values()))], axis=1)
+    for axis in (0, 1):
+        slope, start = np.polyfit(told[:, axis], at[:, axis], 1)
+        assert (slope > 0) == (axis == 0)  # y runs down
+        assert np.abs(slope * told[:, axis] + start - at[:, axis]).max() < 0.011  # two digits after the point
+        assert start == pytest.approx((LEFT, HEIGHT - BOTTOM)[axis], abs=0.01)
