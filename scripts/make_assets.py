@@ -1,6 +1,6 @@
 """Makes assets/: the plate's materials as an asset library, each with a render of a mid-air image as its picture.
 
-Runs in the oldest supported Blender, whose files all later ones open:
+And the README's picture of such a plate. Runs in the oldest supported Blender, whose files all later ones open:
 `PYTHONPATH=.dev/link .dev/bpy-4.2.23/bin/python scripts/make_assets.py`
 """
 
@@ -27,6 +27,7 @@ FOLDER = ROOT / "assets"
 CATALOGUE = "Kiriko"
 CATALOGUE_ID = str(uuid.uuid5(uuid.NAMESPACE_URL, "kiriko/plates"))  # the same each time
 PIXELS, SAMPLES = 128, 256  # of the materials' pictures
+PICTURE, PICTURE_PIXELS, PICTURE_FIELD = ROOT / "docs" / "pictures" / "plate.png", 512, 0.5  # of the README's
 
 MATERIALS = {
     "Kiriko Plate": (
@@ -84,10 +85,11 @@ def stage(material: bpy.types.Material, pixels: int, samples: int, field: float 
     return scene
 
 
-def rendered(scene: bpy.types.Scene) -> np.ndarray:
-    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top."""
+def rendered(scene: bpy.types.Scene, path: Path | None = None) -> np.ndarray:
+    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top; written as PNG where asked for."""
     with tempfile.TemporaryDirectory() as folder:
-        scene.render.filepath = str(Path(folder) / "picture.png")
+        scene.render.filepath = str(path or Path(folder) / "picture.png")
+        scene.render.image_settings.color_mode = "RGB"
         bpy.ops.render.render(scene=scene.name, write_still=True)
         image = bpy.data.images.load(scene.render.filepath)
         pixels = pixels_from_image(image)
@@ -126,6 +128,9 @@ def main() -> None:
     bpy.data.libraries.write(str(path), {asset(name) for name in MATERIALS}, fake_user=True, compress=True)
     catalogue = f"VERSION 1\n\n{CATALOGUE_ID}:{CATALOGUE}:{CATALOGUE}\n"
     (FOLDER / "blender_assets.cats.txt").write_text(catalogue, encoding="utf-8")
+    scene = stage(bpy.data.materials["Kiriko Plate"], PICTURE_PIXELS, SAMPLES, PICTURE_FIELD)
+    scene.world.color = (0.05, 0.05, 0.05)  # so that the plate is seen, too
+    rendered(scene, PICTURE)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 
