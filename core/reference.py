@@ -20,7 +20,6 @@ from .plan import MOST_TOLERANCE, Plan, Settings, make_plan
 from .rig import Bools, Floats, Rig
 from .seen_image import lattice_shift
 from .session import Session, Solution, within
-from .shares import to_display
 from .trace import trace_all
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
@@ -249,9 +248,7 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     session, here = Session(), replace(settings, tolerance=min(k * settings.tolerance, MOST_TOLERANCE))
     one = yield from within(session.solve(fine, here), 0.0, 0.9)
     other = yield from within(session.solve(white, here), 0.9, 1.0)
-    shares = one.shares
-    throughput = np.ones(len(shares)) if shares.throughput is None else shares.throughput
-    weight = to_display(shares, throughput, throughput)[..., None]
+    weight = one.weight[..., None]
 
     def joined(values: Floats) -> Floats:
         return values.reshape(rig.display.height, k, rig.display.width, k, -1).sum(axis=(1, 3))

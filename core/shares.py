@@ -235,21 +235,6 @@ class ShareBatches:
         if parts:
             yield _joined(*sizes, self.has_throughput, parts)
 
-    @property
-    def display_index(self) -> NDArray[np.integer]:
-        """That of all shares (n,)."""
-        return np.concatenate([shares.display_index for shares in self])
-
-    @property
-    def area(self) -> Floats:
-        """That of all shares (n,)."""
-        return np.concatenate([shares.area for shares in self])
-
-    @property
-    def throughput(self) -> Floats | None:
-        """That of all shares (n,), or None where it is 1 everywhere."""
-        return np.concatenate([shares.throughput for shares in self]) if self.has_throughput else None
-
 
 def _joined(
     display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool, parts: Iterable[Shares]
