@@ -10,7 +10,7 @@ from .picture import Pyramid, Taps, find_taps, picture_from_view
 from .plan import Plan
 from .rig import Bools, Floats, Picture, Viewer
 from .shares import Shares, add_at
-from .trace import CHUNK, trace
+from .trace import CHUNK, PlateLight, trace
 
 
 class Painting:
@@ -73,10 +73,14 @@ def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.
     return image
 
 
-def splat(plan: Plan, spp: int, seed: int = 0) -> Generator[float, None, NDArray[np.float32]]:
+def splat(
+    plan: Plan, spp: int, seed: int = 0, light: PlateLight = "imaged"
+) -> Generator[float, None, NDArray[np.float32]]:
     """Source image by brute force: `spp` random samples a viewer pixel, averaged on each display pixel.
 
-    It carries the same values as `paint` and converges to the same image; pixels that no sample met are black.
+    Pixels that no sample met are black. Imaged light carries the same values as `Painting` and converges to the same
+    image. Of other light, stray light among it, a pixel shows the mean colour weighed by throughput, which the plan's
+    settings have to ask for (`brightness`): white stays white.
     """
     viewer, display, picture = plan.rig.viewer, plan.rig.display, plan.rig.picture
     pyramid = Pyramid(picture.image)
@@ -90,13 +94,13 @@ def splat(plan: Plan, spp: int, seed: int = 0) -> Generator[float, None, NDArray
         for first in starts:
             some = pixels[first : first + CHUNK]
             xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random((len(some), 2))
-            landings = trace(plan, *viewer.rays(xy))
+            landings = trace(plan, *viewer.rays(xy), light=light)
             inside = landings.has_arrived & (landings.xy >= 0).all(axis=1) & (landings.xy < shape[::-1]).all(axis=1)
             landed = landings.xy[inside].astype(np.int64)
             index = landed[:, 1] * display.width + landed[:, 0]
             colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside], 0.0))
             weight = landings.throughput[inside]
-            norm += np.bincount(index, weight**2, n)
+            norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
             for channel in range(3):
                 total[channel] += np.bincount(index, weight * colours[:, channel], n)
             yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))

@@ -37,6 +37,11 @@ def demo(arguments: argparse.Namespace) -> None:
     run_in_blender("demo.py", arguments.rest)
 
 
+def paper(arguments: argparse.Namespace) -> None:
+    """Put the paper's results beside ours, into out/paper/ (further options go to scripts/paper.py)."""
+    run_in_blender("paper.py", arguments.rest)
+
+
 def pictures(arguments: argparse.Namespace) -> None:
     """Render the README's pictures into docs/pictures/."""
     run_in_blender("pictures.py", arguments.rest)
@@ -140,6 +145,7 @@ def main() -> None:
         live,
         lab,
         surface,
+        paper,
         pictures,
         lint,
         build,
@@ -162,6 +168,7 @@ def main() -> None:
         "live",
         "lab",
         "surface",
+        "paper",
         "pictures",
     }:
         parser.error(f"unknown: {' '.join(rest)}")

@@ -39,7 +39,12 @@ def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
 
 
 def shift_in_cycles(
-    scene: bpy.types.Scene, reading: Reading, source: np.ndarray, ideal: np.ndarray, seen: np.ndarray
+    scene: bpy.types.Scene,
+    reading: Reading,
+    source: np.ndarray,
+    ideal: np.ndarray,
+    seen: np.ndarray,
+    samples: int = SAMPLES,
 ) -> LatticeShift:
     """Displacement of the lattice in a Cycles render, ACROSS pixels from dot to dot, against the ideal image.
 
@@ -62,7 +67,7 @@ def shift_in_cycles(
     border = ((crop[0] + 0.01) / width, (crop[2] + 0.01) / width, 1 - (crop[3] - 0.01) / height,
               1 - (crop[1] - 0.01) / height)  # fmt: skip
     render = render_preview(
-        scene, reading, source, size=(width, height), border=border, samples=SAMPLES, fresnel=False
+        scene, reading, source, size=(width, height), border=border, samples=samples, fresnel=False
     )[..., :3]
     wanted = ideal_image(reading.rig.picture, framed(viewer, width, crop))
     if render.shape != wanted.shape:

@@ -8,6 +8,7 @@ from reference_rigs import ball_rig, box, cube_rig, rig
 from work import drain, solve
 
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import MirrorArray
 from kiriko.core.source_image import grow, splat
 
 
@@ -69,6 +70,32 @@ def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
         errors.append(np.sqrt((difference**2).mean()))
     slope = np.polyfit(np.log(ladder), np.log(errors), 1)[0]
     assert -0.6 < slope < -0.42, errors
+
+
+def test_a_splat_of_all_light_is_the_same_by_an_ideal_plate():
+    """There is no other light than the mid-air image's: the same rays, the same image, bit for bit."""
+    plan = make_plan(cube_rig(pixels=48, display_pixels=48, image=waves()), Settings())
+    assert (drain(splat(plan, 2)) == drain(splat(plan, 2, light="folded"))).all()
+
+
+def test_a_splat_of_all_light_keeps_white_white_and_comes_to_the_source_image_as_mirrors_get_finer():
+    """White by any plate, stray light and all. Blur falls with the pitch; two runs tell it from their noise."""
+    apart = []
+    for pitch in (2e-3, 0.5e-3):
+        a_rig = rig(box([0.3, 0.02, 0.3]), pixels=96, display_pixels=48, image=waves())
+        mirrors = MirrorArray(pitch=pitch, height=2.5 * pitch)
+        a_rig = replace(a_rig, plates=(replace(a_rig.plates[0], array=mirrors),))
+        solution, plan = solve(a_rig), make_plan(a_rig, Settings(brightness=True))
+        whole = solution.display_coverage > 0.999
+        one, other = (drain(splat(plan, 16, seed, "folded"))[whole] - solution.source[whole] for seed in (1, 2))
+        apart.append(np.sqrt(np.mean(one * other)))
+        white = replace(a_rig.picture, image=np.ones((2, 2, 4), np.float32), mesh=None)
+        shown = drain(splat(replace(plan, rig=replace(a_rig, pictures=(white,))), 2, light="folded"))
+        is_shown = shown.any(axis=2)
+        assert is_shown[whole].mean() > 0.99
+        np.testing.assert_allclose(shown[is_shown], 1.0, atol=1e-6)
+    coarse, fine = apart
+    assert coarse > 4 * fine > 0.01
 
 
 def test_brightness_weighs_by_throughput_and_brightens_what_the_glass_dims():
