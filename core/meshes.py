@@ -68,6 +68,11 @@ def geometric_normals(corners: Floats) -> Floats:
     return normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
+def areas_of(corners: Floats) -> Floats:
+    """Areas (t,) of triangles with corners (t, 3, 3)."""
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
 def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its second triangle."""
     i, j = edges.corner_first, edges.corner_second

@@ -189,7 +189,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
         boxes = np.concatenate([np.stack(others), aside])
         # how far boxes reach along the normal; what bulges out of its facets stays well within half their size
-        middle, half = boxes.mean(axis=1), 0.75 * (boxes[:, 1] - boxes[:, 0])
+        middle, half = boxes.mean(axis=1), (0.5 + BULGE) * (boxes[:, 1] - boxes[:, 0])
         height, reach = (middle - surfaces[i].corners[0, 0]) @ normal, half @ np.abs(normal)
         is_clear[i] = (height - reach > 0).all(), (height + reach < 0).all()
     return is_clear

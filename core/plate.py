@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .errors import RigError
+from .meshes import areas_of
 from .optics import normalise, transmittance
 from .rig import Bools, Floats, Ints, MirrorArray, Plate
 
@@ -86,6 +87,18 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return a[0] * b[0] + a[1] * b[1]
 
 
+def _depth(array: MirrorArray, cosine: Floats) -> Floats:
+    """Cosine (n,) in the plate's glass of light that has cosines (n,) in air, both to the normal."""
+    n = array.ior
+    # sqrt(1 - sine^2 / n^2), without the difference of near-equal numbers that grazing light makes of it at n = 1
+    return np.sqrt((n - 1.0) * (n + 1.0) + cosine**2) / n
+
+
+def _transmittance(array: MirrorArray, cosine: Floats, depth: Floats) -> Floats:
+    """Of one face (n,), for light with these cosines in air and glass."""
+    return transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(cosine))
+
+
 class _Light(NamedTuple):
     """Light at the face it comes to, in the plate's frame.
 
@@ -126,7 +139,7 @@ class ArrayFrame:
         light = self._entering(positions, directions)
         # seen from the middle plane, where light seems to come from, the face is half the thickness nearer
         place = light.place - 0.5 * self.array.thickness / light.cosine * light.along
-        throughput = 1.0 - self._transmittance(light)
+        throughput = 1.0 - _transmittance(self.array, light.cosine, light.depth)
         path = np.full(len(positions), PlatePath.REFLECTED, np.uint8)
         return self._leaving(place, light.along, -light.cosine * light.side, throughput, path)
 
@@ -134,21 +147,12 @@ class ArrayFrame:
         local = self.axes @ directions.T
         along, cosine = local[:2], np.maximum(np.abs(local[2]), GRAZING)
         place = self.axes[:2] @ (positions - self.centre).T - 0.5 * self.array.thickness / cosine * along
-        n = self.array.ior
-        # sqrt(1 - along^2 / n^2), without the difference of near-equal numbers that grazing light makes of it at n = 1
-        depth = np.sqrt((n - 1.0) * (n + 1.0) + cosine**2) / n
-        return _Light(place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, depth)
+        return _Light(place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, _depth(self.array, cosine))
 
     def _leaving(self, place: Floats, along: Floats, across: Floats, throughput: Floats, path: np.ndarray) -> Crossing:
         directions = np.vstack([along, across])
         directions /= np.sqrt((directions * directions).sum(axis=0))
         return Crossing(self.centre + place.T @ self.axes[:2], directions.T @ self.axes, throughput, path)
-
-    def _transmittance(self, light: _Light) -> Floats:
-        """Of one face (n,)."""
-        if not self.array.has_fresnel:
-            return np.ones(len(light.cosine))
-        return transmittance(light.cosine, light.depth, 1.0 / self.array.ior)
 
     def _mirrors(self, place: Floats) -> tuple[Floats, Floats]:
         """Unit normals (2, 2, n or 1) of the two directions of mirrors, xy, that light meets at places (2, n).
@@ -169,7 +173,7 @@ class ArrayFrame:
     def _cross(self, positions: Floats, directions: Floats, layer: "_Layer") -> Crossing:
         array = self.array
         light = self._entering(positions, directions)
-        throughput = self._transmittance(light) ** 2
+        throughput = _transmittance(array, light.cosine, light.depth) ** 2
         normals, offset = self._mirrors(light.place)
         place, along = light.place, light.along
         way = array.height / (array.ior * light.depth)  # through a layer, for each unit of `along`
@@ -222,8 +226,8 @@ def light_by_angle(array: MirrorArray, incidence: Floats, azimuth: float = 0.0) 
     azimuth : rad, of the light's way along the plate, from one of its sides, to which mirrors stand at 45 degrees
     """
     sine, cosine = np.sin(incidence), np.maximum(np.cos(incidence), GRAZING)
-    depth = np.sqrt((array.ior - 1.0) * (array.ior + 1.0) + cosine**2) / array.ior
-    face = transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(incidence))
+    depth = _depth(array, cosine)
+    face = _transmittance(array, cosine, depth)
     pitches = sine * array.height / (array.ior * depth * array.pitch)
     first, second = np.pi / 4, 3 * np.pi / 4 + array.crossing_error
     found = {PlatePath.REFLECTED: 1.0 - face}
@@ -261,7 +265,7 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
         )
     axes = np.stack([side, np.cross(normal, side), normal])
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    area = areas_of(corners).sum()
     # a strip that lies askew is narrower than it reaches along either side
     width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))
     if width < plate.array.pitch:

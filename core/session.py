@@ -21,7 +21,7 @@ from .reach import sample_reached
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Coverage, ShareBatches
-from .simulation import PlateView, Simulation, plate_view, simulate
+from .simulation import PlateView, plate_view
 from .source_image import Painting, find_strokes
 from .trace import REASON_WORDS, Reason
 from .view_map import MapError, ViewMap
@@ -218,12 +218,6 @@ class Session:
             _notes(rig, optics.plan, source, optics.tessellation_error),
         )
 
-    def simulate(
-        self, rig: Rig, settings: Settings, source: NDArray[np.float32], spp: int
-    ) -> Generator[float, None, Simulation]:
-        """Simulate what the viewer sees of a source image (H, W, 3 or 4) by the plate's mirrors; yields progress."""
-        return (yield from simulate(self.plan(rig, settings), source, spp))
-
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The whole of a rig ready to be traced, with what is kept from before."""
         rig.check()
@@ -234,9 +228,9 @@ class Session:
         """Trace the view map of a rig; yields progress 0..0.85."""
         plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.8)
         clock.lap("tracing")
-        error = yield from within(tessellation_error(plan), 0.8, 0.85)
+        error = yield from within(tessellation_error(plan), 0.8, 0.84)
         clock.lap("tessellation error")
-        plate = plate_view(plan)
+        plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
         coverage = Coverage(view_map.display_size, view_map.view_size)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from .plan import Plan
 from .plate import PlatePath
-from .rig import Bools, Floats, Ints
-from .trace import CHUNK, Landings, PlateLight, trace
+from .rig import Floats, Ints
+from .trace import CHUNK, PlateLight, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 SAMPLED = 4096  # rays from which brightness and blur are told
@@ -70,7 +70,7 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
                 ways.append(("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share))
             for light, some, weight in ways:
                 landings = trace(plan, *viewer.rays(xy[some]), light=light)
-                is_seen, index = _texels(landings, display.width, display.height)
+                is_seen, index = landings.pixels(display.width, display.height)
                 if light == "reflected":  # by ideal plates nothing is
                     is_seen &= landings.plate_path == PlatePath.REFLECTED
                 colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
@@ -92,14 +92,6 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
     )
 
 
-def _texels(landings: Landings, width: int, height: int) -> tuple[Bools, NDArray[np.int64]]:
-    """Which landings (n,) are on the display's image, and at which of its pixels, row by row."""
-    with np.errstate(invalid="ignore"):
-        is_seen = landings.has_arrived & (landings.xy >= 0).all(axis=1) & (landings.xy < (width, height)).all(axis=1)
-        column, row = np.where(is_seen[:, None], landings.xy, 0).astype(np.int64).T
-    return is_seen, row * width + column
-
-
 @dataclass(frozen=True)
 class PlateView:
     """What mirrors make of the picture's light, over what is seen of the display.
@@ -119,22 +111,27 @@ class PlateView:
     blur_error: float | None
 
 
-def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
-    """Brightness and blur, from a sample of the viewer's rays; None where the plates are ideal or nothing is seen."""
+def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
+    """Brightness and blur, from a sample of the viewer's rays; None where the plates are ideal or nothing is seen.
+
+    Yields progress 0..1, so that what shows it is not held up by all of the rays.
+    """
     if not plan.arrays:
         return None
     viewer, size = plan.rig.viewer, (plan.rig.display.width, plan.rig.display.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
     view = np.random.default_rng(seed).uniform(0, (viewer.width, viewer.height), (SAMPLED, 2))
     here = trace(bright, *viewer.rays(view))
-    is_seen, _ = _texels(here, *size)
+    is_seen, _ = here.pixels(*size)
     if not is_seen.any():
         return None
+    yield 0.2
     view, xy, branch = view[is_seen], here.xy[is_seen], here.branch[is_seen]
     # what the plate leaves of the light: all that is left, by what is left of it with an ideal plate
     without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
-    back = _moved(plan, view, xy, branch)
+    yield 0.3
+    back = yield from _moved(plan, view, xy, branch)
     square = (back**2).sum(axis=1)
     blur = float(np.sqrt(square.mean())) if len(square) else None
     return PlateView(
@@ -147,14 +144,17 @@ def plate_view(plan: Plan, seed: int = 0) -> PlateView | None:
     )
 
 
-def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Floats:
+def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generator[float, None, Floats]:
     """By how much (m, 2), viewer px, mirrors move what is seen at viewer px (n, 2), which lands at xy (n, 2).
 
-    Of those that the mirrors image, by the view map's derivatives, where these are known.
+    Of those that the mirrors image, by the view map's derivatives, where these are known. Yields progress 0.3..1.
     """
     viewer = plan.rig.viewer
     steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
-    around = [trace(plan, *viewer.rays(view + step)) for step in steps]
+    around = []
+    for step in steps:
+        around.append(trace(plan, *viewer.rays(view + step)))
+        yield 0.3 + 0.15 * len(around)
     real = trace(plan, *viewer.rays(view), light="folded")
     j = np.stack([around[0].xy - around[1].xy, around[2].xy - around[3].xy], axis=2) / STEP
     is_known = real.plate_path == PlatePath.IMAGED

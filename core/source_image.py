@@ -95,9 +95,8 @@ def splat(
             some = pixels[first : first + CHUNK]
             xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random((len(some), 2))
             landings = trace(plan, *viewer.rays(xy), light=light)
-            inside = landings.has_arrived & (landings.xy >= 0).all(axis=1) & (landings.xy < shape[::-1]).all(axis=1)
-            landed = landings.xy[inside].astype(np.int64)
-            index = landed[:, 1] * display.width + landed[:, 0]
+            inside, index = landings.pixels(display.width, display.height)
+            index = index[inside]
             colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside], 0.0))
             weight = landings.throughput[inside]
             norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)

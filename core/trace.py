@@ -81,6 +81,13 @@ class Landings:
     def has_arrived(self) -> Bools:
         return self.reason == Reason.ARRIVED
 
+    def pixels(self, width: int, height: int) -> tuple[Bools, Ints]:
+        """Which (n,) are on the display's image of a size, and at which of its pixels, row by row; 0 for the others."""
+        with np.errstate(invalid="ignore"):
+            is_seen = self.has_arrived & (self.xy >= 0).all(axis=1) & (self.xy < (width, height)).all(axis=1)
+        column, row = np.where(is_seen[:, None], self.xy, 0).astype(np.int64).T
+        return is_seen, row * width + column
+
 
 def join(parts: list[Landings]) -> Landings:
     """Landings of consecutive chunks as one."""
@@ -402,7 +409,7 @@ def _meet_plate(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     rays.has_met_plate[i] = True
     rays.add_to_branch(i, plan.patch[hits.triangle], _PLATE)
     goes_along = (dot(rays.directions[i], plan.normals[hits.triangle]) > 0).astype(int)
-    clear = plan.is_clear[plan.part[hits.triangle], goes_along]
+    clear = plan.is_clear[part, goes_along]
     if clear.any():
         _land_beyond_plate(plan, rays, i[clear])
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from .curved import grid
 from .errors import RigError
+from .meshes import areas_of
 from .plan import Plan
 from .rig import Floats
 from .trace import trace_all
@@ -54,7 +55,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     weights, parts = grid(PARTS)
     corners = picture.mesh.corners
     points = (weights[parts].mean(axis=1) @ corners).reshape(-1, 3)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = areas_of(corners)
     area = np.repeat(area / area.sum() / len(parts), len(parts))
     centre = picture.mesh.bounds.mean(axis=0)
     right, up, forward = viewer.axes

@@ -14,6 +14,7 @@ from ..core import image_io
 from ..core.blender_preview import Preview
 from ..core.blender_result import write_solution
 from ..core.errors import KirikoError, RigError
+from ..core.simulation import simulate
 from ..core.work_precision import BUDGET
 from . import folder, report, work
 from .export import use_bundled_modules
@@ -187,8 +188,8 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         numbers["preview_notes"] = preview.notes
     if arguments.simulate:
         yield "simulating the plate's mirrors"
-        steps = work.session().simulate(reading.rig, work.settings_of(scene), solution.source, arguments.simulate)
-        found = yield from _progress(steps)
+        plan = work.session().plan(reading.rig, work.settings_of(scene))
+        found = yield from _progress(simulate(plan, solution.source, arguments.simulate))
         jobs.append(("simulated", found.image, "PNG8", None))
         numbers["simulated"] = {
             "rays_a_pixel": found.spp,

@@ -64,9 +64,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = work.lacking(context.scene)
-        if context.scene.kiriko.result.source is None:
-            reasons.insert(0, "There is no source image yet: solve first")
+        reasons = work.unsolved(context.scene) + work.lacking(context.scene)
         if not hasattr(context.scene, "cycles"):
             reasons.insert(0, "The preview needs Cycles: enable the add-on Cycles Render Engine")
         if bpy.app.is_job_running("RENDER"):

@@ -16,6 +16,7 @@ from ..core.errors import ImageError
 from ..core.plan import Settings
 from ..core.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from ..core.rig import Plate, Rig
+from ..core.session import finish
 from ..core.simulation import plate_view
 from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
@@ -73,7 +74,7 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
     }
-    view = plate_view(work.session().plan(rig, settings))
+    view = finish(plate_view(work.session().plan(rig, settings)))
     if view is not None:
         about["plate"] = asdict(view)
     texts = [as_csv(found), as_json(found, about), as_svg(found)]

@@ -9,7 +9,7 @@ from ..core.blender_image import pixels_from_image
 from ..core.blender_result import percent, replace_image
 from ..core.errors import RigError
 from ..core.plate import STRAY_PATHS, PlatePath
-from ..core.simulation import Simulation
+from ..core.simulation import Simulation, simulate
 from . import work
 
 NAME = "Kiriko Seen"
@@ -32,10 +32,7 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = work.lacking(context.scene)
-        if context.scene.kiriko.result.source is None:
-            reasons.insert(0, "There is no source image yet: solve first")
-        return work.can_run(cls, reasons)
+        return work.can_run(cls, work.unsolved(context.scene) + work.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -47,8 +44,8 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
                 f" {rig.display.width} x {rig.display.height}: solve again."
             )
         yield 0.0
-        settings = work.settings_of(scene)
-        found = yield from work.session().simulate(rig, settings, pixels_from_image(source), self.samples)
+        plan = work.session().plan(rig, work.settings_of(scene))
+        found = yield from simulate(plan, pixels_from_image(source), self.samples)
         scene.kiriko.result.seen = image = replace_image(scene.kiriko.result.seen, NAME, found.image)
         return f"The image '{image.name}' shows what the viewer sees{told(found)}."
 

@@ -95,6 +95,11 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
     return [phrase for phrase in missing(scene) if not any(NEEDED[r] == phrase for r in roles if r in NEEDED)]
 
 
+def unsolved(scene: bpy.types.Scene) -> list[str]:
+    """The reason why nothing can be done with a source image, where there is none."""
+    return [] if scene.kiriko.result.source is not None else ["There is no source image yet: solve first"]
+
+
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
     """What `poll` returns: are there no reasons against it? The first one is told where the button is grey."""
     if reasons:

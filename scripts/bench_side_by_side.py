@@ -15,8 +15,6 @@ the triangles are off from the sphere is given too, and is not held against the 
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +26,7 @@ from mitsuba_splat import MitsubaSplat, image_from_sums
 from numpy.typing import NDArray
 from reference_rigs import ball_rig
 
+from environments import machine
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.session import Session, finish
@@ -248,14 +247,6 @@ def draw(path: Path, curves: dict[str, Sequence[Rung]]) -> None:
     axes.legend()
     figure.tight_layout()
     figure.savefig(path)
-
-
-def machine() -> str:
-    """The processor, as far as the system says, and how many of it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return f"{(names or [platform.processor() or platform.machine()])[0]}, {os.cpu_count()} CPUs"
 
 
 def compare(rounds: int, judge_spp: int, embreex_spp: int) -> dict[str, Sequence[Rung]]:

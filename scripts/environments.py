@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -234,3 +235,11 @@ def provide_llvm(interpreter: Path) -> None:
         install(["libllvm19"])
     if not finds_llvm(interpreter):
         raise ToolError(MISSING_LLVM)
+
+
+def machine() -> str:
+    """The processor, as far as the system says, and how many of it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return f"{(names or [platform.processor() or platform.machine()])[0]}, {os.cpu_count()} CPUs"

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import argparse
 import html
-import os
-import platform
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 import kiriko
+from environments import machine
 from kiriko.core import image_io
 from kiriko.core.optics import normalise, reflect
 from kiriko.core.plan import Settings, make_plan
@@ -376,14 +375,6 @@ figure { display: inline-block; margin: 6px }
 img { width: 270px }
 img.plot { width: 720px }
 """
-
-
-def machine() -> str:
-    """The processor, as far as the system says, and how many of it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return f"{(names or [platform.processor() or platform.machine()])[0]}, {os.cpu_count()} CPUs"
 
 
 def markdown(table: Table) -> str:

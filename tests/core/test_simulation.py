@@ -7,13 +7,18 @@ import pytest
 from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from work import drain, solve
 
+from kiriko.core import simulation
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Display, MirrorArray
-from kiriko.core.simulation import LUMINANCE, plate_view, simulate
+from kiriko.core.simulation import LUMINANCE, simulate
 from kiriko.core.trace import trace_all
 
 NO_GLASS = box([0.3, 0.03, 0.3])
+
+
+def plate_view(plan, seed=0):
+    return drain(simulation.plate_view(plan, seed))
 
 
 def with_mirrors(a_rig, **values):
