@@ -20,7 +20,8 @@ def cube(side: float = SIDE, turn: float = 0.0) -> bpy.types.Object:
 def primitive(make: str, **sizes: object) -> bpy.types.Mesh:
     """A mesh of a bmesh primitive."""
     mesh, shape = bpy.data.meshes.new("mesh"), bmesh.new()
-    getattr(bmesh.ops, f"create_{make}")(shape, **sizes)
+    name = f"create_{make}"  # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    getattr(bmesh.ops, name)(shape, **sizes)
     shape.to_mesh(mesh)
     shape.free()
     return mesh
