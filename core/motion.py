@@ -44,9 +44,9 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     from_middle, to_middle = a[some].mean(axis=0), b[some].mean(axis=0)
     # Kabsch, A solution for the best rotation to relate two sets of vectors (Acta Crystallographica A 32, 1976)
     u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
+    if np.linalg.det(u) * np.linalg.det(v) < 0:
+        u[:, 2] *= -1  # of what is flat the mirror image is the same; of what is not, it will not fit
     rotation = u @ v
-    if np.linalg.det(rotation) < 0:
-        return None
     if np.abs(rotation - np.eye(3)).max() < ROUNDING:
         rotation = np.eye(3)  # so that what was only moved is not turned by rounding
     motion = Motion(rotation, to_middle - rotation @ from_middle)

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -82,7 +83,7 @@ class Plan:
     n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
-    thin_parts: all triangles, to be asked what rays passed by.
+    thin_parts: gives all triangles, to be asked what rays passed by; made when first asked for
     aside: glasses, by number, that are not in the plan; aside_boxes (a, 2, 3) m, which rays may not enter.
     arrays: where mirror arrays stand, by the number of their part.
     is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is nothing but a flat
@@ -105,7 +106,7 @@ class Plan:
     layer_triangles: tuple[Ints, ...]
     layer_bits: tuple[np.ndarray, ...]
     layer_solids: tuple[np.ndarray | None, ...]
-    thin_parts: ThinParts
+    thin_parts: Callable[[], ThinParts]
     display_start: int
     display_plane: DisplayPlane | None
     aside: tuple[int, ...]
@@ -371,14 +372,15 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     corners = np.concatenate([surface.corners for surface in surfaces])
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(aside)), 12)  # each box is a patch and a part, for what may pass near it
-    thin_parts = kept.get(
-        "boxes of " + "+".join([*keys, fingerprint(walls)]),
-        lambda: ThinParts(
+
+    def find_thin_parts() -> ThinParts:
+        return ThinParts(
             np.concatenate([corners, walls]),
             np.concatenate([patch, number + len(corners)]),
             np.concatenate([part, number + len(surfaces)]),
-        ),
-    )
+        )
+
+    thin_parts = kept.get("boxes of " + "+".join([*keys, fingerprint(walls)]), lambda: cache(find_thin_parts))
     kept.forget()
 
     plane = display_plane(rig.display, surfaces[-1])

@@ -246,7 +246,7 @@ class _Sampling:
         self.first = _Squares(corner, np.full(len(corner), self.first_size))
         self.points = Points.none()
         self.allowed = (1 - FOR_QUADS) * self.tolerance
-        low, high = plan.thin_parts.box
+        low, high = plan.thin_parts().box
         far = np.linalg.norm(np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position)))
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
 
@@ -302,7 +302,7 @@ class _Sampling:
     def _is_touched(self, squares: _Squares) -> Bools:
         """Did the rays of squares (n,) pass by something that none of them met?"""
         nodes = self._at_nodes(squares)
-        return self.plan.thin_parts.touch(self.paths.places[nodes], self.paths.met[nodes])
+        return self.plan.thin_parts().touch(self.paths.places[nodes], self.paths.met[nodes])
 
     def _bent(self, squares: _Squares) -> Floats:
         """About how far off (n,), display px, the pixels of the smallest squares are, quartered as in `cut`."""
