@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .optics import normalise
+from .optics import dot, normalise
 from .rig import Bools, Floats, Ints
 
 SAME_NORMAL = 1e-5  # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
@@ -61,6 +61,39 @@ def find_edges(triangles: Ints) -> Edges:
 def box_of(corners: Floats) -> Floats:
     """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
     return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Triangles as planes with barycentric axes: u = (p - corner) . axis_u, v likewise, p a point of the plane.
+
+    corner, normal, axis_u, axis_v : (t, 3); the normal is not unit; NaN axes for a triangle without area
+    """
+
+    corner: Floats
+    normal: Floats
+    axis_u: Floats
+    axis_v: Floats
+
+    @classmethod
+    def of(cls, corners: Floats) -> "Frames":
+        """Frames of triangles with corners (t, 3, 3)."""
+        e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(e1, e2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            area = 1.0 / dot(normal, normal)[:, None]
+            return cls(corners[:, 0], normal, np.cross(e2, normal) * area, np.cross(normal, e1) * area)
+
+    def distance(self, k: Ints | int, origins: Floats, directions: Floats) -> Floats:
+        """Distance of rays (n, 3) to the *planes* of triangles k; not finite where they are parallel."""
+        normal = self.normal[k]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return dot(self.corner[k] - origins, normal) / dot(directions, normal)
+
+    def barycentric(self, k: Ints | int, points: Floats) -> tuple[Floats, Floats]:
+        """Barycentric u, v of points (n, 3) in the planes of triangles k."""
+        inside = points - self.corner[k]
+        return dot(inside, self.axis_u[k]), dot(inside, self.axis_v[k])
 
 
 def geometric_normals(corners: Floats) -> Floats:

@@ -397,8 +397,9 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
         owned = [(g, s) for g, s in zip(glass_of, solids, strict=True)]
         return [sum(getattr(s, name) for g, s in owned if g is glass) for glass in rig.glasses]
 
+    engines = sorted({f"({layer.engine_name})" for layer in layers if layer.engine_name is not None})
     rules = {
-        "ray engine": (any(layer.has_engine for layer in layers), "few flat faces"),
+        " ".join(["ray engine", *engines]): (len(engines) > 0, "few flat faces"),
         "curved faces": (
             any(surface.curved is not None for surface in surfaces),
             "no face that may be curved turns far",

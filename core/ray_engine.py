@@ -1,6 +1,6 @@
-"""Which triangle a ray meets first: Embree's answer, with the hit refined in float64.
+"""Which triangle a ray meets first: a ray engine's answer, with the hit refined in float64.
 
-Embree (float32) only says *which* triangle; where the ray meets it is computed in float64 from the unmoved ray.
+The engine (float32) only says *which* triangle; where the ray meets it is computed in float64 from the unmoved ray.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, product
-from .meshes import box_of, interpolate
+from .engines import Engine, Found, make_engine
+from .meshes import Frames, box_of, interpolate
 from .motion import Motion
 from .optics import dot
 from .rig import Bools, Floats, Ints
@@ -22,39 +23,6 @@ STEEP, NEAR = 0.5, 0.1  # cosine, and parts of a triangle's size: so a ray leave
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Triangles as planes with barycentric axes: u = (p - corner) . axis_u, v likewise, p a point of the plane.
-
-    corner, normal, axis_u, axis_v : (t, 3); the normal is not unit; NaN axes for a triangle without area
-    """
-
-    corner: Floats
-    normal: Floats
-    axis_u: Floats
-    axis_v: Floats
-
-    @classmethod
-    def of(cls, corners: Floats) -> "Frames":
-        """Frames of triangles with corners (t, 3, 3)."""
-        e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        normal = np.cross(e1, e2)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            area = 1.0 / dot(normal, normal)[:, None]
-            return cls(corners[:, 0], normal, np.cross(e2, normal) * area, np.cross(normal, e1) * area)
-
-    def distance(self, k: Ints | int, origins: Floats, directions: Floats) -> Floats:
-        """Distance of rays (n, 3) to the *planes* of triangles k; not finite where they are parallel."""
-        normal = self.normal[k]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return dot(self.corner[k] - origins, normal) / dot(directions, normal)
-
-    def barycentric(self, k: Ints | int, points: Floats) -> tuple[Floats, Floats]:
-        """Barycentric u, v of points (n, 3) in the planes of triangles k."""
-        inside = points - self.corner[k]
-        return dot(inside, self.axis_u[k]), dot(inside, self.axis_v[k])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +106,7 @@ class Layer:
         self.frames = Frames.of(corners)
         self.curved = curved
         self.n_triangles = len(corners)
-        # what Embree is asked about: whole triangles, then parts of others, each with the triangle that owns it
+        # what the engine is asked about: whole triangles, then parts of others, each with the triangle that owns it
         self._owner, self._n_whole, self._parts = np.arange(len(corners)), len(corners), np.eye(3)[None]
         if curved is not None:
             # curved faces are hidden behind triangles that lie just in front of them, several for each
@@ -161,7 +129,7 @@ class Layer:
         return other
 
     def bent(self, curved: CurvedFaces | None) -> "Layer":
-        """The same layer with slightly other curved faces; what Embree is asked about stays."""
+        """The same layer with slightly other curved faces; what the engine is asked about stays."""
         other = copy(self)
         other.curved = curved
         return other
@@ -171,13 +139,13 @@ class Layer:
         """Few flat triangles need no ray engine."""
         return self.n_triangles > FEW_TRIANGLES or self.curved is not None
 
-    def _build(self, corners: Floats):
-        from embreex import rtcore_scene  # late: a rig of few flat faces needs no ray engine
-        from embreex.mesh_construction import TriangleMesh
+    @property
+    def engine_name(self) -> str | None:
+        """Name of the ray engine, None where there is no need of one."""
+        return None if self._engine is None else self._engine.name
 
-        engine = rtcore_scene.EmbreeScene()
-        TriangleMesh(engine, ((corners - self.centre) / self.radius).astype(np.float32))
-        return engine
+    def _build(self, corners: Floats) -> Engine:
+        return make_engine(((corners - self.centre) / self.radius).astype(np.float32))
 
     def first_hits(
         self,
@@ -224,7 +192,7 @@ class Layer:
             for first in range(0, len(rays), CHUNK):
                 self._test_all(origins, directions, rays[first : first + CHUNK], accept, within, hits)
             return hits
-        lost = self._ask_embree(
+        lost = self._ask_engine(
             origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, leaves, hits
         )
         if len(lost):
@@ -277,34 +245,34 @@ class Layer:
             todo, nearest = todo[~is_true], nearest[~is_true]
             t[nearest, todo] = np.inf
 
-    def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[dict[str, np.ndarray], Floats]:
-        """What Embree finds from `start` on (primID -1 for nothing), and its distance as Embree has it."""
+    def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[Found, Floats]:
+        """What the engine finds from `start` on, and its distance as the engine has it."""
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
-        found = self._engine.run(moved.astype(np.float32), directions.astype(np.float32), output=True)
-        return found, start + found["tfar"].astype(float) * self.radius
+        found = self._engine.shoot(moved.astype(np.float32), directions.astype(np.float32))
+        return found, start + found.distance.astype(float) * self.radius
 
-    def _only_leaves_hull(self, found: dict[str, np.ndarray], directions: Floats, far: Floats, leaves: Bools) -> Bools:
-        """Does what Embree found tell that rays (n,) only come out of the hull, having left the faces just behind it?
+    def _only_leaves_hull(self, found: Found, directions: Floats, far: Floats, leaves: Bools) -> Bools:
+        """Does what was found tell that rays (n,) only come out of the hull, having left the faces just behind it?
 
         Such a ray is outside and has but a short way, a part of the triangle's size, to where it steeply leaves the
         hull. It can enter nothing on that way: the faces turn much less over a triangle than the ray is steep.
         """
-        normal = found["Ng"].T
+        normal = found.normal.T
         area = np.sqrt(product(normal, normal))  # twice the area, in units of the engine
         is_steep = product(normal, directions.T) > STEEP * area
         is_near = (far / self.radius) ** 2 < NEAR**2 * area
-        return ~leaves & is_steep & is_near & (found["primID"] >= self._n_whole)
+        return ~leaves & is_steep & is_near & (found.triangle >= self._n_whole)
 
     def _refine(
-        self, found: dict[str, np.ndarray], chosen: Bools, origins: Floats, directions: Floats, leaves: Bools | None
+        self, found: Found, chosen: Bools, origins: Floats, directions: Floats, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
-        """Hits (n,) in float64 of the chosen ones that Embree found, of which some may come to nothing."""
-        prim = found["primID"][chosen].astype(np.int64)
+        """Hits (n,) in float64 of the chosen ones that the engine found, of which some may come to nothing."""
+        prim = found.triangle[chosen].astype(np.int64)
         k = self._owner[prim]
         if self.curved is None:
             return self._on_facets(k, origins, directions), np.ones(len(k), bool)
         is_curved = self.curved.row[k] >= 0
-        u, v = (found[name][chosen].astype(float) for name in ("u", "v"))
+        u, v = (column[chosen].astype(float) for column in (found.u, found.v))
         in_parts = np.flatnonzero(prim >= self._n_whole)
         part = self._parts[(prim[in_parts] - self._n_whole) % len(self._parts)]
         u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
@@ -319,7 +287,7 @@ class Layer:
         hits.put(bent, some)
         return hits, is_met
 
-    def _ask_embree(
+    def _ask_engine(
         self,
         origins: Floats,
         directions: Floats,
@@ -330,7 +298,7 @@ class Layer:
         leaves: Bools | None,
         hits: Hits,
     ) -> Ints:
-        """Put the hits that Embree finds; return the rays that must have hit something else."""
+        """Put the hits that the engine finds; return the rays that must have hit something else."""
         lost = []
         # far rays begin a little before the box, near ones a little ahead, so as not to meet the face they come from
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
@@ -338,7 +306,7 @@ class Layer:
         while len(rays):
             o, d = origins[rays], directions[rays]
             found, far = self._shoot(o, d, start)
-            hit = found["primID"] >= 0
+            hit = found.triangle >= 0
             if not hit.all():
                 lost.append(rays[~hit & is_inside[rays]])
             again = np.zeros(len(rays), bool)
@@ -357,7 +325,7 @@ class Layer:
                 hits.put(asked[is_true], some.at(is_true))
             lost.append(asked[is_wrong & is_met])
             again[hit] = ~is_true
-            if self.curved is None:  # the true hit may lie a little further than Embree has it
+            if self.curved is None:  # the true hit may lie a little further than the engine has it
                 far[hit] = np.where(np.isfinite(some.distance), np.fmax(some.distance, far[hit]), far[hit])
             start = np.maximum(far + step, start + step)[again]
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
@@ -366,7 +334,7 @@ class Layer:
     def _rescue(
         self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
     ) -> None:
-        """Find in float64 what Embree let through: it loses some of the rays that are aimed at vertices and edges.
+        """Find in float64 what the engine let through: it loses some of the rays that are aimed at vertices and edges.
 
         Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
         """
@@ -397,7 +365,7 @@ class Layer:
         start = -2 * step
         while len(row):
             found, far = self._shoot(beside, directions[row], start)
-            met = found["primID"] >= 0
+            met = found.triangle >= 0
             beside, row, start, step, far = (x[met] for x in (beside, row, start, step, far))
             some, is_met = self._refine(found, met, origins[row], directions[row], None)
             self._keep_nearest(row, some, is_met & self._is_on_face(some), rays, accept, best)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .ray_engine import Frames
+from .meshes import Frames
 from .rig import Bools, Floats, Ints
 
 MOST_PATCHES = 4096  # with more patches whole parts are looked for

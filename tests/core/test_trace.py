@@ -9,6 +9,7 @@ from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig
 
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.trace import Reason, trace_all
 
@@ -233,13 +234,19 @@ def test_elements_may_stand_in_any_order():
     assert np.abs(direct.xy.reshape(n, n, 2)[:, ::-1] - folded.xy.reshape(n, n, 2)).max() < 1e-9
 
 
-def test_rays_at_vertices_and_edges_do_not_leak():
+def vertices_and_edges(mesh):
+    """All vertices of a mesh and the middles of all its edges."""
+    pairs = np.unique(np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    return np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1)])
+
+
+@pytest.mark.parametrize("surface", ["smooth", "facets"])
+def test_rays_at_vertices_and_edges_do_not_leak(surface):
     """Rays aimed from outside at every vertex and edge midpoint of a closed mesh: each crosses it, none is lost."""
-    mesh = icosphere(0.025, 4)
+    mesh = replace(icosphere(0.025, 4), surface=surface)
     a_rig = rig(mesh)
     plan = make_plan(a_rig, Settings())
-    pairs = np.unique(np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    targets = np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1)])
+    targets = vertices_and_edges(mesh)
     targets = targets[targets[:, 1] < -0.008]  # those the viewer sees, off the silhouette
     o = np.tile(a_rig.viewer.position, (len(targets), 1))
     d = closed_forms.unit(targets - o)
@@ -248,6 +255,22 @@ def test_rays_at_vertices_and_edges_do_not_leak():
     assert (landings.reason != Reason.LOST_INSIDE).all()
     assert (landings.reason != Reason.MISSED_GLASS).all()
     assert (landings.n_events >= 2).all()
+
+
+@pytest.mark.parametrize("start", [[0, 0, 0], [0.003, 0.001, -0.002], [-0.011, 0.004, 0.007]])
+def test_rays_from_inside_end_at_the_vertices_and_edges_they_are_aimed_at(start):
+    """No ray from inside 5 120 facets escapes, and each meets them where it was aimed at, to rounding of float64."""
+    mesh = icosphere(0.025, 4)
+    away = vertices_and_edges(mesh) - start
+    distance = np.linalg.norm(away, axis=1)
+    is_inside = np.ones(len(away), bool)
+    hits = Layer(mesh.corners).first_hits(
+        np.tile(start, (len(away), 1)).astype(float),
+        closed_forms.unit(away),
+        is_inside,
+        lambda _, hits: (~hits.enters, hits.enters & (hits.distance > 1e-7)),
+    )
+    assert np.abs(hits.distance - distance).max() < 1e-16
 
 
 def test_viewer_inside_the_glass_is_refused():

@@ -1,6 +1,7 @@
 import re
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -13,11 +14,13 @@ WHEEL_ENDS = {
     "macos_x64": "macosx_13_0_x86_64",
     "macos_arm64": "macosx_13_0_arm64",
 }
+WITHOUT_WHEELS = {"windows_arm64"}
+ZIPS = [*WHEEL_ENDS, *WITHOUT_WHEELS]
 
 
 def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
     """There is a zip for each platform of the manifest and no other."""
-    assert set(contents) == {name.replace("-", "_") for name in MANIFEST["platforms"]} == set(WHEEL_ENDS)
+    assert set(contents) == {name.replace("-", "_") for name in MANIFEST["platforms"]} == set(ZIPS)
 
 
 @pytest.mark.parametrize("platform", WHEEL_ENDS)
@@ -28,7 +31,19 @@ def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -
     assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313", "cp314"]
 
 
-@pytest.mark.parametrize("platform", WHEEL_ENDS)
+@pytest.mark.parametrize("platform", WITHOUT_WHEELS)
+def test_zip_without_wheels_is_like_the_others(
+    zips: dict[str, Path], contents: dict[str, list[str]], platform: str
+) -> None:
+    """A zip for a platform without embreex differs from the others in its wheels alone, and lists none to Blender."""
+    others = [name for name in contents["linux_x64"] if not name.endswith(".whl")]
+    assert sorted(contents[platform]) == sorted(others)
+    with ZipFile(zips[platform]) as archive:
+        generated = tomllib.loads(archive.read("blender_manifest.toml").decode())["build"]["generated"]
+    assert generated == {"platforms": [platform.replace("_", "-")], "wheels": []}
+
+
+@pytest.mark.parametrize("platform", ZIPS)
 def test_zip_has_the_package_and_nothing_else(contents: dict[str, list[str]], platform: str) -> None:
     """A zip has the whole package, and nothing that only development needs."""
     names = set(contents[platform])
