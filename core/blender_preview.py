@@ -24,6 +24,8 @@ from .blender_mesh import mesh_from_triangles, sharpen_creases
 from .blender_plate import be_mirror_array
 from .blender_scene import Reading, length_of_unit, part_name, shown_parts
 from .errors import ImageError, RigError
+from .misalignment import part_motions
+from .motion import Motion
 from .rig import Mesh, MirrorArray, Rig
 from .surfaces import tessellate
 
@@ -143,6 +145,7 @@ class Preview:
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
         curved = _curved_meshes(reading.rig)
         arrays = {plate.name: plate.array for plate in reading.rig.plates}
+        offsets = {name: self._offset(motion) for name, motion in part_motions(reading.drawn, reading.rig).items()}
         copies: dict[tuple[object, ...], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
         counts: Counter[str] = Counter()
@@ -165,7 +168,7 @@ class Preview:
                 mesh, matrix = self._tessellated(curved[name], is_inside_out, self._metres)
                 mesh.materials.append(self._material(role, law))
             else:
-                matrix, shear = _without_shear(instance.matrix_world)
+                matrix, shear = _without_shear(offsets.get(name, Matrix()) @ instance.matrix_world)
                 key = instance.object.data.as_pointer(), role, owner.kiriko.surface, law, shear
                 if key not in copies:
                     copies[key] = self._copy(instance.object, owner.kiriko.surface, self._material(role, law))
@@ -182,7 +185,13 @@ class Preview:
             for thing in _seen_in_render(view_layer.layer_collection):
                 if thing.kiriko.role == "NONE" and thing not in taken:
                     self.scene.collection.objects.link(thing)
-        self._add_camera(scene, depsgraph)
+        self._add_camera(scene, depsgraph, reading, offsets)
+
+    def _offset(self, motion: Motion) -> Matrix:
+        """Where a motion, in m, takes an object, in Blender units."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = motion.rotation, motion.shift / self._metres
+        return Matrix(matrix.tolist())
 
     def _tessellated(self, mesh: Mesh, is_inside_out: bool, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
         """A curved surface in fine triangles, facing out of the glass, and where it stands."""
@@ -202,7 +211,7 @@ class Preview:
         mesh.polygons.foreach_set("material_index", np.zeros(len(mesh.polygons), np.int32))
         return mesh
 
-    def _add_camera(self, scene: bpy.types.Scene, depsgraph: Any) -> None:
+    def _add_camera(self, scene: bpy.types.Scene, depsgraph: Any, reading: Reading, offsets: dict[str, Matrix]) -> None:
         viewer = scene.kiriko.viewer or scene.camera
         if viewer is None or viewer.type != "CAMERA":
             raise RigError("The rig has no viewer: add a camera and make it the viewer.")
@@ -211,10 +220,12 @@ class Preview:
         camera.animation_data_clear()
         for name in ("lens", "ortho_scale", "shift_x", "shift_y", "sensor_width", "sensor_height"):
             setattr(camera, name, getattr(evaluated.data, name))  # as evaluated: it may be animated or driven
+        drawn, window = (np.ptp(rig.viewer.window[:2]) for rig in (reading.drawn, reading.rig))
+        camera.lens, camera.ortho_scale = camera.lens * drawn / window, camera.ortho_scale * window / drawn
         camera.dof.use_dof = False
         camera.clip_start = min(camera.clip_start, 1e-4)
         thing = self._mark(bpy.data.objects.new("Kiriko Preview Viewer", camera))
-        thing.matrix_world = Matrix(evaluated.matrix_world)
+        thing.matrix_world = offsets.get(viewer.name, Matrix()) @ evaluated.matrix_world
         self.scene.collection.objects.link(thing)
         self.scene.camera = thing
 

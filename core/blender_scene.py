@@ -4,6 +4,7 @@ Modifiers, parents, constraints and instances have been applied by the depsgraph
 shows, and notes what it leaves out.
 """
 
+import json
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
@@ -16,8 +17,9 @@ from .blender_material import Texture, read_refraction, read_texture
 from .blender_mesh import LocalMesh, column, flat_size, in_world, read_local, sharpen_creases
 from .blender_picture import read_pixels, stored_pixels
 from .blender_viewer import read_viewer
-from .errors import RigError
+from .errors import KirikoError, RigError
 from .meshes import geometric_normals
+from .misalignment import with_amounts
 from .optics import normalise
 from .rig import (
     Blocker,
@@ -58,11 +60,14 @@ class MaterialReading:
 class Reading:
     """A scene as read.
 
+    rig : with what a calibration found, where that is kept as an offset
+    drawn : as the scene shows it, without
     display_size : width and height in m of a flat display, over the whole UV square
     display_object : name of the object that is the display, or makes it as an instance
     """
 
     rig: Rig
+    drawn: Rig
     materials: tuple[MaterialReading, ...]
     notes: tuple[str, ...]
     display_size: tuple[float, float] | None
@@ -542,4 +547,25 @@ def read(
     )
     size = flat_size(displays[0].mesh) if len(displays) == 1 else None
     shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
-    return Reading(rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
+    calibrated, remarks = with_offset(rig, scene)
+    notes += remarks
+    return Reading(calibrated, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
+
+
+def with_offset(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
+    """The rig with what calibrations found and the scene keeps as an offset, and notes on what of it has no place."""
+    kept = json.loads(scene.kiriko.calibration.offset or "[]")
+    if not kept:
+        return rig, []
+    try:
+        rig.check()
+    except KirikoError:
+        return rig, []  # what is wrong with it is told before it is solved
+    notes = []
+    for amounts in kept:
+        rig, unknown = with_amounts(rig, amounts)
+        notes += [
+            f"The calibration's offset has '{name}', of which this rig has none: calibrate again or remove the offset."
+            for name in unknown
+        ]
+    return rig, ["The calibration's offset is in this rig.", *notes]

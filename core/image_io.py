@@ -210,3 +210,17 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     finally:
         source.close()
     return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
+
+
+def read_photograph(path: Path | str) -> np.ndarray:
+    """Numbers of an image file as `read`, turned the way the camera was held (Exif orientation): (h, w, c) float32."""
+    oiio = openimageio()
+    pixels, about = read(path)
+    if about.get("Orientation", 1) == 1:
+        return pixels
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, "float")
+    spec.attribute("Orientation", about["Orientation"])
+    image = oiio.ImageBuf(spec)
+    image.set_pixels(oiio.ROI(), pixels)
+    return np.asarray(oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT), np.float32)

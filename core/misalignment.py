@@ -4,26 +4,33 @@ A dot of the source image stays where it is on the display; the viewer sees it w
 from viewer to display and p what is off, dx = -J^-1 dy/dp: by the view map's own derivatives, with no dot looked for.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .errors import RigError
-from .motion import Motion
+from .motion import Motion, find_motion
 from .plan import Kept, Plan, Settings, make_plan
 from .rig import WAVELENGTH, Bools, ConstantIndex, Floats, Mesh, Plate, Rig, Viewer
+from .session import finish, within
 from .trace import trace_all
 
 STEP = 0.02  # viewer px, for derivatives of the view map
 CONVERGED = 1e-7  # display px
 ITERATIONS = 30
-ENOUGH = 1e-5  # of the sum of squares: what a step gains when there is nothing more to gain
+ENOUGH = 1e-5  # of the sum of squares, in noise, or of one: what a step gains when there is nothing more to gain
 HOPELESS = 1e8  # damping
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
 UNLIKELY = 6.0  # times the noise: points that stay so far from a fit are none of this bench's
+STRANGE, MOST_STRANGE = 5.0, 0.1  # times the median distance; share of the points that may be left out for it
 FARTHEST = 40.0  # viewer px in one step of Newton's method
+# standard deviations to expect, in the parameters' units, of a bench that was set up with rulers and squares
+TOLERANCES = {"shift": 0.5, "turn": 0.1, "index": 0.002, "crossing": 0.02, "mirror": 0.01, "focal": 0.1}
 AXES = ("right", "up", "away")  # as the viewer of the planned rig looks
+ALIKE = 0.99  # cosine between movements from which on they are called alike
+ASIDE = 10.0  # degrees from which another photograph is considered
+NEARER = 0.7  # of the distance to the glass, likewise
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,11 @@ class Parameter:
     unit: str
     step: float
     applied: Callable[[Rig, float], Rig]
+
+    @property
+    def kind(self) -> str:
+        """A key of TOLERANCES: what about a part may be off, whichever part and axis."""
+        return self.name.rsplit(": ", 1)[1].split()[0]
 
 
 def parameters(rig: Rig) -> list[Parameter]:
@@ -55,6 +67,47 @@ def parameters(rig: Rig) -> list[Parameter]:
         if plate.array is not None:
             found.append(Parameter(f"{plate.name}: mirror height", "mm", 1e-3, _changed("plates", number, _higher)))
     found.append(Parameter(f"{rig.viewer.name}: focal length", "%", 1e-2, _changed("viewers", 0, _zoomed)))
+    return found
+
+
+def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with amounts by the names of its parameters, and those names that it does not have.
+
+    The picture goes along with the viewer: what is wanted, and measured, is wanted in the viewer's own image.
+    """
+    planned, left = rig, {name: amount for name, amount in amounts.items() if amount}
+    for parameter in parameters(rig):
+        amount = left.pop(parameter.name, 0.0)
+        if amount:
+            rig = parameter.applied(rig, amount)
+    if rig.viewer is not planned.viewer:
+        linear, shift = along_with(planned.viewer, rig.viewer)
+        pictures = tuple(
+            p if p.mesh is None else replace(p, mesh=replace(p.mesh, vertices=p.mesh.vertices @ linear.T + shift))
+            for p in rig.pictures
+        )
+        rig = replace(rig, pictures=pictures)
+    return rig, tuple(left)
+
+
+def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
+    """Where points p go, linear (3, 3) @ p + shift (3,), that are seen in the same pixels, as far away, as before."""
+    zoom = np.diag([*(np.ptp(after.window[k : k + 2]) / np.ptp(before.window[k : k + 2]) for k in (0, 2)), 1.0])
+    linear = after.axes.T @ zoom @ before.axes
+    return linear, after.position - linear @ before.position
+
+
+def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
+    """By name, how the parts moved from one rig to another that differs by amounts."""
+    found = {}
+    for kind in ("glasses", "plates", "displays"):
+        for a, b in zip(getattr(before, kind), getattr(after, kind), strict=True):
+            if a.mesh is not b.mesh:
+                found[a.name] = find_motion(a.mesh, b.mesh)
+    for a, b in zip(before.viewers, after.viewers, strict=True):
+        if a.position is not b.position:
+            rotation = b.axes.T @ a.axes
+            found[a.name] = Motion(rotation, b.position - rotation @ a.position)
     return found
 
 
@@ -188,6 +241,10 @@ class Bench:
 
         amounts (p,) and at (m, 2): what is off, and where the points are seen then; by default nothing, as planned
         """
+        return finish(self.sensitivities(amounts, at))
+
+    def sensitivities(self, amounts: Floats | None = None, at: Floats | None = None) -> Generator[float, None, Floats]:
+        """The same in steps; yields progress 0..1."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.asarray(amounts, float)
         at = self.view if at is None else at
         _, j = self._derivatives(self.plan(amounts), at)
@@ -199,6 +256,7 @@ class Bench:
                 off[k] += sign * parameter.step
                 ends.append(self._on_branch(self.plan(off), at))
             found[k] = -_solved(j, (ends[0] - ends[1]) / (2 * parameter.step))
+            yield (k + 1) / len(self.parameters)
         return found
 
     def _derivatives(self, plan: Plan, at: Floats) -> tuple[Floats, Floats]:
@@ -242,8 +300,8 @@ class Fit:
     correlation : (p, p) of these errors; near 1 or -1 two amounts cannot be told apart
     condition : largest by smallest singular value of the points' movements, each for its tolerance, over the noise
     before, after : rms distance of the points from where they were to be seen, and from where the fit has them, px
-    n_points : that were used
-    is_converged : nothing would get better by another step
+    used, left_out : (m,) points that were fitted, and measured ones that are too far from where the others have them
+    movements : (2 k, p) of the coordinates of the k used points, for the tolerance of each parameter, over the noise
     """
 
     amounts: Floats
@@ -252,14 +310,32 @@ class Fit:
     condition: float
     before: float
     after: float
-    n_points: int
-    is_converged: bool
+    used: Bools
+    left_out: Bools
+    movements: Floats
+
+    @property
+    def n_points(self) -> int:
+        return int(self.used.sum())
+
+    def groups(self) -> tuple[list[list[int]], list[int]]:
+        """Groups of parameters that move the points almost alike; and those that, within tolerance, hardly move any."""
+        length = np.linalg.norm(self.movements, axis=0)
+        left, groups = [int(k) for k in np.argsort(-length) if length[k] >= 1], []
+        while left:
+            cosine = self.movements[:, left[0]] @ self.movements[:, left] / (length[left[0]] * length[left])
+            like = [k for k, c in zip(left, cosine, strict=True) if abs(c) > ALIKE]
+            left = [k for k in left if k not in like]
+            if len(like) > 1:
+                groups.append(like)
+        return groups, np.flatnonzero(length < 1).tolist()
 
 
-def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) -> Fit:
-    """Find what is off from where points were measured (m, 2), viewer px, NaN where they were not.
+def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) -> Generator[float, None, Fit]:
+    """Find what is off from where points were measured (m, 2), viewer px, NaN where they were not. Yields progress.
 
     Damped least squares (Levenberg's), with what is known before: each amount is likely to be within its tolerance.
+    A few points that stay far from where all others have them, by glare or a speck of dust, are left out.
 
     Parameters
     ----------
@@ -268,13 +344,66 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
 
     Raises
     ------
-    RigError : too few points were measured, or they are none of this bench's
+    RigError : too few points were measured, they are none of this bench's, or the fit finds no end
     """
-    tolerances = np.asarray(tolerances, float)
-    n = len(tolerances)
-    n_measured = int(np.isfinite(measured).all(axis=1).sum())
-    if n_measured < FEWEST:
-        raise RigError(f"Only {n_measured} points were measured: a fit takes {FEWEST} or more.")
+    tolerances, measured = np.asarray(tolerances, float), np.array(measured, float)
+    is_measured = np.isfinite(measured).all(axis=1)
+    if is_measured.sum() < FEWEST:
+        raise RigError(f"Only {is_measured.sum()} points were measured: a fit takes {FEWEST} or more.")
+    amounts, at, done = np.zeros(len(tolerances)), bench.view, 0.0
+    away = measured - at
+    before = _rms(away[is_measured].ravel())
+
+    def strangers(distance: Floats) -> Bools:
+        """Which points (m,) are much further off, in noise, than the others? None if they are many."""
+        far = distance > max(UNLIKELY, STRANGE * np.nanmedian(distance))
+        return far & ((left_out | far).sum() <= MOST_STRANGE * is_measured.sum())
+
+    left_out = np.zeros(len(measured), bool)
+    # to begin with, against the others' displacement: far ones would draw the fit to where it finds no end
+    left_out = strangers(np.linalg.norm(away - np.nanmedian(away, axis=0), axis=1) / noise)
+    measured[left_out] = np.nan
+    while True:
+        steps = _settle(bench, measured, tolerances, noise, amounts, at)
+        amounts, off, at, used, movements = yield from within(steps, done, 0.5 + 0.5 * done)
+        done = 0.5 + 0.5 * done
+        distance = np.full(len(measured), np.nan)
+        distance[used] = np.linalg.norm(off.reshape(-1, 2), axis=1)
+        strange = strangers(distance)
+        if not strange.any():
+            break
+        left_out |= strange
+        measured[strange] = np.nan
+    after = _rms(off * noise)
+    if not (used.sum() >= FEWEST and after < UNLIKELY * noise):
+        raise RigError(
+            f"The points lie {after:.3g} pixels from where the rig can show them, whatever is off: they may be swapped,"
+            " or those of another rig."
+        )
+    covariance = _spread_of(movements)
+    deviation = np.sqrt(np.diag(covariance))
+    return Fit(
+        amounts,
+        deviation * tolerances,
+        covariance / np.outer(deviation, deviation),
+        condition_of(movements),
+        before,
+        after,
+        used,
+        left_out,
+        movements,
+    )
+
+
+def _settle(
+    bench: Bench, measured: Floats, tolerances: Floats, noise: float, amounts: Floats, at: Floats
+) -> Generator[float, None, tuple[Floats, Floats, Floats, Bools, Floats]]:
+    """The fit of all points that are measured, from amounts (p,) on, where they are seen about at (m, 2).
+
+    Returns amounts (p,); residuals (2 k,) over the noise; where all points are seen (m, 2); which k were used (m,);
+    movements (2 k, p) as in Fit.
+    """
+    n, n_measured = len(tolerances), int(np.isfinite(measured).all(axis=1).sum())
 
     def state(amounts: Floats, start: Floats) -> tuple[float, Floats, Floats, Bools]:
         """What is to be made small, residuals, and where which points are seen."""
@@ -288,50 +417,114 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
         data = off @ off * n_measured / used.sum() if used.sum() >= FEWEST else np.inf
         return float(data + ((amounts / tolerances) ** 2).sum()), off, at, used
 
-    def movements(amounts: Floats, at: Floats, used: Bools) -> Floats | None:
-        """Of residuals (2 m,) for each tolerance (p,); None at the end of what can be made."""
+    def movements(amounts: Floats, at: Floats, used: Bools) -> Generator[float, None, Floats | None]:
+        """Of residuals (2 k,) for each tolerance (p,); None at the end of what can be made."""
         try:
-            found = bench.sensitivity(amounts, at)
+            found = yield from bench.sensitivities(amounts, at)
         except RigError:
             return None
         return np.nan_to_num(found[:, used].reshape(n, -1).T * tolerances / noise)
 
-    amounts, damping, is_converged = np.zeros(n), 1e-3, False
-    cost, off, at, used = state(amounts, bench.view)
-    before = _rms(off * noise)
-    d = movements(amounts, at, used)
-    for _ in range(ITERATIONS):
-        if is_converged or damping > HOPELESS:
-            break
+    damping = 1e-3
+    cost, off, at, used = state(amounts, at)
+    d = yield from within(movements(amounts, at, used), 0.0, 0.2)
+    for k in range(ITERATIONS):
         normal = d.T @ d + np.eye(n)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), d.T @ off - amounts / tolerances)
         tried = amounts + step * tolerances
         value, *found = state(tried, at)
-        there = movements(tried, *found[1:]) if value <= cost else None
+        # how many steps it takes is not known: each gets a part of what is left
+        done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
+        there = (yield from within(movements(tried, *found[1:]), *done)) if value <= cost else None
         if there is None:
             damping *= 10
+            if damping > HOPELESS:
+                return amounts, off, at, used, d
             continue
-        is_converged = cost - value < ENOUGH * cost
+        is_at_end = cost - value < ENOUGH * max(cost, 1.0)
         amounts, cost, (off, at, used), d, damping = tried, value, found, there, damping / 10
-    covariance = np.linalg.inv(d.T @ d + np.eye(n))
-    deviation = np.sqrt(np.diag(covariance))
-    singular = np.linalg.svd(d, compute_uv=False)
-    after = _rms(off * noise)
-    if not (used.sum() >= FEWEST and after < UNLIKELY * noise):
-        raise RigError(
-            f"The points lie {after:.3g} pixels from where the rig can show them, whatever is off: they may be swapped,"
-            " or those of another rig."
-        )
-    return Fit(
-        amounts,
-        deviation * tolerances,
-        covariance / np.outer(deviation, deviation),
-        float(singular[0] / singular[-1]) if len(off) >= n and singular[-1] > 0 else float("inf"),
-        before,
-        after,
-        int(used.sum()),
-        bool(is_converged or damping > HOPELESS),
+        if is_at_end:
+            return amounts, off, at, used, d
+    raise RigError(
+        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong, or expect less to be off."
     )
+
+
+def condition_of(movements: Floats) -> float:
+    """Largest by smallest singular value; infinite for fewer rows than columns."""
+    singular = np.linalg.svd(movements, compute_uv=False)
+    is_known = len(movements) >= movements.shape[1] and singular[-1] > 0
+    return float(singular[0] / singular[-1]) if is_known else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """What another photograph, of the same display from another place, would tell beside the one that was fitted.
+
+    where : the place, from the viewer
+    errors : (p,) standard deviations of the amounts then
+    condition : that of both photographs' movements together
+    gain : bits that it tells of what is off, the second viewer's own place aside
+    """
+
+    where: str
+    errors: Floats
+    condition: float
+    gain: float
+
+
+def extra_photographs(
+    bench: Bench, found: Fit, tolerances: Floats, noise: float = 0.3
+) -> Generator[float, None, list[Extra]]:
+    """Other places to take a photograph from, the most telling first; yields progress.
+
+    The place of the second viewer is as uncertain as that of the first; its focal length is the same.
+    """
+    viewer, pivot = bench.rig.viewer, bench.rig.glasses[0].mesh.bounds.mean(axis=0)
+    right, up, away = viewer.axes
+    places = {
+        f"{ASIDE:g} degrees further right": turned(up, ASIDE, pivot),
+        f"{ASIDE:g} degrees further left": turned(up, -ASIDE, pivot),
+        f"{ASIDE:g} degrees higher": turned(right, -ASIDE, pivot),
+        f"{ASIDE:g} degrees lower": turned(right, ASIDE, pivot),
+        f"{NEARER:g} times the distance": Motion(np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away),
+    }
+    n = len(bench.parameters)
+    own = np.array([p.name.startswith(f"{viewer.name}: ") and p.unit in {"mm", "deg"} for p in bench.parameters])
+    shared = np.flatnonzero(~own)
+    first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
+    columns = np.arange(n)
+    columns[own] = n + np.arange(own.sum())  # of the second viewer's own place
+    # about where the points are: as far away as the glass
+    origins, directions = viewer.rays(bench.view)
+    points = origins + directions * ((pivot - origins) @ away / (directions @ away))[:, None]
+    before = _spread_of(first)[np.ix_(shared, shared)]
+    extras = []
+    for k, (where, motion) in enumerate(places.items()):
+        rig = replace(bench.rig, viewers=(moved(viewer, motion),))
+        try:
+            there = Bench(rig, bench.settings, rig.viewer.project(points))
+            at = there.seen(np.zeros(len(there.parameters)), display=bench.display)
+            there = Bench(rig, bench.settings, at)
+            d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
+        except RigError:  # nothing is seen from there
+            continue
+        used = np.isfinite(d).all(axis=(0, 2))
+        if used.sum() < FEWEST:
+            continue
+        second = np.zeros((2 * used.sum(), first.shape[1]))
+        second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
+        both = np.vstack([first, second])
+        covariance = _spread_of(both)
+        after = covariance[np.ix_(shared, shared)]
+        gain = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) / np.log(2)
+        extras.append(Extra(where, np.sqrt(np.diag(covariance))[:n] * tolerances, condition_of(both), float(gain)))
+    return sorted(extras, key=lambda extra: -extra.gain)
+
+
+def _spread_of(movements: Floats) -> Floats:
+    """Covariance (p, p), in tolerances, of what is fitted to points that move so."""
+    return np.linalg.inv(movements.T @ movements + np.eye(movements.shape[1]))
 
 
 def _rms(distances: Floats) -> float:

@@ -55,6 +55,22 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, area: F
     return points
 
 
+def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
+    """Viewer px (n, 2) at which places uv (n, 2; v upward) of the picture are seen as if there were no glass.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle
+    """
+    if picture.mesh is None:
+        return _pixels(uv, np.array([viewer.width, viewer.height], float))
+    short_way = _homography(picture.mesh, viewer)
+    if short_way is None:
+        raise RigError(f"The picture '{picture.name}' is no flat rectangle: points of it are told for such only.")
+    xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
+    return xyw[:, :2] / xyw[:, 2:]
+
+
 def _place(
     points: PicturePoints,
     some: slice,

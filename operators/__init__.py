@@ -4,8 +4,11 @@ import bpy
 
 from . import (
     add_rig,
+    calibrate,
     command_line,
     export,
+    keep_calibration,
+    lattice_picture,
     live,
     plate_material,
     plate_preset,
@@ -29,6 +32,10 @@ CLASSES = (
     simulate.KIRIKO_OT_simulate,
     export.KIRIKO_OT_export,
     report.KIRIKO_OT_report,
+    lattice_picture.KIRIKO_OT_lattice_picture,
+    calibrate.KIRIKO_OT_calibrate,
+    keep_calibration.KIRIKO_OT_apply_calibration,
+    keep_calibration.KIRIKO_OT_remove_calibration,
 )
 _commands: list[object] = []
 

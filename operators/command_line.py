@@ -1,4 +1,4 @@
-"""`blender --background FILE --command kiriko VERB --out DIR`: solve or measure a saved rig, results in a folder."""
+"""`blender --background FILE --command kiriko VERB --out DIR`: solve, measure or calibrate a saved rig."""
 
 import argparse
 import json
@@ -17,6 +17,7 @@ from ..core.errors import KirikoError, RigError
 from ..core.simulation import simulate
 from ..core.work_precision import BUDGET
 from . import folder, report, work
+from .calibrate import calibrated
 from .export import use_bundled_modules
 
 Result = TypeVar("Result")
@@ -55,18 +56,40 @@ def parser() -> argparse.ArgumentParser:
         help=f"time for the brute-force comparison ({BUDGET:g})",
     )
     measure.set_defaults(run=_report)
-    solve = verbs.add_parser("solve", parents=[shared], help="compute the source image and write it to a folder")
-    solve.set_defaults(run=_solve)
-    solve.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
-    solve.add_argument(
+    pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
+    pictures.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
+    pictures.add_argument(
         "--simulate",
         type=_count,
         default=0,
         metavar="N",
         help="simulate N rays a pixel through the plate's mirrors, too",
     )
-    solve.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
-    solve.add_argument("--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)")
+    pictures.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
+    pictures.add_argument(
+        "--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)"
+    )
+    solve = verbs.add_parser("solve", parents=[pictures], help="compute the source image and write it to a folder")
+    solve.set_defaults(run=_solve)
+    calibrate = verbs.add_parser(
+        "calibrate",
+        parents=[pictures],
+        help="find what is off on a real bench, solve for it, and write both, and a .blend of it, to a folder",
+    )
+    calibrate.add_argument(
+        "--measured",
+        required=True,
+        type=_file_name,
+        metavar="FILE",
+        help="photograph of the lattice as seen, or CSV of its points",
+    )
+    calibrate.add_argument(
+        "--keep",
+        choices=("offset", "scene"),
+        default="offset",
+        help="what is found, in the .blend: as an offset, or by moving its objects (offset)",
+    )
+    calibrate.set_defaults(run=_calibrate)
     return top
 
 
@@ -95,6 +118,12 @@ def _count(text: str) -> int:
 def _folder_name(text: str) -> Path:
     if not text:
         raise ValueError("a folder needs a name")
+    return Path(text)
+
+
+def _file_name(text: str) -> Path:
+    if not text:
+        raise ValueError("a file needs a name")
     return Path(text)
 
 
@@ -155,6 +184,25 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
     yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"
+
+
+def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Fit, keep what was found, solve and write the files; yields lines of progress."""
+    image_io.openimageio()
+    details, file = arguments.out / "calibration.json", arguments.out / "calibrated.blend"
+    if not arguments.overwrite:
+        paths = (details, file, *_files(arguments).values())
+        folder.refuse_existing(arguments.out, (path.name for path in paths), "add --overwrite")
+    context, ours = bpy.context, bpy.context.scene.kiriko.calibration
+    ours.keep = arguments.keep.upper()
+    reading = work.read(context)
+    reading.rig.check()
+    yield f"calibrating '{Path(bpy.data.filepath).name}' by '{arguments.measured.name}'"
+    yield (yield from _progress(calibrated(context, reading, arguments.measured)))
+    yield from _solve(arguments)
+    image_io.write_text(details, json.dumps(json.loads(ours.found), indent=2) + "\n")
+    bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
+    yield f"wrote '{details.name}' and '{file.name}' there, too"
 
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:

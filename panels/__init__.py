@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import add_menu, export, preferences, result, rig, settings, solve
+from . import add_menu, calibration, export, preferences, result, rig, settings, solve
 
 __all__ = ["settings"]
 
@@ -12,6 +12,10 @@ CLASSES = (
     solve.VIEW3D_PT_kiriko_preview,
     result.VIEW3D_PT_kiriko_result,
     result.VIEW3D_PT_kiriko_details,
+    calibration.VIEW3D_PT_kiriko_calibration,
+    calibration.VIEW3D_PT_kiriko_expected,
+    calibration.VIEW3D_PT_kiriko_found,
+    calibration.VIEW3D_PT_kiriko_not_told,
     export.VIEW3D_PT_kiriko_export,
     export.VIEW3D_PT_kiriko_report,
     add_menu.VIEW3D_MT_kiriko_add,

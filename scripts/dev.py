@@ -51,7 +51,8 @@ def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
-        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=str(link_package()))
+        path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))  # with the tests' rigs
+        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
         sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
 

@@ -398,8 +398,8 @@ def figures(names: dict[str, str]) -> str:
     )
 
 
-def page(times: Table, lattice: Table, spp: int) -> str:
-    """index.html."""
+def page(times: Table, lattice: Table, bench: dict[str, dict[str, Table]], spp: int) -> str:
+    """index.html. bench : tables by what they are about, in sections."""
     return "\n".join([
         f"<!doctype html><meta charset=utf-8><title>The paper's results beside ours</title><style>{STYLE}</style>",
         "<h1>The paper's results beside ours</h1>",
@@ -426,6 +426,11 @@ def page(times: Table, lattice: Table, spp: int) -> str:
             "display_plain.png": f"what the display shows: {PLAIN} and {HALF}",
             "display_source.png": f"what it shows: {SOURCE}",
         }),
+        *(
+            f"<h2>{html.escape(section)}</h2>"
+            + "".join(f"<p>{html.escape(about)}:</p>{html_table(table)}" for about, table in tables.items())
+            for section, tables in bench.items()
+        ),
         "",
     ])  # fmt: skip
 
@@ -436,7 +441,9 @@ def main() -> None:
     parser.add_argument(
         "--spp", type=int, default=SPP, help=f"samples a viewer pixel of the splat ({SPP}, as in the paper)"
     )
+    parser.add_argument("--benches", type=int, default=200, help="random benches that are calibrated (200)")
     arguments = parser.parse_args()
+    import bench_misalignment as misaligned
     import bpy
     from demo import RIGS, quiet  # which registers Kiriko
 
@@ -455,7 +462,16 @@ def main() -> None:
         RIGS["ball"]()
     times = figure_5(work.read(bpy.context).rig, arguments.spp, out)
     print(f"\n{markdown(times)}\n\n{machine()}")
-    image_io.write_text(out / "index.html", page(times, lattice, arguments.spp))
+    print("\nbenches that are off: derivatives, explanations, fits ...", flush=True)
+    bench = misaligned.cube_bench()
+    sections = {
+        "Misalignment: which screw matters": misaligned.sensitivities(bench),
+        "What would make the paper's numbers": misaligned.explain(bench.rig, misaligned.tolerance_of).tables,
+        "Calibration: what one photograph tells": misaligned.fits(bench, arguments.benches, seed=0),
+    }
+    for tables in sections.values():
+        misaligned.show(tables)
+    image_io.write_text(out / "index.html", page(times, lattice, sections, arguments.spp))
     print(f"Files: {arguments.out}/")
     kiriko.unregister()
     sys.stdout.flush()

@@ -1,0 +1,176 @@
+"""Calibrate: find what is off on a real bench from where the points of a lattice are seen, and solve again."""
+
+import json
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.blender_calibration import add_offset, put_into_scene
+from ..core.blender_result import write_solution
+from ..core.errors import ImageError, RigError
+from ..core.image_io import read_photograph
+from ..core.lattice import Lattice, check, find_points, match, read_points
+from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts
+from ..core.picture import view_of_picture
+from ..core.rig import Floats, Viewer
+from ..core.session import within
+from . import work
+from .export import absolute, use_bundled_modules
+
+TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
+TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others are images
+
+
+class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
+    """Find what is off on the real bench, from a photograph of the lattice or its points, and solve again"""
+
+    bl_idname = "kiriko.calibrate"
+    bl_label = "Calibrate"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(
+        name="File",
+        description="Photograph or CSV; empty: the one in the panel",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, work.lacking(context.scene))
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        path = self.filepath or context.scene.kiriko.calibration.filepath
+        if not path:
+            raise ImageError("There is nothing to calibrate by: choose a photograph or a CSV of points.")
+        use_bundled_modules()
+        reading = work.read(context)
+        reading.rig.check()
+        yield 0.0
+        return (yield from calibrated(context, reading, absolute(path)))
+
+
+def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generator[float, None, str]:
+    """Fit, solve again, and keep what the settings say; returns what is to be told. The last step changes the scene."""
+    scene, ours = context.scene, context.scene.kiriko.calibration
+    rig, settings = reading.rig, work.settings_of(scene)
+    lattice = Lattice(ours.columns, ours.rows, ours.margin)
+    expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
+    tolerances = tolerances_of(ours)
+    among = [parameter for parameter in parameters(rig) if tolerances[parameter.kind] > 0]
+    if not among:
+        raise RigError("Nothing may be off: set a tolerance above 0.")
+    expect = np.array([tolerances[parameter.kind] for parameter in among])
+    bench = Bench(rig, settings, expected, among)
+    n_shown = int(np.isfinite(bench.display).all(axis=1).sum())
+    if n_shown < FEWEST:
+        raise RigError(
+            f"Only {n_shown} of {len(expected)} points of the lattice are seen in this rig: compare its columns, rows"
+            " and margin with the picture."
+        )
+    measured, scale = measured_points(path, lattice, expected, rig.viewer, tuple(ours.size))
+    noise = ours.noise * scale
+    found = yield from within(fit(bench, measured, expect, noise), 0.05, 0.5)
+    extras = yield from within(extra_photographs(bench, found, expect, noise), 0.5, 0.6)
+    text = told(found)
+    odd = [lattice.name(k) for k in np.flatnonzero(found.left_out)]
+    details = json.dumps({"measured": path.name, "left_out": odd, **as_data(bench, found, expect, extras)})
+    amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
+    if ours.keep == "NONE":
+        ours.found = details
+        return f"{text} Nothing is kept of it."
+    fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
+    solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
+    if ours.keep == "SCENE":
+        put_into_scene(scene, fitted, lambda: work.read(context))
+    else:
+        add_offset(scene, amounts)
+    ours.found = details
+    return f"{text} {write_solution(scene, work.read(context), solution)}"
+
+
+def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
+    """What the settings take for likely, by the parameters' kind and in their units."""
+    angles = {kind: float(np.degrees(getattr(ours, kind))) for kind in ("turn", "crossing")}
+    return {**{kind: getattr(ours, kind) for kind in ("shift", "index", "mirror", "focal")}, **angles}
+
+
+def measured_points(
+    path: Path, lattice: Lattice, expected: Floats, viewer: Viewer, size: tuple[int, int]
+) -> tuple[Floats, float]:
+    """Points of the lattice (m, 2) in viewer px, NaN where not measured; and viewer px in a pixel they are given in.
+
+    path : of a photograph, or of a CSV of positions in an image of a size; (0, 0): in the viewer's
+    """
+    viewer_size = np.array([viewer.width, viewer.height], float)
+    if path.suffix.lower() in TEXTS:
+        size = np.array(size, float) if min(size) else viewer_size
+        scale = _scale(path, size, viewer_size)
+        points = read_points(path, lattice, expected / scale)
+    else:
+        photograph = read_photograph(path)
+        size = np.array(photograph.shape[1::-1], float)
+        scale = _scale(path, size, viewer_size)
+        points = match(find_points(photograph), expected / scale, lattice)
+    check(points, lattice)
+    return points * scale, float(scale.mean())
+
+
+def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
+    """Viewer px (2,) in a pixel of an image; ImageError where their shapes differ by more than rounding."""
+    scale = viewer_size / size
+    if abs(size[0] * viewer_size[1] - size[1] * viewer_size[0]) > max(size.max(), viewer_size.max()):
+        raise ImageError(
+            f"'{path.name}' has {size[0]:.0f} x {size[1]:.0f} pixels, the viewer {viewer_size[0]:.0f} x"
+            f" {viewer_size[1]:.0f}: give the scene's render the photograph's shape."
+        )
+    return scale
+
+
+def told(found: Fit) -> str:
+    """A fit in a sentence."""
+    n = int(found.left_out.sum())
+    odd = f"; {n} that lie{'s' if n == 1 else ''} far from the others' fit left out" if n else ""
+    return (
+        f"The lattice was {found.before:.3g} viewer px off; with the fit it is {found.after:.3g}"
+        f" ({found.n_points} points{odd})."
+    )
+
+
+def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -> dict[str, Any]:
+    """All of a fit as plain data, for the panel and for JSON."""
+    names = [parameter.name for parameter in bench.parameters]
+    alike, still = found.groups()
+    rows = zip(bench.parameters, found.amounts, found.errors, tolerances, strict=True)
+    return {
+        "points": found.n_points,
+        "of": len(bench.view),
+        "before_viewer_px": found.before,
+        "after_viewer_px": found.after,
+        "condition": _number(found.condition),
+        "amounts": [
+            {"name": p.name, "unit": p.unit, "amount": float(a), "error": float(e), "tolerance": float(t)}
+            for p, a, e, t in rows
+        ],
+        "correlation": np.round(found.correlation, 4).tolist(),
+        "alike": [[names[k] for k in group] for group in alike],
+        "still": [names[k] for k in still],
+        "extra_photographs": [
+            {
+                "where": extra.where,
+                "gain_bits": extra.gain,
+                "condition": _number(extra.condition),
+                "errors": dict(zip(names, map(float, extra.errors), strict=True)),
+            }
+            for extra in extras
+        ],
+    }
+
+
+def _number(x: float) -> float | None:
+    """A number that JSON can hold."""
+    return float(x) if np.isfinite(x) else None

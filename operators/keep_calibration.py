@@ -1,0 +1,55 @@
+"""Move a calibration's offset into the scene, or remove it."""
+
+import json
+
+import bpy
+
+from ..core.blender_calibration import put_into_scene
+from ..core.errors import KirikoError
+from . import work
+
+
+def without_offset(scene: bpy.types.Scene) -> list[str]:
+    """The reason why nothing can be done with an offset, where there is none."""
+    return [] if scene.kiriko.calibration.offset else ["No calibration is kept as an offset"]
+
+
+class KIRIKO_OT_apply_calibration(bpy.types.Operator):
+    """Move the objects, and set what they are made of, as the calibration's offset says; the offset goes"""
+
+    bl_idname = "kiriko.apply_calibration"
+    bl_label = "Apply to Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, without_offset(context.scene) + work.lacking(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        n = len(json.loads(context.scene.kiriko.calibration.offset))
+        try:
+            reading = work.read(context)
+            reading.rig.check()
+            put_into_scene(context.scene, reading, lambda: work.read(context))
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.")
+        return {"FINISHED"}
+
+
+class KIRIKO_OT_remove_calibration(bpy.types.Operator):
+    """Forget the calibration's offset: the rig is what the scene shows"""
+
+    bl_idname = "kiriko.remove_calibration"
+    bl_label = "Remove Offset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, without_offset(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        context.scene.kiriko.calibration.offset = ""
+        self.report({"INFO"}, "The offset is gone: solve again.")
+        return {"FINISHED"}

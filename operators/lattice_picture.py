@@ -1,0 +1,43 @@
+"""Lattice picture: what is shown to calibrate a bench takes the picture's place."""
+
+import bpy
+
+from ..core.blender_image import encoded_image
+from ..core.errors import KirikoError
+from ..core.lattice import Lattice
+from . import work
+
+NAME = "Kiriko Calibration"
+SIDE = 2048  # px
+
+
+class KIRIKO_OT_lattice_picture(bpy.types.Operator):
+    """Make the lattice the picture: solve, show the source image on the real display, photograph what is seen"""
+
+    bl_idname = "kiriko.lattice_picture"
+    bl_label = "Show Lattice"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        scene = context.scene
+        is_there = scene.kiriko.picture_source == "IMAGE" or work.parts(scene).get("PICTURE")
+        return work.can_run(cls, [] if is_there else ["No picture: set a plane's role to Picture"])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene, ours = context.scene, context.scene.kiriko.calibration
+        try:
+            lattice = Lattice(ours.columns, ours.rows, ours.margin)
+        except KirikoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        image = encoded_image(NAME, lattice.image(SIDE, SIDE, ours.style.lower()))
+        if scene.kiriko.picture_source == "IMAGE":
+            scene.kiriko.picture_image = image
+            where = "the scene's picture"
+        else:
+            picture = work.parts(scene)["PICTURE"][0]
+            picture.kiriko.image = image
+            where = f"'{picture.name}'"
+        self.report({"INFO"}, f"The lattice is in {where}: solve, show it on the display, and photograph what is seen.")
+        return {"FINISHED"}

@@ -1,0 +1,121 @@
+"""Calibration: a real bench, from a photograph of the lattice."""
+
+import json
+
+import bpy
+
+from ..operators.calibrate import TELLS
+from .words import Sidebar, sentence
+
+MOST = 5  # amounts in the list
+
+
+class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
+    """Fit the rig to a photograph of the lattice."""
+
+    bl_label = "Calibration"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko.calibration
+        column = layout.column(align=True)
+        column.prop(ours, "columns")
+        column.prop(ours, "rows")
+        layout.prop(ours, "margin")
+        layout.prop(ours, "style")
+        layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME" if bpy.app.version >= (4, 1) else "GRID")
+        layout.prop(ours, "filepath")
+        layout.prop(ours, "size")
+        layout.prop(ours, "keep")
+        buttons = layout.column(align=True)
+        buttons.scale_y = 1.3
+        buttons.operator("kiriko.calibrate", icon="TRACKER")
+        if ours.offset:
+            n = len(json.loads(ours.offset))
+            kept = "An offset is" if n == 1 else f"Offsets of {n} calibrations are"
+            sentence(
+                layout, context, f"{kept} kept: the rig that is solved is not quite where it is drawn.", icon="INFO"
+            )
+            row = layout.row(align=True)
+            row.operator("kiriko.apply_calibration")
+            row.operator("kiriko.remove_calibration")
+
+
+class VIEW3D_PT_kiriko_expected(Sidebar, bpy.types.Panel):
+    """What may be off, and by how much it is likely to be."""
+
+    bl_label = "May Be Off"
+    bl_parent_id = "VIEW3D_PT_kiriko_calibration"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko.calibration
+        for name in ("shift", "turn", "index", "focal", "crossing", "mirror", "noise"):
+            layout.prop(ours, name)
+
+
+class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
+    """What the last calibration found, and what it could not tell."""
+
+    bl_label = "Found"
+    bl_parent_id = "VIEW3D_PT_kiriko_calibration"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.kiriko.calibration.found)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        found = json.loads(context.scene.kiriko.calibration.found)
+        text = (
+            f"'{found['measured']}', {found['points']} of {found['of']} points: {found['before_viewer_px']:.3g} px off,"
+            f" {found['after_viewer_px']:.2g} with the fit."
+        )
+        sentence(layout, context, text, icon="DRIVER_DISTANCE")
+        if found["left_out"]:
+            text = f"Left out, for they lie far from where the others have them: {', '.join(found['left_out'])}."
+            sentence(layout, context, text, icon="ERROR")
+        amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
+        for entry in amounts[:MOST]:
+            text = f"{entry['name']}: {entry['amount']:+.2g} (+- {entry['error']:.1g}) {entry['unit']}"
+            sentence(layout, context, text.rstrip(), icon="DOT")
+        n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
+        condition = "infinite" if found["condition"] is None else f"{found['condition']:.1g}"
+        text = f"The photograph tells of {n_told} of {len(amounts)} amounts; condition number {condition}."
+        sentence(layout, context, text, icon="INFO")
+        if found["extra_photographs"]:
+            sentence(layout, context, advice(found), icon="OUTLINER_OB_CAMERA")
+
+
+class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
+    """Which amounts one photograph cannot tell, or not from each other."""
+
+    bl_label = "Not Told Apart"
+    bl_parent_id = "VIEW3D_PT_kiriko_found"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        found = json.loads(context.scene.kiriko.calibration.found)
+        for group in found["alike"]:
+            sentence(layout, context, f"Almost alike: {', '.join(group)}.", icon="DUPLICATE")
+        if found["still"]:
+            sentence(layout, context, f"Not seen in it: {', '.join(found['still'])}.", icon="HIDE_ON")
+
+
+def advice(found: dict) -> str:
+    """Which other photograph would tell most, and of what."""
+    extra = found["extra_photographs"][0]
+    rows = {entry["name"]: entry for entry in found["amounts"]}
+    gains = sorted((extra["errors"][name] / entry["error"], name) for name, entry in rows.items())
+    words = [
+        f"{name} to {extra['errors'][name]:.2g} instead of {rows[name]['error']:.2g} {rows[name]['unit']}".rstrip()
+        for _, name in gains[:2]
+    ]
+    return f"A photograph from {extra['where']} would tell most: {', '.join(words)}."

@@ -1,0 +1,281 @@
+"""From a photograph of a bench that is off to a source image for it, and back."""
+
+import importlib
+import json
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import inventory, linear_lattice, pixels, small_rig
+
+HIDDEN = {
+    "Kiriko Viewer: turn about up": 0.08,
+    "Kiriko Viewer: shift away": 0.6,
+    "Kiriko Plate: turn about right": -0.06,
+    "Kiriko Display: shift right": 0.4,
+    "Cube: turn about up": 0.2,
+    "Cube: index": 0.002,
+}
+
+
+class Bench:
+    """A rig in the scene, and what is really there: parts that are off by HIDDEN."""
+
+    def __init__(self, kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+        self.kiriko, self.scene = kiriko, scene
+        self.work, self.misalignment, self.lattice, self.picture, self.session, self.image_io = (
+            importlib.import_module(f"{kiriko.__name__}.{name}")
+            for name in (
+                "operators.work",
+                "core.misalignment",
+                "core.lattice",
+                "core.picture",
+                "core.session",
+                "core.image_io",
+            )
+        )
+        self.parts = small_rig(viewer_resolution=512, display_resolution=(512, 512))
+        self.parts["GLASS"].rotation_euler[2] = 0.2
+        self.drawn = self.rig()
+        self.real, unknown = self.misalignment.with_amounts(self.drawn, HIDDEN)
+        assert not unknown
+
+    def source_of(self, rig):
+        """Solved for a rig."""
+        return self.session.finish(self.session.Session().solve(rig, self.work.settings_of(self.scene)))
+
+    def rig(self):
+        """As Kiriko takes it, with its offset."""
+        return self.work.read(bpy.context).rig
+
+    def wanted(self) -> np.ndarray:
+        """Where the lattice's points are to be seen (49, 2), viewer px."""
+        lattice = self.lattice.Lattice(7, 7, 1 / 14)
+        return self.picture.view_of_picture(self.drawn.picture, self.drawn.viewer, lattice.uv)
+
+    def seen(self, rig) -> np.ndarray:
+        """Where they are seen on the real bench (49, 2) while the display shows what is right for a rig."""
+        settings, bench = self.work.settings_of(self.scene), self.misalignment.Bench
+        lattice = self.lattice.Lattice(7, 7, 1 / 14)
+        shown = bench(rig, settings, self.picture.view_of_picture(rig.picture, rig.viewer, lattice.uv)).display
+        return bench(self.real, settings, self.wanted(), []).seen(np.zeros(0), display=shown)
+
+    def off(self, rig) -> float:
+        """Mean distance, viewer px, from where they are to be seen."""
+        return float(np.nanmean(np.linalg.norm(self.seen(rig) - self.wanted(), axis=1)))
+
+    def photograph(self, path: Path) -> Path:
+        """What is seen of the source image on the real bench, as a file."""
+        source = pixels(self.scene.kiriko.result.source)[..., :3]
+        return self.image_io.write(path, self.source_of(self.real).seen(source), "PNG8")
+
+    def csv(self, path: Path, points: np.ndarray | None = None, names: bool = True) -> Path:
+        """The points that are seen, with a little noise."""
+        points = self.seen(self.drawn) if points is None else points
+        points = points + np.random.default_rng(0).normal(0, 0.1, points.shape)
+        lines = ["column,row,x,y" if names else "x,y"]
+        for k, (x, y) in enumerate(points):
+            lines.append(f"{k % 7 + 1},{k // 7 + 1},{x},{y}" if names else f"{x},{y}")
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+
+@pytest.fixture
+def bench(kiriko: ModuleType, scene: bpy.types.Scene) -> Bench:
+    return Bench(kiriko, scene)
+
+
+@pytest.mark.parametrize("names", [True, False])
+def test_points_of_a_bench_that_is_off_make_it_right(bench: Bench, tmp_path: Path, names: bool) -> None:
+    """Kept as an offset: objects stay, the rig that is solved is another, and the real bench shows the picture."""
+    before = bench.off(bench.drawn)
+    assert before > 5
+    places = {o.name: o.matrix_world.copy() for o in bpy.data.objects}
+    assert bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv", names=names))) == {"FINISHED"}
+    assert {o.name: o.matrix_world.copy() for o in bpy.data.objects} == places
+    assert bench.off(bench.rig()) < 0.1
+    ours = bench.scene.kiriko.calibration
+    found = json.loads(ours.found)
+    assert found["points"] == found["of"] == 49
+    assert found["before_viewer_px"] == pytest.approx(before, rel=0.3)
+    assert found["after_viewer_px"] < 0.2
+    assert found["condition"] is None or found["condition"] > 1e6
+    assert {entry["name"] for entry in found["amounts"]} >= set(HIDDEN)
+    assert "Cube: shift right" in found["still"]
+    assert found["extra_photographs"][0]["gain_bits"] > 1
+    assert "offset" in bench.scene.kiriko.result.notes
+    bpy.ops.kiriko.remove_calibration()
+    assert bench.off(bench.rig()) == pytest.approx(before)
+    with pytest.raises(RuntimeError, match="No calibration is kept"):
+        bpy.ops.kiriko.remove_calibration()
+
+
+def test_a_photograph_does_it_too(bench: Bench, tmp_path: Path) -> None:
+    """Solved, shown on a bench that is off, photographed, found in the image, fitted, solved again: all of it."""
+    bpy.ops.kiriko.solve()
+    path = bench.photograph(tmp_path / "photograph.png")
+    bpy.ops.kiriko.calibrate(filepath=str(path))
+    assert bench.off(bench.rig()) < 0.3
+    bpy.ops.kiriko.remove_calibration()
+
+
+def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
+    """A second photograph is of what the first calibration made: its amounts come on top."""
+    bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))
+    once = bench.off(bench.rig())
+    bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "second.csv", bench.seen(bench.rig()))))
+    assert len(json.loads(bench.scene.kiriko.calibration.offset)) == 2
+    assert bench.off(bench.rig()) < once + 0.05
+
+
+def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
+    """The same rig to single precision, by objects that were moved, one of them with a parent, and settings."""
+    holder = bpy.data.objects.new("Holder", None)
+    bench.scene.collection.objects.link(holder)
+    holder.location = (0.1, 0.2, 0.3)
+    holder.rotation_euler = (0.3, 0.2, 0.1)
+    bpy.context.view_layer.update()
+    plate = bench.parts["PLATE"]
+    plate.parent, plate.matrix_parent_inverse = holder, holder.matrix_world.inverted()
+    display = bench.parts["DISPLAY"]
+    display.parent, display.matrix_parent_inverse = plate, plate.matrix_world.inverted()
+    bench.scene.kiriko.calibration.offset = json.dumps([HIDDEN, {"Kiriko Viewer: focal length": 0.2}])
+    wanted = bench.rig()
+    assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
+    assert bench.scene.kiriko.calibration.offset == ""
+    found = bench.rig()
+    assert np.allclose(found.plates[0].mesh.vertices, wanted.plates[0].mesh.vertices, atol=1e-6)
+    assert np.allclose(found.display.mesh.vertices, wanted.display.mesh.vertices, atol=1e-6)
+    assert np.allclose(found.viewer.axes, wanted.viewer.axes, atol=1e-6)
+    assert np.allclose(found.viewer.window, wanted.viewer.window, rtol=1e-5)
+    assert found.glasses[0].ior(0) == pytest.approx(wanted.glasses[0].ior(0), abs=1e-6)
+    corners = bench.lattice.Lattice(2, 2, 0.0).uv
+    seen = bench.picture.view_of_picture(found.picture, found.viewer, corners)
+    assert np.abs(seen - bench.picture.view_of_picture(bench.drawn.picture, bench.drawn.viewer, corners)).max() < 0.01
+
+
+@pytest.mark.parametrize("holds", ["constraint", "keyframes"])
+def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
+    """All stays as it was, the offset too."""
+    bench.scene.kiriko.calibration.offset = json.dumps([{**HIDDEN, "Kiriko Plate: shift up": 0.5}])
+    plate = bench.parts["PLATE"]
+    if holds == "constraint":
+        constraint = plate.constraints.new("LIMIT_LOCATION")
+        constraint.use_max_z = constraint.use_min_z = True
+        constraint.max_z = constraint.min_z = plate.location.z
+    else:
+        plate.keyframe_insert("location")
+    bpy.context.view_layer.update()
+    places = {o.name: o.matrix_world.copy() for o in bpy.data.objects}
+    offset = bench.scene.kiriko.calibration.offset
+    with pytest.raises(RuntimeError, match="keep the offset"):
+        bpy.ops.kiriko.apply_calibration()
+    bpy.context.view_layer.update()
+    assert {o.name: o.matrix_world.copy() for o in bpy.data.objects} == places
+    assert bench.scene.kiriko.calibration.offset == offset
+
+
+def test_kept_in_the_scene_or_not_at_all(bench: Bench, tmp_path: Path) -> None:
+    path = str(bench.csv(tmp_path / "points.csv"))
+    ours = bench.scene.kiriko.calibration
+    ours.keep = "NONE"
+    bpy.ops.kiriko.calibrate(filepath=path)
+    assert json.loads(ours.found)["after_viewer_px"] < 0.2
+    assert ours.offset == ""
+    assert bench.scene.kiriko.result.source is None
+    ours.keep = "SCENE"
+    bpy.ops.kiriko.calibrate(filepath=path)
+    assert ours.offset == ""
+    assert bench.off(bench.rig()) < 0.15
+
+
+def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
+    """Cycles sees the lattice where it is wanted, though the objects stand elsewhere; not so without the offset."""
+    bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv")))
+    preview, seen_image = (
+        importlib.import_module(f"{bench.kiriko.__name__}.core.{name}") for name in ("blender_preview", "seen_image")
+    )
+    ideal = bench.picture.ideal_image(bench.drawn.picture, bench.drawn.viewer)
+    reading, source = bench.work.read(bpy.context), bench.scene.kiriko.result.source
+    render = preview.render_preview(bench.scene, reading, source, samples=4, fresnel=False)
+    assert seen_image.lattice_shift(render, ideal).mean < 0.1
+    bpy.ops.kiriko.remove_calibration()
+    render = preview.render_preview(bench.scene, bench.work.read(bpy.context), source, samples=4, fresnel=False)
+    assert seen_image.lattice_shift(render, ideal).mean > 3
+
+
+BAD = {
+    "no file": ("", "choose a photograph"),
+    "missing file": (None, "cannot be read"),
+    "no points": ("column,row,x,y\n", "no points"),
+    "no numbers": ("column,row,x,y\n1,1,a,b\n", "number"),
+    "three points": ("column,row,x,y\n1,1,99,99\n2,1,150,99\n1,2,99,150\n", "Only 3 points"),
+    "beside the lattice": ("column,row,x,y\n8,1,1,1\n", "columns run from 1 to 7"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_files_change_nothing(bench: Bench, tmp_path: Path, case: str) -> None:
+    text, words = BAD[case]
+    path = tmp_path / "points.csv"
+    if text:
+        path.write_text(text)
+    before = inventory()
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.calibrate(filepath="" if text == "" else str(path))
+    ours = bench.scene.kiriko.calibration
+    assert inventory() == before
+    assert ours.found == ours.offset == ""
+    assert bench.scene.kiriko.result.source is None
+
+
+def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> None:
+    """Two swapped, those of another rig, an image without a lattice, one of another shape."""
+    seen = bench.seen(bench.drawn)
+    swapped = seen.copy()
+    swapped[[9, 31]] = swapped[[31, 9]]
+    image_io = bench.image_io
+    cases = [
+        (bench.csv(tmp_path / "swapped.csv", swapped), r"\(3, 2\) and \(4, 5\)"),
+        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig"),
+        (image_io.write(tmp_path / "black.png", np.zeros((512, 512, 3)), "PNG8"), "No lattice"),
+        (image_io.write(tmp_path / "wide.png", np.ones((512, 700, 3)), "PNG8"), "700 x 512"),
+    ]
+    before, ours = inventory(), bench.scene.kiriko.calibration
+    for path, words in cases:
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.kiriko.calibrate(filepath=str(path))
+        assert inventory() == before
+        assert ours.found == ours.offset == ""
+
+
+def test_the_lattice_becomes_the_picture(bench: Bench) -> None:
+    ours = bench.scene.kiriko.calibration
+    ours.columns, ours.rows, ours.margin, ours.style = 9, 6, 0.1, "GRID"
+    assert bpy.ops.kiriko.lattice_picture() == {"FINISHED"}
+    shown = bench.parts["PICTURE"].kiriko.image
+    assert bench.rig().picture.image.shape[:2] == tuple(shown.size)
+    lattice = pixels(shown)[..., 0]
+    assert 0.02 < (lattice > 0.5).mean() < 0.3
+    assert not np.allclose(lattice[:1024, :1024], linear_lattice()[..., 0][:1024, :1024], atol=0.1)
+
+
+def test_the_command_line_calibrates(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Fit, source image and a .blend that has the offset; the file that was given stays."""
+    run = importlib.import_module(f"{bench.kiriko.__name__}.operators.command_line").run
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    before = (tmp_path / "rig.blend").read_bytes()
+    points = bench.csv(tmp_path / "points.csv")
+    out = tmp_path / "out"
+    assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 0, capsys.readouterr().err
+    assert (tmp_path / "rig.blend").read_bytes() == before
+    assert {"calibration.json", "calibrated.blend", "source.png", "report.json"} <= {p.name for p in out.iterdir()}
+    assert json.loads((out / "calibration.json").read_text())["points"] == 49
+    assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 1
+    assert "already" in capsys.readouterr().err
+    assert run(["calibrate", "--out", str(tmp_path / "none"), "--measured", str(tmp_path / "none.csv")]) == 1
+    assert not (tmp_path / "none").exists()
+    bpy.ops.wm.open_mainfile(filepath=str(out / "calibrated.blend"))
+    assert json.loads(bpy.context.scene.kiriko.calibration.offset)
