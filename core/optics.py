@@ -29,14 +29,14 @@ def plane_symmetry(directions: Floats, normals: Floats) -> Floats:
     return -reflect(directions, normals)
 
 
-def refract(directions: Floats, normals: Floats, eta: Floats) -> tuple[Floats, Bools, Floats]:
+def refract(directions: Floats, normals: Floats, n1: Floats, n2: Floats) -> tuple[Floats, Bools, Floats]:
     """Snell's law.
 
     Parameters
     ----------
     directions : (n, 3) unit
     normals : (n, 3) unit, turned against the ray (their scalar product is negative)
-    eta : (n,) incident index / transmitted index
+    n1, n2 : (n,) incident and transmitted index
 
     Returns
     -------
@@ -46,12 +46,15 @@ def refract(directions: Floats, normals: Floats, eta: Floats) -> tuple[Floats, B
 
     Notes
     -----
-    k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta near 1, and gives the direction back
-    bit for bit at eta = 1. Near the critical angle the error grows as eps / sqrt(k), whatever the form.
+    With eta = n1 / n2, k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta near 1, and gives
+    the direction back bit for bit at eta = 1. The difference is taken of the indices: eta, once rounded, no longer
+    tells which light is totally reflected where they differ by 1e-12. Near the critical angle the error grows as
+    eps / sqrt(k), whatever the form.
     """
+    eta = n1 / n2
     c = -dot(directions, normals)
     tangential = directions + c[:, None] * normals
-    k = c * c + (1.0 - eta) * (1.0 + eta) * dot(tangential, tangential)
+    k = c * c + (n2 - n1) / n2 * (1.0 + eta) * dot(tangential, tangential)
     is_tir = k < 0
     root = np.sqrt(np.where(is_tir, 0.0, k))
     refracted = eta[:, None] * directions + (eta * c - root)[:, None] * normals

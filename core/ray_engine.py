@@ -22,6 +22,7 @@ FLOAT32 = 2.0**-23  # spacing of float32 numbers just above 1
 STEEP, NEAR = 0.5, 0.1  # cosine, and parts of a triangle's size: so a ray leaves the hull that has left the faces
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
+WIDER = 1e-6  # barycentric slack for a ray that met nothing: it runs along a face, whose plane it meets far beside
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
 
 
@@ -405,14 +406,14 @@ class Layer:
                 found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]), is_last=True)
                 self._keep_nearest(i, found, is_met, some, accept, best)
             on_planes = self._on_facets(flat, o[:, None], d[:, None])
-            i, k = np.nonzero(_is_within(on_planes.u, on_planes.v))
+            i, k = np.nonzero(_is_within(on_planes.u, on_planes.v, WIDER))
             self._keep_nearest(i, self._on_facets(flat[k], o[i], d[i]), np.ones(len(i), bool), some, accept, best)
             is_found = best.triangle >= 0
             hits.put(some[is_found], best.at(is_found))
 
 
-def _is_within(u: Floats, v: Floats) -> Bools:
-    return (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
+def _is_within(u: Floats, v: Floats, slack: float = EDGE) -> Bools:
+    return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack)
 
 
 def _of(leaves: Bools | None, rays: Ints) -> Bools | None:

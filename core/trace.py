@@ -252,9 +252,11 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             bit = plan.bit[part]
             is_solid = bit != 0
             fits = hits.enters != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
-            is_new = (t > tolerance) | (part != last_part[i]) & (t > -1e-3 * tolerance)
+            is_other = part != last_part[i]
+            is_new = (t > tolerance) | is_other & (t > -1e-3 * tolerance)
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
-            return np.where(is_solid, fits & (t > -tolerance), is_new), is_wrong
+            # faces of two solids may lie in each other by what float32 leaves; those of one meet to rounding
+            return np.where(is_solid, fits & (t > -np.where(is_other, 1, 1e-3) * tolerance), is_new), is_wrong
 
         leaves = None if layer.curved is None or bits is None else (mask & bits[cluster]) != 0
         is_inside = (mask & closed_bits[cluster]) != 0
@@ -381,11 +383,11 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
         return
     directions = rays.directions[i]
     geometric, shading = _shading_normals(plan, directions, hits)
-    out, is_tir, transmittance = refract(directions, shading, n1 / n2)
+    out, is_tir, transmittance = refract(directions, shading, n1, n2)
     # a bent normal can send light to the wrong side of the face it met: there the face's own normal is used
     wrong = (dot(out, geometric) > 0) != is_tir
     if wrong.any():
-        again = refract(directions[wrong], geometric[wrong], (n1 / n2)[wrong])
+        again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
     rays.directions[i] = normalise(out)
     rays.mask[i] = np.where(is_tir, rays.mask[i], after)

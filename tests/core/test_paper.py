@@ -45,7 +45,7 @@ def test_infloasion_leaves_the_bending_on_the_viewers_side_of_the_aerial_plane()
     ahead = (0.025 - origins @ normals.T) / (directions @ normals.T)
     face = ahead.argmax(axis=1)
     place = origins + ahead.max(axis=1)[:, None] * directions
-    inside, is_tir, _ = refract(directions, normals[face], np.full(len(xy), 1 / 1.49))
+    inside, is_tir, _ = refract(directions, normals[face], np.ones(len(xy)), np.full(len(xy), 1.49))
     assert not is_tir.any()
     aerial = place - place[:, 1:2] / inside[:, 1:2] * inside
     wanted = 0.025 + np.stack([aerial[:, 0], -aerial[:, 2]], axis=1)  # as a mirror has it, rows count from the top

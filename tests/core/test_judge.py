@@ -1,0 +1,79 @@
+"""Core held to mpmath at fifty digits, on random cases with hard ones among them: `dev.py extremes` takes 1e5 of each.
+
+The marks: 1e-12 where k > 1e-6, 4 eps / sqrt k below, and never the wrong class where it can be known.
+"""
+
+import judge
+import numpy as np
+import pytest
+from reference_rigs import rig
+
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import ConstantIndex, Glass
+from kiriko.core.trace import Reason, trace_all
+
+CASES = {
+    judge.judge_refraction: 3000,
+    judge.judge_balls: 1500,
+    judge.judge_stacks: 2000,
+    judge.judge_landings: 800,
+    judge.judge_prisms: 1000,
+    judge.judge_arrays: 1200,
+}
+
+
+def test_nothing_is_left_out():
+    """Each judge is asked."""
+    assert set(CASES) == set(judge.JUDGES)
+
+
+@pytest.mark.parametrize("ask", CASES, ids=lambda ask: ask.__name__)
+def test_the_marks_are_kept(ask):
+    """Every case is within its mark and of the right class."""
+    for verdict in ask(CASES[ask], seed=1):
+        assert verdict.n_cases > 0.7 * CASES[ask]
+        assert verdict.error < judge.EXACT
+        assert verdict.is_kept, (
+            f"{verdict.what}: {verdict.part:.3g} of the mark, {verdict.n_wrong} wrong: {verdict.where}"
+        )
+
+
+def rounded(directions, normals, n1, n2):
+    """Refraction by the ratio of the indices alone, as it was: right for the ratio, not for the indices."""
+    return judge_refract(directions, normals, n1 / n2, np.ones(len(n1)))
+
+
+def cancelling(directions, normals, n1, n2):
+    """Refraction by the form that subtracts near-equal numbers, 1 - eta^2 (1 - c^2)."""
+    eta, c = n1 / n2, -(directions * normals).sum(axis=1)
+    k = 1 - eta**2 * (1 - c**2)
+    root = np.sqrt(np.where(k < 0, np.nan, k))
+    return eta[:, None] * directions + (eta * c - root)[:, None] * normals, k < 0, np.ones(len(k))
+
+
+judge_refract = judge.refract
+
+
+@pytest.mark.parametrize("other", [rounded, cancelling])
+def test_the_judge_tells_a_worse_refraction(other, monkeypatch):
+    """Forms that lose digits near the critical angle of near-equal indices are found out, by the class of light."""
+    monkeypatch.setattr(judge, "refract", other)
+    verdict = judge.judge_refraction(2000)[0]
+    assert verdict.n_wrong > 0
+    assert not verdict.is_kept
+
+
+def test_light_that_leaves_close_to_an_edge_does_not_enter_again():
+    """4 nm and 0.1 nm beside the edge of a prism light goes in by one face and out by the other, and meets no more.
+
+    Within a hundredth of that, faces are wider than drawn, so that no ray is lost between them.
+    """
+    half = 0.03
+    at = half * np.array([[-1, -1], [1, -1], [-1, 1]])
+    glass = Glass("prism", judge.Prism(at, 0.1, 1.0).mesh, ConstantIndex(0.6))
+    plan = make_plan(rig((glass,), **judge.OUT_OF_THE_WAY), Settings())
+    d = np.array([[0.1, 1.0, 0.0]]) / np.sqrt(1.01)
+    for beside, met in ((4e-9, True), (1e-10, True), (-4e-9, False), (-1e-10, False)):
+        landings = trace_all(plan, np.array([[half - beside, -half, 0.0]]) - 0.5 * d, d)
+        assert landings.n_events.tolist() == [2 if met else 0]
+        assert landings.reason.tolist() == [Reason.MISSED_PLATE if met else Reason.MISSED_GLASS]
