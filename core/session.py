@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .accuracy import tessellation_error
 from .errors import RigError
+from .memory import check_memory
 from .picture import Pyramid, Taps, ideal_image, picture_from_view
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
@@ -181,6 +182,7 @@ class Session:
         optics = self._optics
         is_new = optics is None or optics.key != key
         if is_new:
+            check_memory(rig)
             optics = yield from self._look(rig, settings, key, clock)
         yield 0.85
         picture = rig.picture

@@ -18,6 +18,7 @@ import numpy as np
 from reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
 
 from kiriko.core.engines import make_engine
+from kiriko.core.memory import estimated
 from kiriko.core.session import Session, finish
 
 PICTURE = 1024
@@ -29,6 +30,7 @@ CASES = {
     "cube, 512 -> 512": lambda: cube_rig(image=lattice_image(PICTURE)),
     "ball, 20 k triangles, 512 -> 4096": lambda: ball_rig(5, display_pixels=4096, image=lattice_image(PICTURE)),
     "ball, 20 k triangles, 4096 -> 512": lambda: ball_rig(5, pixels=4096, image=lattice_image(PICTURE)),
+    "ball, 20 k triangles, 512 -> 8192": lambda: ball_rig(5, display_pixels=8192, image=lattice_image(PICTURE)),
     "slab, 512 -> 512": lambda: rig(box([0.3, 0.03, 0.3]), image=lattice_image(PICTURE)),
 }
 ENGINES = ("Embree", "Blender's BVH")
@@ -44,6 +46,7 @@ def peak() -> float:
 def measure(name: str, runs: int) -> dict[str, object]:
     """Solve from scratch `runs` times, then paint another picture as often."""
     a_rig = CASES[name]()
+    before = peak()
     whole, again, parts = [], [], []
     for _ in range(runs):
         session = Session()
@@ -62,6 +65,7 @@ def measure(name: str, runs: int) -> dict[str, object]:
         "rays": solution.n_rays,
         "shares": len(solution.shares),
         "peak": peak(),
+        "told": before + sum(estimated(a_rig).values()) / 1e6,
     }
 
 
@@ -134,13 +138,13 @@ def main() -> None:
         print(json.dumps(measure(arguments.case, arguments.runs)))
         return
     heads = f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8} {'rays':>9} {'peak MB':>8}"
-    print(f"{'case':<36} {heads}")
+    print(f"{'case':<36} {heads} {'told MB':>8}")
     for name in CASES:
         m = ask("--case", name, "--runs", str(arguments.runs))
         print(
             f"{name:<36} {m['solve']:8.2f} {m['repaint']:9.3f} {m['parts']['plan']:7.2f}"
             f" {m['parts']['tracing']:8.2f} {m['parts']['shares']:8.2f}"
-            f" {m['rays']:9d} {m['peak']:8.0f}",
+            f" {m['rays']:9d} {m['peak']:8.0f} {m['told']:8.0f}",
             flush=True,
         )
 
