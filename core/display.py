@@ -53,11 +53,12 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
         return None
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
-    system = np.column_stack([inside @ axes.T, np.ones(len(inside))])
+    # in parts of its size: far from 1 m the columns would differ so much that the fit loses its last digits
+    system = np.column_stack([inside @ axes.T / size, np.ones(len(inside))])
     fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
     if np.abs(system @ fit - uv).max() > FLAT:
         return None
     scale = np.array([display.width, -display.height])
     return DisplayPlane(
-        corner, normal, scale[:, None] * (fit[:2].T @ axes), np.array([0, display.height]) + scale * fit[2]
+        corner, normal, scale[:, None] * (fit[:2].T @ axes) / size, np.array([0, display.height]) + scale * fit[2]
     )

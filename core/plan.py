@@ -26,6 +26,7 @@ Thing = TypeVar("Thing")
 VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
 BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
+MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 
 
@@ -285,15 +286,23 @@ def colour(touch: np.ndarray) -> Ints:
     return colours
 
 
+def are_unlike(boxes: Floats) -> Bools:
+    """Which of boxes (n, 2, 3) are too large together for float32 to resolve the smaller one? (n, n)."""
+    together = np.maximum(boxes[:, None, 1], boxes[None, :, 1]) - np.minimum(boxes[:, None, 0], boxes[None, :, 0])
+    size = np.ptp(boxes, axis=1).max(axis=1)
+    return together.max(axis=2) > MOST_UNLIKE * np.minimum(size[:, None], size[None])
+
+
 def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
-    """Which parts share a layer: each small one is its own, the others by colour so that none touch."""
+    """Which parts share a layer: each of few faces is its own, the others by colour so that none touch."""
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
         small = []
     rest = [i for i in range(len(surfaces)) if i not in small]
     groups = [[i] for i in small]
     if rest:
-        colours = colour(boxes_touch(np.stack([surfaces[i].bounds for i in rest]), slack))
+        boxes = np.stack([surfaces[i].bounds for i in rest])
+        colours = colour(boxes_touch(boxes, slack) | are_unlike(boxes))
         groups += [[rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)]
     return groups
 

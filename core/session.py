@@ -31,6 +31,7 @@ Result = TypeVar("Result")
 
 PIXELS_AT_ONCE = 1 << 18
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
+ROUNDED = 0.025  # display px: where places are rounded to more than this, landings may be off by ten times as much
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 
 REMEDIES = {
@@ -282,6 +283,13 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
         notes.append(
             f"The mesh is coarse: up to about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade"
             " it smooth where it is meant to be."
+        )
+    display, rounding = rig.display, plan.merge_distance / 2
+    pixel = float(np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height))
+    if rounding > ROUNDED * pixel:
+        notes.append(
+            f"So far from the origin Blender rounds places to {1e3 * rounding:.2g} mm, {rounding / pixel:.2g} display"
+            " pixels, and nearer faces of glass touch: move the rig to the origin."
         )
     brightest = reduce(np.maximum, (source[..., channel] for channel in range(3)))  # rows of three are slow in numpy
     bright = np.count_nonzero(brightest > 1 + 1e-6) / max(np.count_nonzero(brightest > 0), 1)

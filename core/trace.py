@@ -223,8 +223,10 @@ def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
             where = rays.live, rays.positions[rays.live], plan.patch[hits.triangle]
             steps.append(Step(*where, left, rays.positions[left], rays.directions[left]))
         part = plan.part[hits.triangle]
-        rays.last_part[rays.live] = part
         kind = plan.kind[part]
+        # glass in the same place as a sheet just met: the sheet must not be met once more from there
+        is_beside = (kind == Kind.GLASS) & (hits.distance <= plan.merge_distance)
+        rays.last_part[rays.live[~is_beside]] = part[~is_beside]
         for of_kind, meet in _MEETINGS.items():
             chosen = np.flatnonzero(kind == of_kind)
             if len(chosen):
@@ -246,17 +248,19 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
         tolerance = max(layer.tolerance, plan.merge_distance)
 
         def accept(i: Ints, hits: Hits, numbers: Ints = numbers, tolerance: float = tolerance) -> tuple[Bools, Bools]:
-            """Solids: one enters from outside and leaves from inside. Sheets: not the one just left, at once."""
+            """Solids: one enters from outside and leaves from inside. Sheets: not the one just left, at once.
+
+            What touches may be a little behind; not so other faces of what was just met, however thin it is.
+            """
             t = hits.distance
             part = plan.part[numbers[hits.triangle]]
             bit = plan.bit[part]
             is_solid = bit != 0
             fits = hits.enters != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
-            is_other = part != last_part[i]
-            is_new = (t > tolerance) | is_other & (t > -1e-3 * tolerance)
+            is_last = part == last_part[i]
+            is_new = (t > tolerance) | ~is_last & (t > -1e-3 * tolerance)
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
-            # faces of two solids may lie in each other by what float32 leaves; those of one meet to rounding
-            return np.where(is_solid, fits & (t > -np.where(is_other, 1, 1e-3) * tolerance), is_new), is_wrong
+            return np.where(is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new), is_wrong
 
         leaves = None if layer.curved is None or bits is None else (mask & bits[cluster]) != 0
         is_inside = (mask & closed_bits[cluster]) != 0
@@ -306,7 +310,8 @@ def _on_plane(plan: Plan, rays: _Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = ((plane.corner - rays.positions[i]) @ plane.normal) / slope
         at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
-    return at @ plane.pixels.T + plane.origin, t, (slope < 0) & (t > 0)
+        xy = at @ plane.pixels.T + plane.origin
+    return xy, t, (slope < 0) & (t > 0)
 
 
 def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
@@ -390,6 +395,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
     rays.directions[i] = normalise(out)
+    rays.last_part[i[is_tir]] = -1  # what is turned back may meet a sheet at this place again
     rays.mask[i] = np.where(is_tir, rays.mask[i], after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance

@@ -97,6 +97,16 @@ def misalignment(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_misalignment.py", arguments.rest)
 
 
+def extremes(arguments: argparse.Namespace) -> None:
+    """Check stiff and extreme cases: right, or refused with a reason (further options go to scripts/extremes.py)."""
+    run_with_tests("extremes.py", arguments.rest)
+
+
+def judge(arguments: argparse.Namespace) -> None:
+    """Judge optics and tracer at fifty digits, and look for leaks (further options go to scripts/bench_judge.py)."""
+    run_with_tests("bench_judge.py", arguments.rest)
+
+
 def live(arguments: argparse.Namespace) -> None:
     """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
     run_in_blender("bench_live.py", arguments.rest)
@@ -143,6 +153,8 @@ def main() -> None:
         rules,
         plate,
         misalignment,
+        extremes,
+        judge,
         live,
         lab,
         surface,
@@ -157,21 +169,7 @@ def main() -> None:
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb not in {
-        "demo",
-        "bench",
-        "compare",
-        "curved",
-        "growth",
-        "rules",
-        "plate",
-        "misalignment",
-        "live",
-        "lab",
-        "surface",
-        "paper",
-        "pictures",
-    }:
+    if rest and arguments.verb in {"test", "lint", "build", "setup"}:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

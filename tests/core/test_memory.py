@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from environments import link_package
 from reference_rigs import ball_rig
 
+from environments import link_package
 from kiriko.core import memory
 from kiriko.core.errors import RigError
 from kiriko.core.session import Session, finish
