@@ -1,7 +1,8 @@
 """Puts what a calibration found into the scene: objects moved, settings changed. All of it, or nothing."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -16,8 +17,9 @@ from .rig import WAVELENGTH, Floats, Rig
 SAME = 1e-6  # of the rig's size: what Blender's single precision leaves of a place
 
 
-def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]) -> None:
-    """Make the scene show the rig that a reading has with its offset; the offset goes.
+@contextmanager
+def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]) -> Iterator[None]:
+    """Make the scene show the rig that a reading has with its offset; the offset goes. Undone if what is within fails.
 
     Parameters
     ----------
@@ -33,6 +35,7 @@ def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], 
         _change(reading, undo)
         undo.set(scene.kiriko.calibration, "offset", "")
         _compare(read().rig, reading.rig)
+        yield
     except BaseException:
         undo.all()
         raise
@@ -135,7 +138,14 @@ def _close(a: Floats | float, b: Floats | float, size: float) -> bool:
     return bool(np.abs(np.subtract(a, b)).max() <= SAME * size)
 
 
-def add_offset(scene: bpy.types.Scene, amounts: dict[str, float]) -> None:
-    """Keep what a calibration found, amounts by the parameters' names, beside what earlier ones found."""
+@contextmanager
+def add_offset(scene: bpy.types.Scene, amounts: dict[str, float]) -> Iterator[None]:
+    """Keep what a calibration found, by the parameters' names, beside earlier ones'. Undone if what is within fails."""
     ours = scene.kiriko.calibration
-    ours.offset = json.dumps([*json.loads(ours.offset or "[]"), amounts])
+    before = ours.offset
+    ours.offset = json.dumps([*json.loads(before or "[]"), amounts])
+    try:
+        yield
+    except BaseException:
+        ours.offset = before
+        raise

@@ -1,6 +1,8 @@
 """Makes Image datablocks of pixels, and saves them within the file."""
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -10,6 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from .image_io import encode
 
 LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")  # its names through the versions
+
+
+@contextmanager
+def or_none(image: bpy.types.Image) -> Iterator[None]:
+    """Remove a new image again if what is within, which makes it whole, goes wrong."""
+    try:
+        yield
+    except BaseException:
+        bpy.data.images.remove(image)
+        raise
 
 
 def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
@@ -23,11 +35,12 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
     pixels = np.asarray(pixels, np.float32)
     height, width, channels = pixels.shape
     image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True)
-    spaces = {item.identifier for item in image.colorspace_settings.bl_rna.properties["name"].enum_items}
-    linear = next((space for space in LINEAR if space in spaces), None)
-    if linear is not None:  # else a colour configuration of the user's own: a new float image is scene linear there
-        image.colorspace_settings.name = linear
-    set_pixels(image, pixels)
+    with or_none(image):
+        spaces = {item.identifier for item in image.colorspace_settings.bl_rna.properties["name"].enum_items}
+        linear = next((space for space in LINEAR if space in spaces), None)
+        if linear is not None:  # else a colour configuration of the user's own: a new float image is scene linear there
+            image.colorspace_settings.name = linear
+        set_pixels(image, pixels)
     return image
 
 
@@ -52,18 +65,33 @@ def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
     """New packed 8-bit sRGB image of linear pixels (h, w, 3), row 0 at the top: small in the file, for pictures."""
     encoded = encode(pixels)[::-1]
     height, width, _ = encoded.shape
+    rgba = np.concatenate([encoded, np.ones((height, width, 1))], axis=2).astype(np.float32)
     image = bpy.data.images.new(name, width, height, alpha=False)
-    image.pixels.foreach_set(np.concatenate([encoded, np.ones((height, width, 1))], axis=2).astype(np.float32).ravel())
-    image.update()
-    image.pack()
+    with or_none(image):
+        image.pixels.foreach_set(rgba.ravel())
+        image.update()
+        image.pack()
     return image
 
 
 def pack(image: bpy.types.Image, name: str) -> None:
     """Save a float image within the file as `name`.exr, every number exact.
 
-    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in each undo step.
+    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in each undo step. But it
+    needs no file: it is what is left where there is no room for one.
     """
+    try:
+        data = _compressed(image)
+    except (OSError, RuntimeError):  # the second is how Blender says the same
+        image.pack()
+    else:
+        image.pack(data=data, data_len=len(data))
+        image.source = "FILE"  # from now on the packed file is what the image is read from
+    image.filepath_raw = f"//{name}.exr"
+
+
+def _compressed(image: bpy.types.Image) -> bytes:
+    """An OpenEXR file of an image."""
     scene = bpy.data.scenes.new("Kiriko Packing")  # save_render takes the format from a scene
     try:
         form = scene.render.image_settings
@@ -72,9 +100,6 @@ def pack(image: bpy.types.Image, name: str) -> None:
         with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
             path = Path(folder) / "packed.exr"
             image.save_render(str(path), scene=scene)
-            data = path.read_bytes()
+            return path.read_bytes()
     finally:
         bpy.data.scenes.remove(scene)
-    image.pack(data=data, data_len=len(data))
-    image.source = "FILE"  # from now on the packed file is what the image is read from
-    image.filepath_raw = f"//{name}.exr"

@@ -30,14 +30,14 @@ class Workbench:
         bpy.data.batch_remove(self._made)
 
     def _object(self, name: str, data: bpy.types.ID, frame: Floats) -> bpy.types.Object:
-        thing = self.keep(bpy.data.objects.new(name, self.keep(data)))
+        thing = self.keep(bpy.data.objects.new(name, data))
         thing.matrix_world = Matrix(np.asarray(frame).tolist())
         self.collection.objects.link(thing)
         return thing
 
     def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
         """A plane whose front is the frame's third axis, with UV from its lower left to its upper right corner."""
-        mesh = bpy.data.meshes.new(name)
+        mesh = self.keep(bpy.data.meshes.new(name))
         mesh.from_pydata([(0.0, 0.0, 0.0)] * 4, [], [(0, 1, 2, 3)])
         mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
         resize_rectangle(mesh, width, height)
@@ -45,7 +45,7 @@ class Workbench:
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
         """A smooth-shaded icosphere of 20480 triangles."""
-        mesh = bpy.data.meshes.new(name)
+        mesh = self.keep(bpy.data.meshes.new(name))
         shape = bmesh.new()
         bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
         shape.to_mesh(mesh)
@@ -56,7 +56,7 @@ class Workbench:
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
         """A perspective camera that sees a square `field` wide at a distance."""
-        camera = bpy.data.cameras.new(name)
+        camera = self.keep(bpy.data.cameras.new(name))
         camera.sensor_fit = "AUTO"
         camera.angle = 2 * np.arctan(field / (2 * distance))
         camera.clip_start, camera.clip_end = 1e-3 * distance, 1e3 * distance
@@ -107,18 +107,22 @@ def grid_object(
     quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
     quads = quads[is_shown.ravel()[quads].all(axis=1)]
     used, corners = np.unique(quads, return_inverse=True)
-    mesh = bpy.data.meshes.new(name)
     points = positions.reshape(-1, 3)[used]
     centre = points.mean(axis=0)
-    mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
     shown = values.ravel()[used].astype(np.float32)
-    mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
     grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
     grey[:, 3] = 1.0
-    colours = mesh.color_attributes.new("Brightness", "FLOAT_COLOR", "POINT")
-    colours.data.foreach_set("color", grey.ravel())
-    mesh.color_attributes.active_color = colours
-    mesh.update()
+    mesh = bpy.data.meshes.new(name)
+    try:
+        mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
+        mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
+        colours = mesh.color_attributes.new("Brightness", "FLOAT_COLOR", "POINT")
+        colours.data.foreach_set("color", grey.ravel())
+        mesh.color_attributes.active_color = colours
+        mesh.update()
+    except BaseException:
+        bpy.data.meshes.remove(mesh)
+        raise
     thing = next((o for o in scene.objects if o.get(OURS) == name), None)
     if thing is None:
         thing = bpy.data.objects.new(name, mesh)

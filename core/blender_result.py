@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from . import blender_shaders as shaders
-from .blender_image import image_from_pixels, pack, set_pixels
+from .blender_image import image_from_pixels, or_none, pack, set_pixels
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
 from .session import Solution
@@ -32,9 +32,15 @@ OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
     """A packed float image with these pixels (linear, row 0 at the top) that takes the place and name of an old one."""
+    return _take_place(_packed(name, pixels), old, name)
+
+
+def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed float image with these pixels that does not have its name yet."""
     image = image_from_pixels(f"{name} (new)", pixels)
-    pack(image, name)
-    return _take_place(image, old, name)
+    with or_none(image):
+        pack(image, name)
+    return image
 
 
 def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) -> bpy.types.Image:
@@ -53,13 +59,18 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     material is built again. What is packed is out of date from then on; `pack_source` puts that right.
     """
     image = scene.kiriko.result.source
-    if image is None or not image.is_float or tuple(image.size) != pixels.shape[1::-1]:
+    if _has_size_of(image, pixels):
+        set_pixels(image, pixels)
+    else:
         image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
         scene.kiriko.result.source = image
-    else:
-        set_pixels(image, pixels)
     image.update_tag()  # for renderers in the viewport, which keep a copy
     return image
+
+
+def _has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
+    """Can an image take these pixels as it is?"""
+    return image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
 
 
 def pack_source(scene: bpy.types.Scene) -> None:
@@ -91,13 +102,21 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
         return [f"The display '{display.name}' has no material: give the image '{image.name}' to what it shows."]
     if not display.is_editable:
         return [f"The display '{display.name}' is linked from another file: give it the image '{image.name}' there."]
+    old = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
+    ours = bpy.data.materials.new(f"{display.name} Source")
+    try:
+        ours[OURS] = True
+        shaders.show_image(ours, image)
+    except BaseException:
+        bpy.data.materials.remove(ours)
+        raise
     if not display.material_slots:
         display.data.materials.append(None)
-    ours = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
-    if ours is None or ours.users > len(display.material_slots):
-        ours = bpy.data.materials.new(f"{display.name} Source")
-        ours[OURS] = True
-    shaders.show_image(ours, image)
+    if old is not None and old.users <= len(display.material_slots):  # else others show it, too
+        name = old.name
+        old.user_remap(ours)
+        bpy.data.materials.remove(old)
+        ours.name = name
     notes = []
     for slot in display.material_slots:
         theirs = slot.material
@@ -139,26 +158,52 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     reading : what `blender_scene.read` made of the scene: materials, notes, display size
     solution : core.session.Solution
     """
-    image = replace_image(scene.kiriko.result.source, SOURCE, solution.source)
-    display = bpy.data.objects.get(reading.display_object)
-    return _write_numbers(scene, reading, solution, image, [] if display is None else put_on_display(display, image))
+    numbers = _numbers(scene, reading, solution)
+    remarks = _put_in_place(scene, reading, _packed(SOURCE, solution.source))
+    return _write_numbers(scene, solution, numbers, remarks)
 
 
 def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
     """The same, fast, for one of many solutions: see `update_source`; the display's material stays if it is right."""
-    image = update_source(scene, solution.source)
-    display = bpy.data.objects.get(reading.display_object)
-    is_shown = display is None or is_on_display(display, image)
-    return _write_numbers(scene, reading, solution, image, [] if is_shown else put_on_display(display, image))
+    numbers, image = _numbers(scene, reading, solution), scene.kiriko.result.source
+    if _has_size_of(image, solution.source):
+        display = bpy.data.objects.get(reading.display_object)
+        is_shown = display is None or is_on_display(display, image)
+        remarks = [] if is_shown else put_on_display(display, image)
+        update_source(scene, solution.source)
+    else:
+        remarks = _put_in_place(scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source))
+    return _write_numbers(scene, solution, numbers, remarks)
+
+
+def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
+    """Give a new image the place of the scene's source image, on the display, too; it goes again where that fails."""
+    old, display = scene.kiriko.result.source, bpy.data.objects.get(reading.display_object)
+    try:
+        remarks = [] if display is None else put_on_display(display, image)
+    except BaseException:
+        if old is not None:
+            image.user_remap(old)
+        bpy.data.images.remove(image)
+        raise
+    scene.kiriko.result.source = _take_place(image, old, SOURCE)
+    return remarks
 
 
 def _write_numbers(
-    scene: bpy.types.Scene, reading: Reading, solution: Solution, image: bpy.types.Image, remarks: list[str]
+    scene: bpy.types.Scene, solution: Solution, numbers: tuple[dict[str, Any], list[str]], remarks: list[str]
 ) -> str:
     """Write what the panel shows of a solution, and return it in one sentence."""
-    result, tolerance = scene.kiriko.result, scene.kiriko.tolerance
-    coverage = float(min(max(solution.picture_coverage, 0.0), 1.0))
-    text = summary(coverage, solution.misses)
+    result, (details, notes) = scene.kiriko.result, numbers
+    result.coverage, result.details = details["picture_coverage"], json.dumps(details)
+    result.summary = summary(details["picture_coverage"], solution.misses)
+    result.notes, result.is_coarse = "\n".join([*notes, *remarks]), False
+    return result.summary
+
+
+def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tuple[dict[str, Any], list[str]]:
+    """What is kept of a solution, and what the user should know of it: made before anything is written."""
+    tolerance = scene.kiriko.tolerance
     notes = [
         *reading.notes,
         *(
@@ -167,11 +212,10 @@ def _write_numbers(
             if read.ignored
         ),
         *solution.notes,
-        *remarks,
     ]
     details = {
         "materials": [asdict(material) for material in reading.materials],
-        "picture_coverage": coverage,
+        "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
         "misses": solution.misses,
         "view_coverage": float(solution.view_coverage.mean()),
         "display_coverage": float(solution.display_coverage.mean()),
@@ -188,9 +232,7 @@ def _write_numbers(
         "display_size_m": None if reading.display_size is None else list(reading.display_size),
         "resolution": [reading.rig.display.width, reading.rig.display.height],
     }
-    result.source, result.summary, result.coverage = image, text, coverage
-    result.details, result.notes = json.dumps(details), "\n".join(notes)
-    return text
+    return details, notes
 
 
 def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:

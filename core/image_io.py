@@ -115,9 +115,32 @@ def _part(path: Path) -> Iterator[Path]:
         yield part
         part.replace(path)
     except OSError as reason:
-        raise ImageError(f"The file '{path}' cannot be written ({reason.strerror}): choose another name.") from None
+        raise ImageError(
+            f"The file '{path}' cannot be written ({reason.strerror}): check the disk or choose another name."
+        ) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def together(folder: Path) -> Iterator[Path]:
+    """A folder to write files to, all of which are moved to `folder` when all went well, else none.
+
+    Raises
+    ------
+    ImageError
+        A file cannot be written; the sentence names its place in `folder`.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder) as scratch:
+            try:
+                yield Path(scratch)
+            except ImageError as error:
+                raise ImageError(str(error).replace(scratch, str(folder))) from None
+            for path in Path(scratch).iterdir():
+                path.replace(folder / path.name)
+    except OSError as reason:
+        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
 
 
 def is_there(path: Path) -> bool:
@@ -179,8 +202,13 @@ def write(
         is_written = out is not None and out.open(str(part), _spec(oiio, kind, pixels.shape, size, title))
         is_written = is_written and out.write_image(pixels) and out.close()
         if not is_written:
-            reason = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
-            raise ImageError(f"The file '{path}' cannot be written ({reason}): check the disk.")
+            why = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
+            out = None  # closes it: what is open cannot be removed everywhere
+            raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.")
+        try:
+            read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
+        except ImageError:
+            raise ImageError(f"The file '{path}' is not whole after writing: check the disk.") from None
     return path
 
 

@@ -50,8 +50,8 @@ def register() -> None:
 def unregister() -> None:
     """Take them back, end what is running, and drop what the session keeps."""
     live.stop()
+    work.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
-    work.forget()

@@ -10,7 +10,7 @@ from ..core.blender_image import encoded_image
 from ..core.blender_objects import Workbench, resize_rectangle, world_bounds
 from ..core.blender_result import listed, percent
 from ..core.blender_scene import length_of_unit
-from ..core.errors import KirikoError, RigError
+from ..core.errors import RigError
 from ..core.placement import Placement, lattice, place, reach_of_picture
 from ..core.plan import make_plan
 from . import work
@@ -99,20 +99,21 @@ class KIRIKO_OT_add_rig(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         before = _values(context)
         bench = None
-        try:
-            self._refuse_second(context.scene)
-            bench = Workbench(context.scene, "Kiriko Rig")
-            level, text = self._build(context, bench)
-        except KirikoError as error:
-            if bench is not None:
-                bench.clear()
-            for owner, name, value in before:
-                setattr(owner, name, value)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        context.scene.kiriko.result.summary = text
-        self.report({level}, text)
-        return {"FINISHED"}
+        with work.told(self):
+            try:
+                self._refuse_second(context.scene)
+                bench = Workbench(context.scene, "Kiriko Rig")
+                level, text = self._build(context, bench)
+            except BaseException:
+                if bench is not None:
+                    bench.clear()
+                for owner, name, value in before:
+                    setattr(owner, name, value)
+                raise
+            context.scene.kiriko.result.summary = text
+            self.report({level}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
     def _refuse_second(self, scene: bpy.types.Scene) -> None:
         for role in ("DISPLAY", "PICTURE"):

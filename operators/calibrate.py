@@ -85,12 +85,11 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         return f"{text} Nothing is kept of it."
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
-    if ours.keep == "SCENE":
-        put_into_scene(scene, fitted, lambda: work.read(context))
-    else:
-        add_offset(scene, amounts)
+    is_moved = ours.keep == "SCENE"
+    with put_into_scene(scene, fitted, lambda: work.read(context)) if is_moved else add_offset(scene, amounts):
+        text = f"{text} {write_solution(scene, work.read(context), solution)}"
     ours.found = details
-    return f"{text} {write_solution(scene, work.read(context), solution)}"
+    return text
 
 
 def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:

@@ -102,8 +102,8 @@ def run(argv: list[str]) -> int:
             sys.stdout.flush()
     except SystemExit as end:  # --help
         return int(end.code or 0)
-    except KirikoError as error:
-        sys.stderr.write(f"kiriko: {error}\n")
+    except (Exception, KeyboardInterrupt) as error:
+        sys.stderr.write(f"kiriko: {work.sentence(error, 'The command')}\n")
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     return 0
 
@@ -245,9 +245,10 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
             "luminance": {path.name.lower(): light for path, light in found.luminance.items()},
             "luminance_error": {path.name.lower(): error for path, error in found.luminance_error.items()},
         }
-    for what, pixels, form, area in jobs:
-        image_io.write(files[what], pixels, form, size=area, title=f"Kiriko {what} image", overwrite=True)
-    image_io.write_text(files["report"], json.dumps(numbers, indent=2) + "\n")
+    with image_io.together(arguments.out) as scratch:
+        for what, pixels, form, area in jobs:
+            image_io.write(scratch / files[what].name, pixels, form, size=area, title=f"Kiriko {what} image")
+        image_io.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
     yield f"wrote {len(files)} files to '{arguments.out}'"
 
 

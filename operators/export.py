@@ -7,7 +7,8 @@ import bpy
 
 from ..core import image_io
 from ..core.blender_image import pixels_from_image
-from ..core.errors import ImageError, KirikoError
+from ..core.errors import ImageError
+from . import work
 
 
 def use_bundled_modules() -> None:
@@ -60,10 +61,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.scene.kiriko.result.source is None:
-            cls.poll_message_set("There is no source image yet: solve first.")
-            return False
-        return True
+        return work.can_run(cls, work.unsolved(context.scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
@@ -71,24 +69,22 @@ class KIRIKO_OT_export(bpy.types.Operator):
             self.filepath = str(image_io.named_for("source", ours.export_format))
             context.window_manager.fileselect_add(self)  # the path is relative to a file that was never saved: ask
             return {"RUNNING_MODAL"}
-        try:
+        with work.told(self):
             path = target(self.filepath or ours.export_path, image_io.format_for(self.filepath, ours.export_format))
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        if image_io.is_there(path) and not (self.overwrite or ours.export_overwrite):
-            self.overwrite = True  # only an answer of yes leads to execute
-            return context.window_manager.invoke_confirm(
-                self, event, title="Replace the file?", message=str(path), confirm_text="Replace"
-            )
-        return self.execute(context)
+            if image_io.is_there(path) and not (self.overwrite or ours.export_overwrite):
+                self.overwrite = True  # only an answer of yes leads to execute
+                return context.window_manager.invoke_confirm(
+                    self, event, title="Replace the file?", message=str(path), confirm_text="Replace"
+                )
+            return self.execute(context)
+        return {"CANCELLED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko
-        details = json.loads(ours.result.details or "{}")
-        size = details.get("display_size_m")
-        use_bundled_modules()
-        try:
+        with work.told(self):
+            details = json.loads(ours.result.details or "{}")
+            size = details.get("display_size_m")
+            use_bundled_modules()
             form = image_io.format_for(self.filepath, ours.export_format)
             written = image_io.write(
                 target(self.filepath or ours.export_path, form),
@@ -97,8 +93,6 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 size=tuple(size) if size else None,
                 overwrite=self.overwrite or ours.export_overwrite,
             )
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"Wrote '{written}'.")
-        return {"FINISHED"}
+            self.report({"INFO"}, f"Wrote '{written}'.")
+            return {"FINISHED"}
+        return {"CANCELLED"}

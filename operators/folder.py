@@ -11,7 +11,7 @@ from ..core.errors import ImageError
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
     """Make the folder and see that it can be written, before any work is done for it; gone again if it stays empty."""
-    is_new = not image_io.is_there(folder)
+    new = [path for path in (folder, *folder.parents) if not image_io.is_there(path)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
@@ -20,8 +20,10 @@ def made(folder: Path) -> Iterator[None]:
         image_io.check_folder(folder)
         yield
     finally:
-        if is_new and not any(folder.iterdir()):
-            folder.rmdir()
+        for path in new:
+            if any(path.iterdir()):
+                break
+            path.rmdir()
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:

@@ -5,7 +5,6 @@ import json
 import bpy
 
 from ..core.blender_calibration import put_into_scene
-from ..core.errors import KirikoError
 from . import work
 
 
@@ -27,15 +26,13 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         n = len(json.loads(context.scene.kiriko.calibration.offset))
-        try:
+        with work.told(self):
             reading = work.read(context)
             reading.rig.check()
-            put_into_scene(context.scene, reading, lambda: work.read(context))
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.")
-        return {"FINISHED"}
+            with put_into_scene(context.scene, reading, lambda: work.read(context)):
+                self.report({"INFO"}, f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.")
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 class KIRIKO_OT_remove_calibration(bpy.types.Operator):

@@ -3,7 +3,6 @@
 import bpy
 
 from ..core.blender_image import encoded_image
-from ..core.errors import KirikoError
 from ..core.lattice import Lattice
 from . import work
 
@@ -26,18 +25,15 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, ours = context.scene, context.scene.kiriko.calibration
-        try:
+        with work.told(self):
             lattice = Lattice(ours.columns, ours.rows, ours.margin)
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        image = encoded_image(NAME, lattice.image(SIDE, SIDE, ours.style.lower()))
-        if scene.kiriko.picture_source == "IMAGE":
-            scene.kiriko.picture_image = image
-            where = "the scene's picture"
-        else:
-            picture = work.parts(scene)["PICTURE"][0]
-            picture.kiriko.image = image
-            where = f"'{picture.name}'"
-        self.report({"INFO"}, f"The lattice is in {where}: solve, show it on the display, and photograph what is seen.")
-        return {"FINISHED"}
+            image = encoded_image(NAME, lattice.image(SIDE, SIDE, ours.style.lower()))
+            if scene.kiriko.picture_source == "IMAGE":
+                scene.kiriko.picture_image, where = image, "the scene's picture"
+            else:
+                picture = work.parts(scene)["PICTURE"][0]
+                picture.kiriko.image, where = image, f"'{picture.name}'"
+            text = f"The lattice is in {where}: solve, show it on the display, and photograph what is seen."
+            self.report({"INFO"}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}

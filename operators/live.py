@@ -239,6 +239,7 @@ class Live:
                 update_solution(scene, self._reading, solution)
             else:
                 update_source(scene, enlarged(solution.source, rig.display.width, rig.display.height))
+                scene.kiriko.result.is_coarse = True
             self.n_pictures += 1
             self.is_unpacked = self._has_picture = True
             self._note_ours(scene)
@@ -369,13 +370,11 @@ def tick() -> float | None:
     """What the timer calls."""
     if not _lives:
         return None
-    wait, is_fine = None, False
     try:
         wait = _lives[0].turn()
-        is_fine = True
-    finally:
-        if not is_fine:  # the timer goes with the exception: the rest must not stay
-            stop("Live stopped by an error: see the console.")
+    except (Exception, KeyboardInterrupt) as error:
+        stop(work.sentence(error, "Live"))
+        return None
     if wait is None:
         stop("Live stopped: no window shows its scene any more.")
     return wait

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.blender_plate import be_mirror_array
 from ..core.blender_scene import length_of_unit, mirrors
-from ..core.errors import KirikoError, MeshError, RigError
+from ..core.errors import MeshError, RigError
 from ..core.plan import FLAT
 from . import work
 
@@ -84,12 +84,12 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         thing = context.active_object
         is_new = thing is None or thing.type != "MESH" or not thing.select_get()
         metres = length_of_unit(context.scene)
-        try:
+        material = None
+        with work.told(self):
             if not is_new:
                 self._check(thing)
             material = (None if is_new else _own_material(thing, metres)) or _material(self.layout, metres)
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
+        if material is None:
             return {"CANCELLED"}
         if is_new:
             bpy.ops.mesh.primitive_plane_add(size=SIZE / metres)

@@ -7,7 +7,7 @@ import bpy
 from ..core import image_io
 from ..core.blender_preview import Preview
 from ..core.blender_result import replace_image
-from ..core.errors import ImageError, KirikoError, RigError
+from ..core.errors import ImageError, RigError
 from . import work
 from .export import target, use_bundled_modules
 
@@ -72,22 +72,19 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         return work.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            with self._prepare(context) as preview:
-                preview.render()
-                self._finish(context, preview)
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        with work.told(self), self._prepare(context) as preview:
+            preview.render()
+            self._finish(context, preview)
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        try:
+        self._preview = None
+        with work.told(self):
             self._preview = self._prepare(context)
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
+        if self._preview is None:
             return {"CANCELLED"}
         # Blender renders in a job of its own and puts no setting back after Esc; a temporary scene needs none put back
         self._preview.scene.render.use_lock_interface = True
@@ -100,13 +97,11 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
         try:
-            if not self._preview.is_rendered:
+            with work.told(self):
+                if self._preview.is_rendered:
+                    self._finish(context, self._preview)
+                    return {"FINISHED"}
                 self.report({"INFO"}, "Stopped; the scene is as it was.")
-                return {"CANCELLED"}
-            self._finish(context, self._preview)
-            return {"FINISHED"}
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         finally:
             self.cancel(context)

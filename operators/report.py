@@ -64,7 +64,7 @@ def _can_write() -> bool:
 
 
 def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> None:
-    """Write the report's files to a folder, each whole or not at all; ImageError when they cannot be written."""
+    """Write the report's files to a folder, all of them or none; ImageError when they cannot be written."""
     about = {
         "file": Path(bpy.data.filepath).name,
         "blender": bpy.app.version_string,
@@ -81,8 +81,9 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
-    for name, text in zip(names(rig), texts, strict=True):
-        image_io.write_text(target / name, text)
+    with image_io.together(target) as scratch:
+        for name, text in zip(names(rig), texts, strict=True):
+            image_io.write_text(scratch / name, text)
 
 
 class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):

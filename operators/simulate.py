@@ -43,9 +43,10 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
                 f"The source image has {source.size[0]} x {source.size[1]} pixels, the display '{rig.display.name}'"
                 f" {rig.display.width} x {rig.display.height}: solve again."
             )
+        shown = pixels_from_image(source)
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
-        found = yield from simulate(plan, pixels_from_image(source), self.samples)
+        found = yield from simulate(plan, shown, self.samples)
         scene.kiriko.result.seen = image = replace_image(scene.kiriko.result.seen, NAME, found.image)
         return f"The image '{image.name}' shows what the viewer sees{told(found)}."
 

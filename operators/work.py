@@ -1,6 +1,8 @@
 """What the operators share: reading the scene, the session, and work that takes its time."""
 
-from collections.abc import Generator
+import traceback
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
 
@@ -34,9 +36,11 @@ def session() -> Session:
 
 
 def forget() -> None:
-    """Drop the session and what it keeps."""
+    """Stop what is running, which Blender would drop without a word, and drop the session and what it keeps."""
+    for operator in list(_running):
+        with bpy.context.temp_override(window=operator.window):
+            operator.cancel(bpy.context)
     _sessions.clear()
-    _running.clear()
 
 
 def is_busy() -> bool:
@@ -97,7 +101,10 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
 
 def unsolved(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with a source image, where there is none."""
-    return [] if scene.kiriko.result.source is not None else ["There is no source image yet: solve first"]
+    result = scene.kiriko.result
+    if result.source is None:
+        return ["There is no source image yet: solve first"]
+    return ["The source image is a coarse one of Live: let it finish, or solve"] if result.is_coarse else []
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
@@ -105,6 +112,42 @@ def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
     if reasons:
         operator.poll_message_set(f"{reasons[0]}.")
     return not reasons
+
+
+def sentence(error: BaseException, label: str) -> str:
+    """What to tell of an error, foreseen or not, in the work called `label`, which has changed nothing yet.
+
+    The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
+    """
+    if isinstance(error, KirikoError):
+        return str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return f"{label} was stopped; the scene is as it was."
+    traceback.print_exception(error)
+    text = " ".join(str(error).split()).rstrip(".")
+    if isinstance(error, MemoryError):
+        why = f" ({text})" if text else ""
+        return (
+            f"{label} needs more memory than there is{why}; the scene is as it was:"
+            " lower the resolution of display or viewer, or raise the tolerance."
+        )
+    if isinstance(error, ReferenceError):  # what Blender's Python says of a datablock that is gone
+        return f"{label} was stopped, for undo or a script took away what it worked on: start it again."
+    if isinstance(error, OSError):
+        return f"{label} could not read or write a file ({text}); the scene is as it was: check the disk."
+    return (
+        f"{label} failed ({type(error).__name__}: {text}); the scene is as it was:"
+        " please report this with the file and what the console says."
+    )
+
+
+@contextmanager
+def told(operator: bpy.types.Operator) -> Iterator[None]:
+    """Report whatever goes wrong within as one sentence: no traceback reaches an artist."""
+    try:
+        yield
+    except (Exception, KeyboardInterrupt) as error:
+        operator.report({"ERROR"}, sentence(error, operator.bl_label))
 
 
 class LongWork:
@@ -117,18 +160,15 @@ class LongWork:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            text = finish(self.steps(context))
-        except KirikoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, text)
-        return {"FINISHED"}
+        with told(self):
+            self.report({"INFO"}, finish(self.steps(context)))
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        self._work = self.steps(context)
+        self._work, self.window = self.steps(context), context.window
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK, window=context.window)
         manager.progress_begin(0, 100)
@@ -146,33 +186,36 @@ class LongWork:
             # no other key or button may change what is being worked on
             return {"PASS_THROUGH"} if event.type in {"MOUSEMOVE", "WINDOW_DEACTIVATE"} else {"RUNNING_MODAL"}
         end = perf_counter() + TURN
-        try:
-            while perf_counter() < end:
+        outcome = {"CANCELLED"}
+        with told(self):
+            try:
                 progress = next(self._work)
-            self._show(context, progress)
-        except StopIteration as done:
-            self._end(context)
-            self.report({"INFO"}, done.value)
-            return {"FINISHED"}
-        except KirikoError as error:
-            self._end(context)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"PASS_THROUGH"}
+                while perf_counter() < end:
+                    progress = next(self._work)
+                self._show(context, progress)
+                return {"PASS_THROUGH"}
+            except StopIteration as done:
+                self.report({"INFO"}, done.value)
+                outcome = {"FINISHED"}
+        self._end(context)
+        return outcome
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop; Blender calls this too when it closes or loads another file meanwhile."""
-        self._work.close()
-        self._end(context)
+        try:
+            self._work.close()
+        finally:
+            self._end(context)
 
     def _show(self, context: bpy.types.Context, progress: float) -> None:
         context.window_manager.progress_update(round(100 * progress))
         context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   (Esc stops)")
 
     def _end(self, context: bpy.types.Context) -> None:
-        _running.clear()
+        _running.remove(self)
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
-        for area in context.screen.areas:
-            area.tag_redraw()
+        if context.window is not None:  # it is being closed
+            context.workspace.status_text_set(None)
+            for area in context.screen.areas:
+                area.tag_redraw()

@@ -19,6 +19,8 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             layout.label(text="Not solved yet.")
             return
         sentence(layout, context, result.summary)
+        if result.is_coarse:
+            sentence(layout, context, "The image is a coarse one of Live: let it finish, or solve.", icon="ERROR")
         if result.source is not None:
             layout.progress(factor=result.coverage, text=f"{result.coverage:.1%} of the picture")
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)

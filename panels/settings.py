@@ -203,6 +203,9 @@ class KirikoResult(bpy.types.PropertyGroup):
         description="What the display has to show so that the viewer sees the picture undistorted",
         type=bpy.types.Image,
     )
+    is_coarse: BoolProperty(
+        name="Coarse", description="The source image is a first, coarse one of Live, whose final one is still to come"
+    )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
     seen: PointerProperty(
         name="Seen Image", description="What the viewer sees, as last simulated", type=bpy.types.Image

@@ -1,0 +1,678 @@
+"""Work that is stopped or fails at any of its stages, and what becomes of the last result, the scene and the files."""
+
+import errno
+import importlib
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from small_rigs import cube, pixels, small_rig
+
+EXTENSION = "bl_ext.user_default.kiriko"
+LONG = ("solve", "simulate", "visible_range", "report")
+SAMPLES = 5  # of the steps at which long work is stopped, the first and the last among them
+MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
+
+# By operator: where each stage of its work is looked up. Some fail when they are called, some in their midst.
+STAGES = {
+    "solve": (
+        "core.blender_scene.read",
+        "core.reach.make_plan",
+        "core.plan.solids_from_mesh",
+        "core.reach.sample",
+        "core.borders.trace",
+        "core.session.tessellation_error",
+        "core.session.plate_view",
+        "core.shares._divided",
+        "core.session.find_strokes",
+        "core.session.Painting.finished",
+        "core.session._of_the_picture",
+        "core.session._notes",
+        "core.blender_result.costs",
+        "core.blender_result.image_from_pixels",
+        "core.blender_image.set_pixels",
+        "core.blender_result.pack",
+        "core.blender_result.put_on_display",
+        "core.blender_shaders.show_image",
+        "core.blender_shaders._front_only",
+    ),
+    "simulate": (
+        "core.blender_scene.read",
+        "core.session.make_plan",
+        "operators.simulate.pixels_from_image",
+        "core.simulation.trace",
+        "core.blender_image.set_pixels",
+        "core.blender_result.pack",
+    ),
+    "visible_range": (
+        "core.blender_scene.read",
+        "core.session.make_plan",
+        "core.visible_range.trace_all",
+        "operators.visible_range.grid_object",
+    ),
+    "report": (
+        "core.blender_scene.read",
+        "core.work_precision.make_reference",
+        "core.work_precision.splat",
+        "core.image_io.write",
+        "operators.report.plate_view",
+        "operators.report.as_svg",
+        "core.image_io.write_text",
+    ),
+    "export": ("operators.export.pixels_from_image", "core.image_io._quantised"),
+    "preview": (
+        "core.blender_scene.read",
+        "core.blender_preview.Preview._set_cycles",
+        "operators.preview.replace_image",
+    ),
+}
+
+
+def part(name: str) -> Any:
+    """A module of the extension, as Blender has it, or what is in one."""
+    found, names = importlib.import_module(EXTENSION), name.split(".")
+    for n, word in enumerate(names):
+        try:
+            found = importlib.import_module(f"{EXTENSION}.{'.'.join(names[: n + 1])}")
+        except ModuleNotFoundError:
+            found = getattr(found, word)
+    return found
+
+
+def errors() -> list[BaseException]:
+    """What may go wrong: what was foreseen and what nobody did, with texts of several lines."""
+    return [
+        part("core.errors").RigError("Said in one sentence."),
+        ValueError("an odd\nnumber"),
+        KeyboardInterrupt(),
+        MemoryError("Unable to allocate 4.00 GiB"),
+        OSError(errno.ENOSPC, "No space left on device", "somewhere"),
+    ]
+
+
+FEW = 2  # of them, where it is the stage that counts
+
+
+def everything() -> dict[str, list[tuple]]:
+    """All datablocks of the file, by what they keep as long as they live, and their users."""
+    groups = (p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION")
+    return {
+        group: sorted(
+            (b.name, b.session_uid, b.users, b.use_fake_user)
+            for b in getattr(bpy.data, group)
+            if b.name != "Render Result"  # Blender's own
+        )
+        for group in groups
+        if group not in {"window_managers", "screens", "workspaces"}
+    }
+
+
+def state() -> tuple:
+    """All of a file that Kiriko might write to."""
+    scene = bpy.context.scene
+    result = scene.kiriko.result
+    slots = [(s.link, s.material) for thing in scene.objects for s in thing.material_slots]
+    trees = [(m.name, m.node_tree) for m in bpy.data.materials if m.node_tree is not None]
+    shown = [(name, [(n.name, getattr(n, "image", None)) for n in t.nodes], len(t.links)) for name, t in trees]
+    numbers = (result.summary, result.details, result.notes, result.coverage, result.ladder)
+    images = [None if image is None else pixels(image).tobytes() for image in (result.source, result.seen)]
+    where = [(thing.name, tuple(map(tuple, thing.matrix_world)), thing.kiriko.role) for thing in scene.objects]
+    return everything(), slots, shown, numbers, images, where, files()
+
+
+def files() -> dict[str, bytes]:
+    """What is in the folder of the report, by name."""
+    folder = Path(bpy.context.scene.kiriko.report_folder)
+    return {path.name: path.read_bytes() for path in folder.iterdir()} if folder.exists() else {}
+
+
+def product(name: str) -> object:
+    """What an operator has made, without the times it took."""
+    result = bpy.context.scene.kiriko.result
+    if name == "solve":
+        return pixels(result.source).tobytes()
+    if name == "simulate":
+        return pixels(result.seen).tobytes()
+    if name == "visible_range":
+        mesh = bpy.data.objects["Kiriko Visible Range"].data
+        return [tuple(v.co) for v in mesh.vertices], [d.value for d in mesh.attributes["brightness"].data]
+    rungs = json.loads(files()["report.json"])["rungs"]
+    return [{key: value for key, value in rung.items() if "seconds" not in key} for rung in rungs]
+
+
+class Asked:
+    """An operator whose properties are given here; what is reported is kept. Its work is the real one's."""
+
+    def __init__(self, name: str) -> None:
+        self.real = getattr(part(f"operators.{name}"), f"KIRIKO_OT_{name}")
+        self.bl_label, self.said = self.real.bl_label, []
+        self.samples, self.share, self.directory, self.overwrite, self.seconds = 8, 0.2, "", True, 1.0
+
+    def report(self, levels: set[str], text: str) -> None:
+        self.said.append((*levels, text))
+
+    def steps(self, context: Any) -> Any:
+        return self.real.steps(self, context)
+
+
+class Window:
+    """What of Blender's interface long work touches: a context with one window, in which nothing is seen."""
+
+    def __init__(self) -> None:
+        self.timers, self.modal, self.status, self.progress = [], [], None, None
+        self.window = self.window_manager = self.workspace = self
+        self.screen = SimpleNamespace(areas=[])
+
+    def __getattr__(self, name: str) -> Any:  # the rest is the module's own context
+        return getattr(bpy.context, name)
+
+    def temp_override(self, **_: object) -> Any:
+        return nullcontext()
+
+    def event_timer_add(self, seconds: float, window: object) -> object:
+        self.timers.append(object())
+        return self.timers[-1]
+
+    def event_timer_remove(self, timer: object) -> None:
+        self.timers.remove(timer)
+
+    def modal_handler_add(self, operator: object) -> None:
+        self.modal.append(operator)
+
+    def progress_begin(self, low: int, high: int) -> None:
+        self.progress = low
+
+    def progress_update(self, value: int) -> None:
+        self.progress = value
+
+    def progress_end(self) -> None:
+        self.progress = None
+
+    def status_text_set(self, text: str | None) -> None:
+        self.status = text
+
+    @property
+    def is_clean(self) -> bool:
+        return not self.timers and self.status is None and self.progress is None
+
+
+@pytest.fixture
+def rig(scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
+    """A small rig with a result that is out of date, since the glass was turned; work is short, a report is there."""
+    monkeypatch.setattr(part("core.visible_range"), "STEPS", 6)
+    monkeypatch.setattr(part("core.visible_range"), "FINE", 0.05)
+    module = part("operators.report")
+    short = {"tolerances": (1.0,), "spps": (1,), "runs": 1}
+    monkeypatch.setattr(module, "measure", lambda *a, own=module.measure, **k: own(*a, **k, **short))
+    rig = small_rig(viewer_resolution=32, display_resolution=(32, 32))
+    scene.kiriko.tolerance = 1.0
+    scene.kiriko.report_folder = str(tmp_path / "report")
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "report.svg").write_bytes(b"an earlier one")
+    scene.kiriko.export_overwrite = True
+    scene.kiriko.export_path = str(tmp_path / "report" / "source.png")
+    bpy.ops.kiriko.solve()
+    rig["GLASS"].rotation_euler.z = 0.1
+    bpy.context.view_layer.update()
+    part("operators.work").forget()
+    return rig
+
+
+@pytest.fixture
+def window(rig: dict, monkeypatch: pytest.MonkeyPatch) -> Window:
+    """An interface, each of whose turns does one step."""
+    window, work = Window(), part("operators.work")
+    app = SimpleNamespace(background=False, is_job_running=bpy.app.is_job_running)
+    monkeypatch.setattr(work, "bpy", SimpleNamespace(app=app, context=window, data=bpy.data))
+    monkeypatch.setattr(work, "TURN", 0.0)
+    return window
+
+
+TIMER, ESC = SimpleNamespace(type="TIMER"), SimpleNamespace(type="ESC")
+
+
+def pressed(name: str, window: Window) -> Any:
+    """An operator that was invoked in the interface and waits for its first turn."""
+    operator = type("Pressed", (Asked, part("operators.work").LongWork), {})(name)
+    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    assert part("operators.work").is_busy()
+    return operator
+
+
+def run(name: str) -> Callable[[], object]:
+    """A call of an operator by a script."""
+    operator = getattr(bpy.ops.kiriko, name)
+    given = Asked(name) if name in LONG else None
+    options = {
+        "simulate": ("samples",),
+        "visible_range": ("share",),
+        "report": ("seconds", "overwrite"),
+    }.get(name, ())
+    return lambda: operator(**{option: getattr(given, option) for option in options})
+
+
+def is_sentence(text: str) -> bool:
+    """One line, with an end, for people."""
+    return "\n" not in text and text.endswith(".") and "Traceback" not in text
+
+
+def refusal(call: Callable[[], object]) -> str:
+    """The one sentence with which an operator refuses."""
+    with pytest.raises(RuntimeError) as caught:
+        call()
+    text = str(caught.value).removeprefix("Error: ").rstrip("\n")
+    assert is_sentence(text), text
+    return text
+
+
+def whole(name: str) -> object:
+    """What the operator makes in a session that has never solved anything."""
+    part("operators.work").forget()
+    assert run(name)() == {"FINISHED"}
+    return product(name)
+
+
+def failing(error: BaseException) -> Callable[..., object]:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    return fail
+
+
+@contextmanager
+def full_disk(size: int = 100) -> Iterator[None]:
+    """No file can get larger than this, in bytes: writing fails in the system, as on a full disk."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str) -> None:
+    """Wherever it is stopped all is as before; what is made afterwards is, to the bit, what a fresh session makes."""
+    operator, n_steps = pressed(name, window), 0
+    while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+        n_steps += 1
+    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)  # another result, in as many steps
+    part("operators.work").forget()
+    before = state()
+    for k in np.unique(np.linspace(0, n_steps, SAMPLES).astype(int)):
+        operator = pressed(name, window)
+        for _ in range(k):
+            assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
+        assert operator.modal(window, ESC) == {"CANCELLED"}
+        assert window.is_clean
+        assert not part("operators.work").is_busy()
+        assert state() == before, k
+    operator = pressed(name, window)
+    while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+        pass
+    assert operator.said[-1][0] == "INFO", operator.said
+    assert window.is_clean
+    after = product(name)
+    assert after == whole(name)
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
+    rig: dict, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, name: str
+) -> None:
+    """Whatever goes wrong, foreseen or not, the last result and the scene survive; the next time all is well."""
+    before = state()
+    for n, stage in enumerate(STAGES[name]):
+        owner, attribute = stage.rsplit(".", 1)
+        few = errors()[:FEW]
+        for error in [few[n % FEW]] if name == "report" else few:  # a report takes its time
+            if name == "solve":
+                part("operators.work").forget()  # or there is no tracing
+            with monkeypatch.context() as broken:
+                broken.setattr(part(owner), attribute, failing(error))
+                text = refusal(run(name))
+            assert state() == before, (stage, error)
+            is_foreseen = isinstance(error, part("core.errors").KirikoError)
+            assert (text == str(error)) if is_foreseen else ("the scene is as it was" in text), (stage, text)
+            assert ("Traceback" in capsys.readouterr().err) == (not is_foreseen)
+    if name in LONG:
+        assert run(name)() == {"FINISHED"}
+        after = product(name)
+        assert after == whole(name)
+
+
+def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Timer, status bar and progress go with it, and Live, which waits for long work to end, is not kept waiting."""
+    for error in errors():
+        operator = pressed("solve", window)
+        operator.modal(window, TIMER)
+        with monkeypatch.context() as broken:
+            broken.setattr(part("core.session"), "find_strokes", failing(error))
+            while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
+                pass
+        assert outcome == {"CANCELLED"}
+        (said,) = operator.said
+        assert said[0] == "ERROR"
+        assert is_sentence(said[1])
+        assert window.is_clean
+        assert not part("operators.work").is_busy()
+
+
+def test_a_rig_that_cannot_be_made_leaves_nothing(
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Add Rig, broken in its midst, takes back all that it made and set."""
+    stages = (
+        "core.blender_objects.resize_rectangle",
+        "operators.add_rig.encoded_image",
+        "core.blender_image.encode",
+        "core.blender_shaders.show_picture",
+        "operators.add_rig.reach_of_picture",
+    )
+    cube()
+    for stage in stages:
+        owner, attribute = stage.rsplit(".", 1)
+        before = state()
+        for error in errors()[:FEW]:
+            with monkeypatch.context() as broken:
+                broken.setattr(part(owner), attribute, failing(error))
+                refusal(lambda: bpy.ops.kiriko.add_rig(viewer_resolution=64))
+            assert state() == before
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64)) == {"FINISHED"}
+
+
+LIVE_STAGES = (
+    "core.blender_scene.read",
+    "core.reach.make_plan",
+    "core.borders.trace",
+    "core.session.find_strokes",
+    "core.blender_result.set_pixels",
+    "operators.live.update_solution",
+    "core.blender_result.asdict",
+)
+
+
+def settle() -> None:
+    """Do what Live's timer does until there is nothing left to do, or Live has ended."""
+    live = part("operators.live")
+    assert any(live.tick() in {None, live.IDLE} for _ in range(MANY))
+
+
+def traces() -> list[str]:
+    """What of Live Blender would still call."""
+    live = part("operators.live")
+    left = [name for name, handler in live.HANDLERS if handler in getattr(bpy.app.handlers, name)]
+    return left + (["timer"] if bpy.app.timers.is_registered(live.tick) else [])
+
+
+@pytest.fixture
+def live(rig: dict) -> Iterator[ModuleType]:
+    """Module operators.live, which follows the rig and is up to date."""
+    live = part("operators.live")
+    bpy.ops.kiriko.live()
+    settle()
+    yield live
+    live.stop()
+
+
+def test_an_error_in_live_is_one_sentence_and_the_image_stays(
+    rig: dict, live: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was foreseen leaves it on; of any other it ends, leaves nothing behind, and can be turned on again."""
+    for stage in LIVE_STAGES:
+        owner, attribute = stage.rsplit(".", 1)
+        for error in errors()[:FEW]:
+            rig["GLASS"].rotation_euler.z += 0.01
+            bpy.context.view_layer.update()
+            before = state()
+            with monkeypatch.context() as broken:
+                broken.setattr(part(owner), attribute, failing(error))
+                settle()
+            assert state()[1:] == before[1:], (stage, error)
+            assert is_sentence(live.status()[0])
+            assert live.is_on() == isinstance(error, part("core.errors").KirikoError)
+            if live.is_on():
+                rig["GLASS"].rotation_euler.z += 0.01
+                bpy.context.view_layer.update()
+            else:
+                assert traces() == []
+                bpy.ops.kiriko.live()
+            settle()
+            assert not live.status()[1]
+    near = np.frombuffer(product("solve"), np.float32)
+    assert np.abs(near - np.frombuffer(whole("solve"), np.float32)).max() < 1e-6  # glass that was turned: to rounding
+
+
+def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> None:
+    """Export is refused in one sentence at whatever byte the disk is full; no part of a file is left."""
+    for form in ("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT"):
+        bpy.context.scene.kiriko.export_format = form
+        bpy.ops.kiriko.export()
+        before = files()
+        name = part("core.image_io").named_for("source", form).name
+        size = len(before[name])
+        for room in (0, 100, size // 2, size - 13):
+            with full_disk(room):
+                assert "check the disk" in refusal(run("export"))
+            assert files() == before, (form, room)
+        with full_disk(size):
+            assert bpy.ops.kiriko.export() == {"FINISHED"}
+        assert {name: len(content) for name, content in files().items()} == {k: len(v) for k, v in before.items()}
+
+
+def test_what_the_system_refuses_leaves_the_files_of_before(rig: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
+    before = files()
+    full = OSError(errno.ENOSPC, "No space left on device")
+    for call, name in (("touch", "export"), ("replace", "export"), ("write_text", "report"), ("replace", "report")):
+        with monkeypatch.context() as broken:
+            broken.setattr(Path, call, failing(full))
+            assert "No space left on device" in refusal(run(name))
+        assert files() == before
+
+
+def test_a_report_is_written_whole_or_not_at_all(rig: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the disk is full in its midst, what is there is the earlier one; the ladder is the earlier one, too."""
+    assert run("report")() == {"FINISHED"}
+    before, calls = state(), []
+    write = Path.write_text
+
+    def fill(path: Path, *text: str, **how: str) -> int:
+        calls.append(path)
+        if len(calls) == 3:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(path, *text, **how)
+
+    monkeypatch.setattr(Path, "write_text", fill)
+    text = refusal(run("report"))
+    assert "report.svg' cannot be written (No space left on device)" in text
+    assert str(Path(bpy.context.scene.kiriko.report_folder) / "report.svg") in text
+    assert state() == before
+
+
+def test_the_command_line_writes_all_files_or_none(
+    rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """On a full disk, and after errors that nobody foresaw, the earlier files stay; one sentence, exit code 1."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    command = part("operators.command_line")
+    folder = Path(bpy.context.scene.kiriko.report_folder)
+    words = ["solve", "--out", str(folder), "--overwrite"]
+    assert command.run(words) == 0
+    before = files()
+    sizes = {name: len(content) for name, content in before.items()}
+    bpy.context.scene.kiriko.margin = 2
+    capsys.readouterr()
+    with full_disk(max(sizes.values()) - 1):  # some of the files have room
+        assert command.run(words) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kiriko: The file")
+    assert is_sentence(line)
+    assert files() == before
+    for error in errors()[1:FEW]:
+        with monkeypatch.context() as broken:
+            broken.setattr(part("core.image_io"), "_quantised", failing(error))
+            assert command.run(words) == 1
+        assert is_sentence(capsys.readouterr().err.splitlines()[-1])
+        assert files() == before
+    new = tmp_path / "a" / "b"
+    with full_disk():
+        assert command.run(["solve", "--out", str(new)]) == 1
+    assert not new.parent.exists()
+
+
+@pytest.mark.parametrize("is_live", [False, True])
+def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
+    rig: dict, tmp_path: Path, is_live: bool
+) -> None:
+    """What cannot be compressed by way of a file is packed as it is: the same numbers after saving and loading."""
+    with full_disk():
+        if is_live:
+            bpy.ops.kiriko.live()
+            settle()
+            bpy.ops.kiriko.live()
+        else:
+            bpy.ops.kiriko.solve()
+    before = product("solve")
+    assert bpy.context.scene.kiriko.result.source.packed_file is not None
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert product("solve") == before
+    assert before == whole("solve")
+
+
+def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> None:
+    """Before it was read the solve is refused; in the middle of a solve it makes no difference."""
+    path = tmp_path / "mine.png"
+    part("core.image_io").write(path, np.random.default_rng(1).random((8, 8, 3)), "PNG8")
+    rig["PICTURE"].kiriko.image = image = bpy.data.images.load(str(path))
+    content = path.read_bytes()
+    path.unlink()
+    before = state()
+    text = refusal(run("solve"))
+    assert "mine.png" in text
+    assert "missing" in text
+    assert state()[1:] == before[1:]
+    path.write_bytes(content)
+    image.reload()
+    solved = part("operators.solve").KIRIKO_OT_solve.steps(Asked("solve"), bpy.context)
+    next(solved)
+    path.unlink()
+    part("core.session").finish(solved)
+    after = product("solve")
+    path.write_bytes(content)
+    assert after == whole("solve")
+    bpy.ops.kiriko.live()
+    settle()
+    path.unlink()
+    image.reload()
+    bpy.context.view_layer.update()
+    settle()
+    text, is_problem = part("operators.live").status()
+    assert is_problem
+    assert "mine.png" in text
+    assert product("solve") == after
+    path.write_bytes(content)
+    for chosen in (None, image):  # that an image which no material uses is loaded again Blender does not tell
+        image.reload()
+        rig["PICTURE"].kiriko.image = chosen
+        settle()
+    assert not part("operators.live").status()[1]
+    assert product("solve") == after
+    part("operators.live").stop()
+
+
+def test_a_library_that_is_gone_is_a_missing_part(rig: dict, tmp_path: Path) -> None:
+    """Glass that was linked from a file which is not there any more is told as missing; the last image stays."""
+    bpy.data.libraries.write(str(tmp_path / "glass.blend"), {rig["GLASS"]})
+    bpy.data.objects.remove(rig["GLASS"])
+    with bpy.data.libraries.load(str(tmp_path / "glass.blend"), link=True) as (there, wanted):
+        wanted.objects = there.objects
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    before = product("solve")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    (tmp_path / "glass.blend").unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert "glass" in refusal(run("solve")).lower()
+    assert product("solve") == before
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_another_file_in_the_middle_is_not_written_to(rig: dict, window: Window, tmp_path: Path, name: str) -> None:
+    """Saving makes no difference; after a load or undo the work ends in a sentence, and nothing is written."""
+    work, path = part("operators.work"), str(tmp_path / "rig.blend")
+    events = {
+        "save": lambda: bpy.ops.wm.save_as_mainfile(filepath=path),
+        "undo": bpy.ops.ed.undo,
+        "load": lambda: bpy.ops.wm.open_mainfile(filepath=path),
+    }
+    for event, happen in events.items():
+        for is_closed in (True, False):
+            work.forget()
+            bpy.ops.ed.undo_push(message="before")
+            bpy.context.scene.kiriko.margin += 1
+            bpy.ops.ed.undo_push(message="margin")
+            operator = pressed(name, window)
+            for _ in range(3):
+                assert operator.modal(window, TIMER) == {"PASS_THROUGH"}, operator.said
+            happen()
+            before = everything()
+            if is_closed:  # as Blender does it in its interface
+                operator.cancel(window)
+            else:
+                while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
+                    pass
+                assert outcome == ({"FINISHED"} if event == "save" else {"CANCELLED"})
+                assert is_sentence(operator.said[-1][1])
+            assert window.is_clean
+            assert not work.is_busy()
+            assert everything() == before or (event == "save" and not is_closed)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> None:
+    """In the middle of a solve, too, timer and status bar go with it; enabled again, it solves as before."""
+    for n_steps in (0, 1, 5):
+        before = state()
+        operator = pressed("solve", window)
+        for _ in range(n_steps):
+            operator.modal(window, TIMER)
+        bpy.ops.preferences.addon_disable(module=EXTENSION)
+        try:
+            assert window.is_clean
+            assert operator._work.gi_frame is None
+            assert not part("operators.work")._running
+        finally:
+            bpy.ops.preferences.addon_enable(module=EXTENSION)
+        assert state() == before
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    after = product("solve")
+    assert after == whole("solve")
+
+
+def test_disabling_the_extension_in_the_middle_of_live_and_enabling_it_again(rig: dict, live: ModuleType) -> None:
+    """Nothing of it is left, the image is saved with the file; turned on again, it follows as before."""
+    for n_turns in (0, 1, 3, 6):
+        rig["GLASS"].rotation_euler.z += 0.1
+        bpy.context.view_layer.update()
+        for _ in range(n_turns):
+            live.tick()
+        bpy.ops.preferences.addon_disable(module=EXTENSION)
+        try:
+            assert traces() == []
+            assert not live.is_on()
+        finally:
+            bpy.ops.preferences.addon_enable(module=EXTENSION)
+        assert not bpy.context.scene.kiriko.result.source.is_dirty
+        bpy.ops.kiriko.live()
+        settle()
+        after = product("solve")
+        assert after == whole("solve")
