@@ -252,8 +252,8 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
             if depth[j] == depth[i] - 1:
                 members[j].append(i)
     solids = []
-    for group in members.values():
+    for outer, group in members.items():
         chosen = np.concatenate([shells[i][0] for i in group])
-        turned = np.concatenate([shells[i][1] ^ (depth[i] % 2 == 1) for i in group])
+        turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
         solids.append(make_surface(mesh, chosen, turned))
     return solids

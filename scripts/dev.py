@@ -47,6 +47,11 @@ def pictures(arguments: argparse.Namespace) -> None:
     run_in_blender("pictures.py", arguments.rest)
 
 
+def fuzz(arguments: argparse.Namespace) -> None:
+    """Try random rigs, broken and wild ones among them (further options go to scripts/fuzz.py)."""
+    run_in_blender("fuzz.py", arguments.rest)
+
+
 def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
     interpreter = set_up(*newest_blender())
@@ -158,6 +163,7 @@ def main() -> None:
         live,
         lab,
         surface,
+        fuzz,
         paper,
         pictures,
         lint,

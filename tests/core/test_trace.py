@@ -11,6 +11,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.surfaces import solids_from_mesh
 from kiriko.core.trace import Reason, trace_all
 
 
@@ -143,6 +144,20 @@ def test_hollow_glass_equals_its_two_walls():
         _, _, found = traced(rig(mesh, display=0.1, field=0.04))
         assert found.has_arrived.all()
         assert np.abs(found.xy - expected.xy).max() < 1e-9
+
+
+def test_a_shell_that_leaves_the_glass_is_no_cavity_in_it():
+    """A box that begins in an L of glass and ends beside it is a solid of its own, and a box in that its cavity."""
+    outline = np.array([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], float)
+    points = np.concatenate([np.column_stack([outline, np.full(6, z)]) for z in (-1.0, 1.0)])
+    top = np.array([(3, 4, 5), (3, 5, 0), (3, 0, 1), (3, 1, 2)])
+    sides = [(i, j, k) for a in range(6) for b in [(a + 1) % 6] for i, j, k in ((a, b, b + 6), (a, b + 6, a + 6))]
+    cavity, within = box([2.0, 2.0, 1.0], (1.5, 1.5, 0)), box([0.5] * 3, (2, 2, 0))
+    assert (cavity.vertices[cavity.triangles[0, 0]][:2] == 0.5).all()
+    assert np.isin(within.vertices[:, :2], (1.75, 2.25)).all()
+    triangles = np.concatenate([top[:, ::-1], top + 6, sides, cavity.triangles + 12, within.triangles + 20])
+    solids = solids_from_mesh(Mesh(np.concatenate([points, cavity.vertices, within.vertices]), triangles))
+    assert [solid.volume for solid in solids] == pytest.approx([2 * 5, 4 - 0.125])
 
 
 def test_an_air_solid_inside_glass_is_a_cavity():

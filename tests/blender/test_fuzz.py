@@ -1,0 +1,112 @@
+"""Random rigs end in a result or in one sentence; and what does not is found."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+SEED = 11  # of the rigs tried here; `dev.py fuzz` tries more
+RIGS = (0, 1, 2, 14, 28, 36, 40)  # that take little time
+SOLVED = 0  # one of them, tame, that is solved in little time
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+@pytest.fixture
+def fuzz(scene):
+    import fuzz
+
+    return fuzz
+
+
+def test_random_rigs_end_in_a_result_or_in_one_sentence(fuzz):
+    """Of random rigs, broken and wild ones among them, each is solved or refused; the scene stays as it was."""
+    outcomes = [fuzz.try_rig(SEED, k) for k in RIGS]
+    assert [(o.k, o.text) for o in outcomes if o.verdict == "failed"] == []
+    assert {o.verdict for o in outcomes} == {"solved", "refused"}
+
+
+def move_something():
+    bpy.data.objects["Glass"].location.x += 1e-3
+
+
+def source_with(number):
+    """A solution whose source image holds this number."""
+
+    def spoilt(kiriko, solution):
+        pixels = solution.source.copy()
+        pixels[0, 0, 0] = number
+        return replace(solution, source=pixels)
+
+    return spoilt
+
+
+def crash(kiriko, solution):
+    raise IndexError("index 3 is out of bounds")
+
+
+def bend_the_scene(kiriko, solution):
+    move_something()
+    return solution
+
+
+def refuse_late(kiriko, solution):
+    move_something()
+    raise kiriko.core.errors.RigError("The rig is not to be solved today: try tomorrow.")
+
+
+def refuse_with(text):
+    def refuse(kiriko, solution):
+        raise kiriko.core.errors.RigError(text)
+
+    return refuse
+
+
+def lose_a_share(kiriko, solution):
+    return replace(solution, misses={"blocked": float("nan")})
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (crash, "IndexError"),
+        (source_with(np.nan), "not finite"),
+        (source_with(-1.0), "negative"),
+        (bend_the_scene, "changed objects Glass"),
+        (refuse_late, "but changed objects Glass"),
+        (refuse_with("It went wrong. Sorry"), "full stop"),
+        (refuse_with("It went wrong. We are sorry."), "more than one sentence"),
+        (refuse_with("The display is nan mm wide: enlarge it."), "no number"),
+        (lose_a_share, "NaN"),
+    ],
+    ids=lambda value: getattr(value, "__qualname__", "").split(".")[0] or value,
+)
+def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
+    """A solve that crashes, returns no image, changes the scene or does not say why it refuses, fails."""
+    import importlib
+
+    solve = importlib.import_module(f"{kiriko.__name__}.operators.solve")
+    importlib.import_module(f"{kiriko.__name__}.core.errors")
+    right = solve.write_solution
+    monkeypatch.setattr(
+        solve, "write_solution", lambda scene, reading, found: right(scene, reading, fault(kiriko, found))
+    )
+    outcome = fuzz.try_rig(SEED, SOLVED)
+    assert outcome.verdict == "failed"
+    assert told in outcome.text
+
+
+def test_a_rig_that_takes_too_long_is_named(tmp_path):
+    """A rig that takes longer than it may is ended and told of, with what repeats it, and the next one is tried."""
+    command = [sys.executable, ROOT / "scripts" / "fuzz.py", "--seed", str(SEED), "--rigs", "2", "--seconds", "0.001"]
+    variables = {**os.environ, "PYTHONPATH": str(ROOT / ".dev" / "link"), "BLENDER_USER_RESOURCES": str(tmp_path)}
+    run = subprocess.run(command, env=variables, capture_output=True, text=True)
+    assert run.returncode == 1
+    for k in range(2):
+        assert f"--seed {SEED} --only {k}" in run.stdout
+    assert "Timeout" in run.stdout
+    assert "2 failed" in run.stdout
