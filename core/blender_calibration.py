@@ -11,10 +11,13 @@ from mathutils import Matrix
 
 from .blender_scene import Reading, length_of_unit
 from .errors import RigError
-from .misalignment import along_with, part_motions
-from .rig import WAVELENGTH, Floats, Rig
+from .misalignment import along_with, part_motions, with_amounts
+from .picture import view_of_picture
+from .rig import WAVELENGTH, Rig
 
-SAME = 1e-6  # of the rig's size: what Blender's single precision leaves of a place
+NEAR = 0.1  # px of display and viewer: so near, in single precision, everything has to come to be as fitted
+SINGLE = 1e-6  # what single precision leaves of numbers of about 1
+PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
 @contextmanager
@@ -27,8 +30,16 @@ def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], 
 
     Raises
     ------
-    RigError : something else holds a part where it is: a constraint, an animation, a parent, an instance
+    RigError : a part is gone, or held where it is by something else: a constraint, an animation, a parent
     """
+    rig = reading.drawn
+    for amounts in json.loads(scene.kiriko.calibration.offset or "[]"):
+        rig, unknown = with_amounts(rig, amounts)
+        if unknown:
+            raise RigError(
+                f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate again, or remove"
+                " the offset."
+            )
     undo = _Undo()
     try:
         _move(scene, reading, undo)
@@ -47,9 +58,13 @@ class _Undo:
     def __init__(self) -> None:
         self._before: list[tuple[Any, str, Any]] = []
 
+    def keep(self, owner: Any, *names: str) -> None:
+        for name in names:
+            value = getattr(owner, name)
+            self._before.append((owner, name, value[:] if hasattr(value, "__len__") else value))
+
     def set(self, owner: Any, name: str, value: Any) -> None:
-        before = getattr(owner, name)
-        self._before.append((owner, name, before.copy() if isinstance(before, Matrix) else before))
+        self.keep(owner, name)
         setattr(owner, name, value)
 
     def all(self) -> None:
@@ -59,10 +74,14 @@ class _Undo:
 
 def _object(name: str) -> bpy.types.Object:
     thing = bpy.data.objects.get(name)
-    if thing is None or not thing.is_editable:
-        raise RigError(f"'{name}' is an instance or linked, and cannot be moved alone: keep the offset instead.")
-    if thing.animation_data is not None and (thing.animation_data.action or thing.animation_data.drivers):
-        raise RigError(f"'{name}' is animated, and would not stay where it is put: keep the offset instead.")
+    if thing is None:
+        raise RigError(f"'{name}' is an instance, and cannot be moved alone: keep the offset instead.")
+    for block in (thing, thing.data):
+        if block is not None and not block.is_editable:
+            raise RigError(f"'{name}' is linked from another file, and would not stay as it is set: keep the offset.")
+        animation = None if block is None else block.animation_data
+        if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+            raise RigError(f"'{name}' is animated, and would not stay as it is set: keep the offset instead.")
     return thing
 
 
@@ -82,7 +101,7 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
             depth, parent = depth + 1, parent.parent
         targets.append((depth, name, thing, Matrix(matrix @ np.array(thing.matrix_world, float))))
     for _, _, thing, target in sorted(targets, key=lambda entry: entry[:2]):
-        undo.set(thing, "matrix_basis", thing.matrix_basis)
+        undo.keep(thing, *PLACE)
         thing.matrix_world = target
         bpy.context.view_layer.update()
 
@@ -102,48 +121,58 @@ def _change(reading: Reading, undo: _Undo) -> None:
     drawn, fitted = (np.ptp(rig.viewer.window[:2]) for rig in (reading.drawn, reading.rig))
     if drawn != fitted:
         lens = _object(reading.rig.viewer.name).data
-        undo.set(lens, "lens", lens.lens * drawn / fitted)
-        undo.set(lens, "ortho_scale", lens.ortho_scale * fitted / drawn)
+        if lens.type == "ORTHO":
+            undo.set(lens, "ortho_scale", lens.ortho_scale * fitted / drawn)
+        else:
+            undo.set(lens, "lens", lens.lens * drawn / fitted)
 
 
 def _compare(found: Rig, wanted: Rig) -> None:
-    """Raise RigError where a part is not as it is wanted."""
-    scale = max(np.abs(part.mesh.vertices).max() for part in (*wanted.glasses, *wanted.plates, *wanted.displays))
-    scale = max(scale, np.abs(wanted.viewer.position).max())
-    for kind in ("glasses", "plates", "displays", "pictures", "viewers"):
+    """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
+    display, viewer = wanted.display, wanted.viewer
+    pixel = np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height)
+    for kind in ("glasses", "plates", "displays", "mirrors", "blockers"):
         for a, b in zip(getattr(found, kind), getattr(wanted, kind), strict=True):
-            if not _is_same(a, b, scale):
-                raise RigError(
-                    f"'{b.name}' does not come to be as fitted (a constraint, a parent or shared data holds it): keep"
-                    " the offset instead."
-                )
+            if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(a, b):
+                raise _held(b.name)
+    across = np.ptp(viewer.window[:2]) / viewer.width  # of a viewer pixel at unit distance, or of its plane
+    reach = 1.0 if viewer.projection == "perspective" else np.abs(display.mesh.vertices - viewer.position).max()
+    if (
+        np.abs(found.viewer.position - viewer.position).max() > NEAR * pixel
+        or np.abs(found.viewer.axes - viewer.axes).max() * reach > NEAR * across
+        or np.abs(np.subtract(found.viewer.window, viewer.window)).max() > NEAR * across
+    ):
+        raise _held(viewer.name)
+    uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
+    for a, b in zip(found.pictures, wanted.pictures, strict=True):
+        off = view_of_picture(a, found.viewer, uv) - view_of_picture(b, viewer, uv)
+        if np.abs(off).max() > NEAR:
+            raise _held(b.name)
 
 
-def _is_same(a: Any, b: Any, scale: float) -> bool:
-    if hasattr(a, "axes"):
-        pairs = [(a.position, b.position, scale), (a.axes, b.axes, 1.0), (a.window, b.window, 1.0)]
-    else:
-        pairs = [] if a.mesh is None else [(a.mesh.vertices, b.mesh.vertices, scale)]
+def _held(name: str) -> RigError:
+    return RigError(
+        f"'{name}' does not come to be as fitted (a constraint, a parent or shared data holds it, or takes it along):"
+        " keep the offset instead."
+    )
+
+
+def _is_made_like(a: Any, b: Any) -> bool:
+    """Have two parts the same index, or mirrors, to single precision?"""
     if hasattr(a, "ior"):
-        pairs.append((a.ior(WAVELENGTH), b.ior(WAVELENGTH), 1.0))
+        return abs(a.ior(WAVELENGTH) - b.ior(WAVELENGTH)) < SINGLE
     if getattr(a, "array", None) is not None:
-        pairs += [
-            (a.array.crossing_error, b.array.crossing_error, 1.0),
-            (a.array.height, b.array.height, a.array.pitch),
-        ]
-    return all(_close(x, y, size) for x, y, size in pairs)
-
-
-def _close(a: Floats | float, b: Floats | float, size: float) -> bool:
-    return bool(np.abs(np.subtract(a, b)).max() <= SAME * size)
+        return abs(a.array.crossing_error - b.array.crossing_error) < SINGLE and (
+            abs(a.array.height - b.array.height) < SINGLE * a.array.pitch
+        )
+    return True
 
 
 @contextmanager
-def add_offset(scene: bpy.types.Scene, amounts: dict[str, float]) -> Iterator[None]:
-    """Keep what a calibration found, by the parameters' names, beside earlier ones'. Undone if what is within fails."""
+def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
+    """Keep what calibrations found, amounts by the parameters' names. Undone if what is within fails."""
     ours = scene.kiriko.calibration
-    before = ours.offset
-    ours.offset = json.dumps([*json.loads(before or "[]"), amounts])
+    before, ours.offset = ours.offset, json.dumps(offset)
     try:
         yield
     except BaseException:

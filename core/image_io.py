@@ -1,5 +1,6 @@
 """Reads and writes image files; the one file that imports OpenImageIO."""
 
+import hashlib
 import importlib
 import os
 import tempfile
@@ -218,6 +219,11 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def _line(text: str) -> str:
+    """A library's words in one line."""
+    return " ".join(text.split())
+
+
 def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     """Numbers of an image file as they stand (h, w, c) float32, integers as 0..1, row 0 at the top; and its metadata.
 
@@ -229,15 +235,24 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise ImageError(f"The image '{path}' cannot be read ({oiio.geterror().strip()}): choose another file.")
+        raise ImageError(f"The image '{path}' cannot be read ({_line(oiio.geterror())}): choose another file.")
     try:
         spec = source.spec()
         pixels = source.read_image(format="float")
         if pixels is None:
-            raise ImageError(f"The image '{path}' is broken ({source.geterror().strip()}): choose another file.")
+            raise ImageError(f"The image '{path}' is broken ({_line(source.geterror())}): choose another file.")
     finally:
         source.close()
     return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
+
+
+def digest(path: Path | str) -> str:
+    """Tells a file's contents from others'; ImageError when it cannot be read."""
+    try:
+        return hashlib.sha1(Path(path).read_bytes(), usedforsecurity=False).hexdigest()
+    except (OSError, ValueError) as reason:
+        why = getattr(reason, "strerror", None) or reason
+        raise ImageError(f"The file '{path}' cannot be read ({why}): choose another one.") from None
 
 
 def read_photograph(path: Path | str) -> np.ndarray:

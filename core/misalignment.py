@@ -23,6 +23,7 @@ ENOUGH = 1e-5  # of the sum of squares, in noise, or of one: what a step gains w
 HOPELESS = 1e8  # damping
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
 UNLIKELY = 6.0  # times the noise: points that stay so far from a fit are none of this bench's
+LEAST_USED = 0.5  # of the measured points have to be seen in the fitted rig
 STRANGE, MOST_STRANGE = 5.0, 0.1  # times the median distance; share of the points that may be left out for it
 FARTHEST = 40.0  # viewer px in one step of Newton's method
 # standard deviations to expect, in the parameters' units, of a bench that was set up with rulers and squares
@@ -301,6 +302,7 @@ class Fit:
     condition : largest by smallest singular value of the points' movements, each for its tolerance, over the noise
     before, after : rms distance of the points from where they were to be seen, and from where the fit has them, px
     used, left_out : (m,) points that were fitted, and measured ones that are too far from where the others have them
+    n_measured : points that were measured
     movements : (2 k, p) of the coordinates of the k used points, for the tolerance of each parameter, over the noise
     """
 
@@ -312,6 +314,7 @@ class Fit:
     after: float
     used: Bools
     left_out: Bools
+    n_measured: int
     movements: Floats
 
     @property
@@ -375,7 +378,13 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
         left_out |= strange
         measured[strange] = np.nan
     after = _rms(off * noise)
-    if not (used.sum() >= FEWEST and after < UNLIKELY * noise):
+    n_left = int((is_measured & ~left_out).sum())
+    if used.sum() < max(FEWEST, LEAST_USED * n_left):
+        raise RigError(
+            f"Only {used.sum()} of {n_left} measured points can be followed, light goes another way to the others: take"
+            " glass with fewer or smoother faces, or expect less to be off."
+        )
+    if after >= UNLIKELY * noise:
         raise RigError(
             f"The points lie {after:.3g} pixels from where the rig can show them, whatever is off: they may be swapped,"
             " or those of another rig."
@@ -391,6 +400,7 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
         after,
         used,
         left_out,
+        int(is_measured.sum()),
         movements,
     )
 
@@ -446,7 +456,8 @@ def _settle(
         if is_at_end:
             return amounts, off, at, used, d
     raise RigError(
-        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong, or expect less to be off."
+        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong or counted in another way,"
+        " compare the lattice with the picture, or expect less to be off."
     )
 
 
@@ -502,10 +513,12 @@ def extra_photographs(
     extras = []
     for k, (where, motion) in enumerate(places.items()):
         rig = replace(bench.rig, viewers=(moved(viewer, motion),))
+        theirs = {p.name: p for p in parameters(rig)}  # the second viewer is shifted and turned about its own axes
+        among = [theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)]
         try:
-            there = Bench(rig, bench.settings, rig.viewer.project(points))
-            at = there.seen(np.zeros(len(there.parameters)), display=bench.display)
-            there = Bench(rig, bench.settings, at)
+            there = Bench(rig, bench.settings, rig.viewer.project(points), among)
+            at = there.seen(np.zeros(n), display=bench.display)
+            there = Bench(rig, bench.settings, at, among)
             d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
         except RigError:  # nothing is seen from there
             continue

@@ -9,14 +9,23 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.blender_calibration import add_offset, put_into_scene
+from ..core import image_io
+from ..core.blender_calibration import keep_offset, put_into_scene
 from ..core.blender_result import write_solution
 from ..core.errors import ImageError, RigError
-from ..core.image_io import read_photograph
-from ..core.lattice import Lattice, check, find_points, match, read_points
+from ..core.lattice import (
+    Lattice,
+    check,
+    check_picture,
+    check_way,
+    find_points,
+    match,
+    missing_borders,
+    read_points,
+)
 from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts
 from ..core.picture import view_of_picture
-from ..core.rig import Floats, Viewer
+from ..core.rig import Floats, Rig
 from ..core.session import within
 from . import work
 from .export import absolute, use_bundled_modules
@@ -57,7 +66,19 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
 def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generator[float, None, str]:
     """Fit, solve again, and keep what the settings say; returns what is to be told. The last step changes the scene."""
     scene, ours = context.scene, context.scene.kiriko.calibration
-    rig, settings = reading.rig, work.settings_of(scene)
+    is_moved = ours.keep == "SCENE"
+    digest, before = image_io.digest(path), ours.offset
+    found_before = json.loads(ours.found or "{}")
+    if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
+        raise RigError(
+            f"What '{path.name}' tells is in the scene already: solve, and take another photograph of what is seen."
+        )
+    offset = json.loads(before or "[]")
+    if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
+        offset.pop()  # the same file once more, as with other tolerances: in place of what it told before
+    rig, settings = reading.drawn, work.settings_of(scene)
+    for amounts in offset:
+        rig, _ = with_amounts(rig, amounts)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
     expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
     tolerances = tolerances_of(ours)
@@ -66,27 +87,34 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         raise RigError("Nothing may be off: set a tolerance above 0.")
     expect = np.array([tolerances[parameter.kind] for parameter in among])
     bench = Bench(rig, settings, expected, among)
-    n_shown = int(np.isfinite(bench.display).all(axis=1).sum())
-    if n_shown < FEWEST:
+    size = rig.display.width, rig.display.height
+    is_shown = ((bench.display >= 0) & (bench.display <= size)).all(axis=1)
+    if is_shown.sum() < FEWEST:
         raise RigError(
-            f"Only {n_shown} of {len(expected)} points of the lattice are seen in this rig: compare its columns, rows"
-            " and margin with the picture."
+            f"Only {is_shown.sum()} of {len(expected)} points of the lattice are seen in this rig: compare its columns,"
+            " rows and margin with the picture."
         )
-    measured, scale = measured_points(path, lattice, expected, rig.viewer, tuple(ours.size))
+    due = np.where(is_shown[:, None], expected, np.nan)
+    measured, scale = measured_points(path, lattice, due, rig, tuple(ours.size))
     noise = ours.noise * scale
     found = yield from within(fit(bench, measured, expect, noise), 0.05, 0.5)
     extras = yield from within(extra_photographs(bench, found, expect, noise), 0.5, 0.6)
     text = told(found)
     odd = [lattice.name(k) for k in np.flatnonzero(found.left_out)]
-    details = json.dumps({"measured": path.name, "left_out": odd, **as_data(bench, found, expect, extras)})
+    about = {"measured": path.name, "digest": digest, "kept": ours.keep, "left_out": odd}
+    details = json.dumps({**about, **as_data(bench, found, expect, extras)})
     amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
     if ours.keep == "NONE":
         ours.found = details
         return f"{text} Nothing is kept of it."
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
-    is_moved = ours.keep == "SCENE"
-    with put_into_scene(scene, fitted, lambda: work.read(context)) if is_moved else add_offset(scene, amounts):
+    kept = (
+        put_into_scene(scene, fitted, lambda: work.read(context))
+        if is_moved
+        else keep_offset(scene, [*offset, amounts])
+    )
+    with kept:
         text = f"{text} {write_solution(scene, work.read(context), solution)}"
     ours.found = details
     return text
@@ -99,23 +127,29 @@ def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
 
 
 def measured_points(
-    path: Path, lattice: Lattice, expected: Floats, viewer: Viewer, size: tuple[int, int]
+    path: Path, lattice: Lattice, expected: Floats, rig: Rig, size: tuple[int, int]
 ) -> tuple[Floats, float]:
     """Points of the lattice (m, 2) in viewer px, NaN where not measured; and viewer px in a pixel they are given in.
 
     path : of a photograph, or of a CSV of positions in an image of a size; (0, 0): in the viewer's
+    expected : (m, 2) viewer px, NaN for points that the display does not show
     """
-    viewer_size = np.array([viewer.width, viewer.height], float)
+    viewer_size = np.array([rig.viewer.width, rig.viewer.height], float)
     if path.suffix.lower() in TEXTS:
+        if bool(size[0]) != bool(size[1]):
+            raise ImageError(f"The photograph has {size[0]} x {size[1]} pixels: give both numbers, or 0 for both.")
         size = np.array(size, float) if min(size) else viewer_size
         scale = _scale(path, size, viewer_size)
         points = read_points(path, lattice, expected / scale)
     else:
-        photograph = read_photograph(path)
+        photograph = image_io.read_photograph(path)
         size = np.array(photograph.shape[1::-1], float)
         scale = _scale(path, size, viewer_size)
         points = match(find_points(photograph), expected / scale, lattice)
+        is_unsure = bool(missing_borders(points, expected, lattice))
+        check_picture(points, lattice, photograph, rig.picture.image, is_unsure)
     check(points, lattice)
+    check_way(points, expected / scale)
     return points * scale, float(scale.mean())
 
 
@@ -136,7 +170,7 @@ def told(found: Fit) -> str:
     odd = f"; {n} that lie{'s' if n == 1 else ''} far from the others' fit left out" if n else ""
     return (
         f"The lattice was {found.before:.3g} viewer px off; with the fit it is {found.after:.3g}"
-        f" ({found.n_points} points{odd})."
+        f" ({found.n_points} of {found.n_measured} points{odd})."
     )
 
 
@@ -148,6 +182,7 @@ def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -
     return {
         "points": found.n_points,
         "of": len(bench.view),
+        "measured_points": found.n_measured,
         "before_viewer_px": found.before,
         "after_viewer_px": found.after,
         "condition": _number(found.condition),

@@ -13,7 +13,7 @@ import numpy as np
 from ..core import image_io
 from ..core.blender_preview import Preview
 from ..core.blender_result import write_solution
-from ..core.errors import KirikoError, RigError
+from ..core.errors import ImageError, KirikoError, RigError
 from ..core.simulation import simulate
 from ..core.work_precision import BUDGET
 from . import folder, report, work
@@ -117,13 +117,13 @@ def _count(text: str) -> int:
 
 def _folder_name(text: str) -> Path:
     if not text:
-        raise ValueError("a folder needs a name")
+        raise argparse.ArgumentTypeError("a folder needs a name")
     return Path(text)
 
 
 def _file_name(text: str) -> Path:
     if not text:
-        raise ValueError("a file needs a name")
+        raise argparse.ArgumentTypeError("a file needs a name")
     return Path(text)
 
 
@@ -201,7 +201,11 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield (yield from _progress(calibrated(context, reading, arguments.measured)))
     yield from _solve(arguments)
     image_io.write_text(details, json.dumps(json.loads(ours.found), indent=2) + "\n")
-    bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
+    except RuntimeError as reason:
+        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        raise ImageError(f"The file '{file}' cannot be written ({why}): choose another folder.") from None
     yield f"wrote '{details.name}' and '{file.name}' there, too"
 
 

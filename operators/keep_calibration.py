@@ -47,6 +47,7 @@ class KIRIKO_OT_remove_calibration(bpy.types.Operator):
         return work.can_run(cls, without_offset(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        context.scene.kiriko.calibration.offset = ""
+        ours = context.scene.kiriko.calibration
+        ours.offset = ours.found = ""
         self.report({"INFO"}, "The offset is gone: solve again.")
         return {"FINISHED"}

@@ -45,7 +45,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="cases and groups with this in a name")
     parser.add_argument("--quick", action="store_true", help="as small as in the tests")
-    parser.add_argument("--markdown", action="store_true", help="tables, and what to avoid, for docs/extremes.md")
+    parser.add_argument("--markdown", action="store_true", help="as the tables in docs/limits.md")
     arguments = parser.parse_args()
     chosen = [c for c in CASES if any(word in f"{c.group}: {c.name}" for word in arguments.only)]
     if not chosen:

@@ -318,12 +318,12 @@ def lattice_table(conditions: Sequence[Condition]) -> Table:
 
 
 def points_csv(conditions: Sequence[Condition]) -> str:
-    """All 49 points in each condition, px of a frame 1165 px from dot to dot."""
+    """All 49 points in each condition, counted from 1, px of a frame 1165 px from dot to dot."""
     lines = ["condition,column,row,ideal x,ideal y,core dx,core dy,Cycles dx,Cycles dy"]
     for condition in conditions:
         for j, i in np.ndindex(condition.ideal.shape[:2]):
             values = *condition.ideal[j, i], *condition.in_core.shift[j, i], *condition.in_cycles.shift[j, i]
-            lines.append(",".join([condition.name, str(i), str(j), *(f"{value:.3f}" for value in values)]))
+            lines.append(",".join([condition.name, str(i + 1), str(j + 1), *(f"{value:.3f}" for value in values)]))
     return "\n".join([*lines, ""])
 
 

@@ -8,7 +8,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
-from small_rigs import inventory, linear_lattice, pixels, small_rig
+from small_rigs import inventory, linear_lattice, new_object, pixels, primitive, small_rig
 
 HIDDEN = {
     "Kiriko Viewer: turn about up": 0.08,
@@ -66,10 +66,10 @@ class Bench:
         """Mean distance, viewer px, from where they are to be seen."""
         return float(np.nanmean(np.linalg.norm(self.seen(rig) - self.wanted(), axis=1)))
 
-    def photograph(self, path: Path) -> Path:
-        """What is seen of the source image on the real bench, as a file."""
+    def photograph(self, path: Path, change=np.asarray) -> Path:
+        """What is seen of the source image on the real bench, changed somehow, as a file."""
         source = pixels(self.scene.kiriko.result.source)[..., :3]
-        return self.image_io.write(path, self.source_of(self.real).seen(source), "PNG8")
+        return self.image_io.write(path, change(self.source_of(self.real).seen(source)), "PNG8")
 
     def csv(self, path: Path, points: np.ndarray | None = None, names: bool = True) -> Path:
         """The points that are seen, with a little noise."""
@@ -121,6 +121,61 @@ def test_a_photograph_does_it_too(bench: Bench, tmp_path: Path) -> None:
     bpy.ops.kiriko.remove_calibration()
 
 
+@pytest.mark.parametrize(("name", "flip"), [("mirrored", np.fliplr), ("upside down", lambda a: a[::-1, ::-1])])
+@pytest.mark.parametrize("own", [False, True])
+def test_a_photograph_held_another_way_is_refused(bench: Bench, tmp_path: Path, name: str, flip, own: bool) -> None:
+    """Of coloured dots, and of the lattice with its two larger dots."""
+    if own:
+        bpy.ops.kiriko.lattice_picture()
+    bpy.ops.kiriko.solve()
+    path = bench.photograph(tmp_path / "photograph.png", flip)
+    with pytest.raises(RuntimeError, match=name):
+        bpy.ops.kiriko.calibrate(filepath=str(path))
+    assert bench.scene.kiriko.calibration.offset == ""
+
+
+def test_what_the_display_does_not_show_is_not_missed(bench: Bench, tmp_path: Path) -> None:
+    """A column beside the display is not in the photograph, and the others are told apart all the same."""
+    display = bench.parts["DISPLAY"]
+    display.location += display.matrix_world.to_3x3().col[0].normalized() * 0.004
+    bpy.context.view_layer.update()
+    bench.drawn = bench.rig()
+    bench.real, _ = bench.misalignment.with_amounts(bench.drawn, HIDDEN)
+    bpy.ops.kiriko.solve()
+    before = bench.off(bench.drawn)
+    bpy.ops.kiriko.calibrate(filepath=str(bench.photograph(tmp_path / "photograph.png")))
+    found = json.loads(bench.scene.kiriko.calibration.found)
+    assert found["points"] == 42
+    assert bench.off(bench.rig()) < 0.3 < before
+
+
+def test_a_border_that_is_missing_without_names_is_refused(bench: Bench, tmp_path: Path) -> None:
+    seen = bench.seen(bench.drawn)
+    seen[6::7] = np.nan
+    path = bench.csv(tmp_path / "points.csv", seen, names=False)
+    path.write_text("".join(line + "\n" for line in path.read_text().splitlines() if "nan" not in line))
+    with pytest.raises(RuntimeError, match=r"which is which cannot be told|Too few of the 7 columns"):
+        bpy.ops.kiriko.calibrate(filepath=str(path))
+
+
+def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -> None:
+    """With the index known, as with other tolerances: what it told before does not count twice."""
+    path = str(bench.csv(tmp_path / "points.csv"))
+    bpy.ops.kiriko.calibrate(filepath=path)
+    ours = bench.scene.kiriko.calibration
+    ours.index = ours.crossing = 0.0
+    bpy.ops.kiriko.calibrate(filepath=path)
+    (amounts,) = json.loads(ours.offset)
+    assert not any("index" in name for name in amounts)
+    assert bench.off(bench.rig()) < 0.3
+    ours.keep = "SCENE"
+    bpy.ops.kiriko.calibrate(filepath=path)
+    assert ours.offset == ""
+    assert bench.off(bench.rig()) < 0.3
+    with pytest.raises(RuntimeError, match="in the scene already"):
+        bpy.ops.kiriko.calibrate(filepath=path)
+
+
 def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
     """A second photograph is of what the first calibration made: its amounts come on top."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))
@@ -156,24 +211,55 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     assert np.abs(seen - bench.picture.view_of_picture(bench.drawn.picture, bench.drawn.viewer, corners)).max() < 0.01
 
 
-@pytest.mark.parametrize("holds", ["constraint", "keyframes"])
+def test_a_tilted_picture_goes_along(bench: Bench) -> None:
+    """Seen at an angle it cannot keep its pixels exactly when the camera zooms: to a tenth of one it does."""
+    bench.parts["PICTURE"].rotation_euler[0] += 0.3
+    bpy.context.view_layer.update()
+    bench.scene.kiriko.calibration.offset = json.dumps([{**HIDDEN, "Kiriko Viewer: focal length": 0.2}])
+    wanted = bench.rig()
+    assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
+    found, corners = bench.rig(), bench.lattice.Lattice(2, 2, 0.0).uv
+    seen, right = (bench.picture.view_of_picture(r.picture, r.viewer, corners) for r in (found, wanted))
+    assert np.abs(seen - right).max() < 0.1
+
+
+@pytest.mark.parametrize("holds", ["constraint", "keyframes", "lens", "strip", "mirror", "name"])
 def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
-    """All stays as it was, the offset too."""
+    """All stays as it was, channel by channel, the offset too."""
     bench.scene.kiriko.calibration.offset = json.dumps([{**HIDDEN, "Kiriko Plate: shift up": 0.5}])
     plate = bench.parts["PLATE"]
     if holds == "constraint":
         constraint = plate.constraints.new("LIMIT_LOCATION")
         constraint.use_max_z = constraint.use_min_z = True
         constraint.max_z = constraint.min_z = plate.location.z
-    else:
+    elif holds == "keyframes":
         plate.keyframe_insert("location")
+    elif holds == "lens":
+        bench.scene.kiriko.viewer.data.keyframe_insert("lens")
+    elif holds == "strip":
+        plate.keyframe_insert("location")
+        plate.animation_data.nla_tracks.new().strips.new("moves", 1, plate.animation_data.action)
+        plate.animation_data.action = None
+    elif holds == "mirror":
+        mirror = new_object(primitive("grid", x_segments=1, y_segments=1, size=0.01), "MIRROR")
+        mirror.parent = plate
+        mirror.location = (0.2, 0.2, 0.1)
+    else:
+        plate.name = "Other Plate"
+    bench.parts["GLASS"].rotation_euler[2] = 12.77  # two turns more than a matrix tells
     bpy.context.view_layer.update()
-    places = {o.name: o.matrix_world.copy() for o in bpy.data.objects}
+
+    def state() -> dict:
+        return {
+            o.name: (o.matrix_world.copy(), o.location[:], o.rotation_euler[:], o.scale[:]) for o in bpy.data.objects
+        }
+
+    places = state()
     offset = bench.scene.kiriko.calibration.offset
-    with pytest.raises(RuntimeError, match="keep the offset"):
+    with pytest.raises(RuntimeError, match="of which this rig has none" if holds == "name" else "keep the offset"):
         bpy.ops.kiriko.apply_calibration()
     bpy.context.view_layer.update()
-    assert {o.name: o.matrix_world.copy() for o in bpy.data.objects} == places
+    assert state() == places
     assert bench.scene.kiriko.calibration.offset == offset
 
 
@@ -239,7 +325,7 @@ def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> N
     image_io = bench.image_io
     cases = [
         (bench.csv(tmp_path / "swapped.csv", swapped), r"\(3, 2\) and \(4, 5\)"),
-        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig"),
+        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig|light goes another way"),
         (image_io.write(tmp_path / "black.png", np.zeros((512, 512, 3)), "PNG8"), "No lattice"),
         (image_io.write(tmp_path / "wide.png", np.ones((512, 700, 3)), "PNG8"), "700 x 512"),
     ]

@@ -8,7 +8,7 @@ from reference_rigs import ball_rig, cube_rig, rig, wavy_slab
 from work import solve
 
 from kiriko.core.errors import ImageError
-from kiriko.core.lattice import Lattice, check, find_points, match, read_points
+from kiriko.core.lattice import Lattice, check, check_way, find_points, match, read_points
 from kiriko.core.misalignment import Bench
 from kiriko.core.plan import Settings
 from kiriko.core.rig import MirrorArray
@@ -341,6 +341,40 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
     with pytest.raises(ImageError, match="is no text"):
         read_points(tmp_path / "binary.csv", SEVEN, GRID)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"sep=;\r\ncolumn;row;x;y\r\n2;3;1,5;2,5\r\n",
+        "column\trow\tx\ty\n2\t3\t1.5\t2.5\n".encode("utf-16"),
+        "note,column,row,x,y\nS\xe4ule,2,3,1.5,2.5\n".encode("latin-1"),
+    ],
+    ids=["spreadsheet", "utf-16", "latin-1"],
+)
+def test_files_of_spreadsheets_are_read(tmp_path, data):
+    (tmp_path / "points.csv").write_bytes(data)
+    found = read_points(tmp_path / "points.csv", SEVEN, GRID)
+    assert found[2 * 7 + 1].tolist() == [1.5, 2.5]
+    assert np.isnan(found).sum() == 2 * 48
+
+
+def test_points_without_names_need_their_borders(tmp_path):
+    """Where an outer row is missing, the others may be those beside; unless it was not expected."""
+    some = np.arange(49) % 7 < 6
+    text = "x,y\n" + "\n".join(f"{x},{y}" for x, y in GRID[some])
+    with pytest.raises(ImageError, match="the last column is missing"):
+        read_points(written(tmp_path, text), SEVEN, GRID)
+    due = np.where(some[:, None], GRID, np.nan)
+    assert np.array_equal(read_points(written(tmp_path, text), SEVEN, due), due, equal_nan=True)
+
+
+def test_mirrored_and_turned_numbers_are_refused():
+    for way in (np.diag([-1.0, 1]), np.diag([1.0, -1]), -np.eye(2), np.array([[0.0, 1], [1, 0]])):
+        with pytest.raises(ImageError, match="mirrored or turned"):
+            check_way(GRID @ way.T, GRID)
+    turn = np.radians(30)
+    check_way(1.7 * GRID @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 300, GRID)
 
 
 # On the bench

@@ -184,6 +184,18 @@ def test_another_photograph_tells_more(cube):
     assert side.errors[k] < 0.7 * found.errors[k]
 
 
+def test_what_is_known_is_not_fitted(cube):
+    """With the index and all shifts known, the other amounts and another photograph are told as ever."""
+    among = [p for p in cube.parameters if p.kind not in {"index", "shift"}]
+    some = Bench(cube.rig, cube.settings, cube.view, among)
+    tolerances = tolerances_of(some)
+    found = finish(fit(some, cube.view, tolerances))
+    assert found.amounts.shape == (len(among),)
+    extras = finish(extra_photographs(some, found, tolerances))
+    assert len(extras) == 5
+    assert all((extra.errors <= found.errors * (1 + 1e-9)).all() for extra in extras)
+
+
 def test_amounts_by_name_take_the_picture_along(cube):
     """Where the viewer's own place is off, what is wanted stays in the same pixels."""
     amounts = {"viewer: turn about up": 0.3, "viewer: shift away": 20.0, "viewer: focal length": 2.0}
