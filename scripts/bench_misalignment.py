@@ -36,8 +36,9 @@ def cube_bench() -> Bench:
 
 
 def tolerance_of(parameter: Parameter) -> float:
-    """Standard deviation to expect of a bench that was set up with rulers and squares."""
-    return TOLERANCES[parameter.kind]
+    """Standard deviation to expect of a bench that was set up with rulers and squares, of any size by its unit."""
+    by_unit = {"mm": "shift", "deg": "turn", "": "index", "%": "focal"}
+    return TOLERANCES.get(parameter.kind, TOLERANCES[by_unit[parameter.unit]])
 
 
 def tolerances_of(bench: Bench) -> np.ndarray:

@@ -166,7 +166,7 @@ MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
 def refusal(error: RuntimeError) -> str:
     """The sentence an operator was left with; WrongError when it is none."""
     text = str(error).strip().removeprefix("Error: ")
-    if "Traceback" in text:
+    if "Traceback" in text or "please report this" in text:  # what work.sentence says of what was not foreseen
         raise WrongError(text)
     text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
     plain = QUOTED.sub("''", text)
