@@ -50,7 +50,7 @@ class Parameter:
     @property
     def kind(self) -> str:
         """A key of TOLERANCES: what about a part may be off, whichever part and axis."""
-        return self.name.rsplit(": ", 1)[1].split()[0]
+        return self.name.rsplit(": ", 1)[-1].split()[0]
 
 
 def parameters(rig: Rig) -> list[Parameter]:
