@@ -381,8 +381,8 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
     n_left = int((is_measured & ~left_out).sum())
     if used.sum() < max(FEWEST, LEAST_USED * n_left):
         raise RigError(
-            f"Only {used.sum()} of {n_left} measured points can be followed, light goes another way to the others: take"
-            " glass with fewer or smoother faces, or expect less to be off."
+            f"Only {used.sum()} of {n_left} measured points can be followed to the display: they may be swapped or"
+            " those of another rig, or the glass has too many flat faces."
         )
     if after >= UNLIKELY * noise:
         raise RigError(

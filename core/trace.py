@@ -395,7 +395,8 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
     rays.directions[i] = normalise(out)
-    rays.last_part[i[is_tir]] = -1  # what is turned back may meet a sheet at this place again
+    # what is turned back may meet a sheet at this place again, but not other faces of the glass that are behind it
+    rays.last_part[i[is_tir]] = plan.part[hits.triangle[is_tir]]
     rays.mask[i] = np.where(is_tir, rays.mask[i], after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance

@@ -325,7 +325,7 @@ def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> N
     image_io = bench.image_io
     cases = [
         (bench.csv(tmp_path / "swapped.csv", swapped), r"\(3, 2\) and \(4, 5\)"),
-        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig|light goes another way"),
+        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig"),
         (image_io.write(tmp_path / "black.png", np.zeros((512, 512, 3)), "PNG8"), "No lattice"),
         (image_io.write(tmp_path / "wide.png", np.ones((512, 700, 3)), "PNG8"), "700 x 512"),
     ]
