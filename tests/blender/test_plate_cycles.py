@@ -78,7 +78,8 @@ def read(core: SimpleNamespace, plate: bpy.types.Object, array: Any, axis: int =
     # a rig needs glass and a picture: here far away, and no object of the scene
     shard = core.rig.Mesh(100.0 + np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]]))
     needed = {"glasses": (core.rig.Glass("Shard", shard),), "pictures": (core.rig.Picture("", np.ones((1, 1, 4))),)}
-    return replace(reading, rig=replace(reading.rig, plates=(own,), **needed))
+    rig = replace(reading.rig, plates=(own,), **needed)
+    return replace(reading, rig=rig, drawn=rig)
 
 
 def preview(core: SimpleNamespace, reading: Any, **options: Any) -> Any:
