@@ -14,6 +14,8 @@ SEED = 11  # of the rigs tried here; `dev.py fuzz` tries more
 RIGS = (0, 1, 2, 14, 28, 36, 40)  # that take little time
 SOLVED = 0  # one of them, tame, that is solved in little time
 ROOT = Path(__file__).resolve().parent.parent.parent
+# the inventory that tells what a rig changed reads everything; the same rigs are solved in the newer versions
+pytestmark = pytest.mark.skipif(bpy.app.version < (4, 5), reason="reading every property there is crashes Blender 4.2")
 
 
 @pytest.fixture
