@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .blender_scene import Reading, length_of_unit
+from .blender_scene import Reading, length_of_unit, object_matrix
 from .errors import RigError
-from .misalignment import along_with, part_motions, with_amounts
+from .misalignment import along_with, part_motions, with_offset
 from .picture import view_of_picture
 from .rig import WAVELENGTH, Rig
 
@@ -32,14 +32,12 @@ def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], 
     ------
     RigError : a part is gone, or held where it is by something else: a constraint, an animation, a parent
     """
-    rig = reading.drawn
-    for amounts in json.loads(scene.kiriko.calibration.offset or "[]"):
-        rig, unknown = with_amounts(rig, amounts)
-        if unknown:
-            raise RigError(
-                f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate again, or remove"
-                " the offset."
-            )
+    _, unknown = with_offset(reading.drawn, json.loads(scene.kiriko.calibration.offset or "[]"))
+    if unknown:
+        raise RigError(
+            f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate again, or remove the"
+            " offset."
+        )
     undo = _Undo()
     try:
         _move(scene, reading, undo)
@@ -94,8 +92,7 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
             moves[b.name] = along_with(reading.drawn.viewer, reading.rig.viewer)
     targets = []
     for name, (linear, shift) in moves.items():
-        thing, matrix = _object(name), np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = linear, shift / length_of_unit(scene)
+        thing, matrix = _object(name), object_matrix(linear, shift, length_of_unit(scene))
         depth, parent = 0, thing.parent
         while parent is not None:
             depth, parent = depth + 1, parent.parent

@@ -22,10 +22,9 @@ from .blender_image import image_from_pixels, pixels_from_image
 from .blender_media import Interface, interfaces
 from .blender_mesh import mesh_from_triangles, sharpen_creases
 from .blender_plate import be_mirror_array
-from .blender_scene import Reading, length_of_unit, part_name, shown_parts
+from .blender_scene import Reading, length_of_unit, object_matrix, part_name, shown_parts
 from .errors import ImageError, RigError
 from .misalignment import part_motions
-from .motion import Motion
 from .rig import Mesh, MirrorArray, Rig
 from .surfaces import tessellate
 
@@ -145,7 +144,10 @@ class Preview:
         glasses = {glass.name: interface for glass, interface in zip(reading.rig.glasses, found, strict=True)}
         curved = _curved_meshes(reading.rig)
         arrays = {plate.name: plate.array for plate in reading.rig.plates}
-        offsets = {name: self._offset(motion) for name, motion in part_motions(reading.drawn, reading.rig).items()}
+        offsets = {
+            name: Matrix(object_matrix(motion.rotation, motion.shift, self._metres).tolist())
+            for name, motion in part_motions(reading.drawn, reading.rig).items()
+        }
         copies: dict[tuple[object, ...], bpy.types.Mesh] = {}
         taken = set()  # the user's objects whose place a copy takes, or that make instances of such
         counts: Counter[str] = Counter()
@@ -186,12 +188,6 @@ class Preview:
                 if thing.kiriko.role == "NONE" and thing not in taken:
                     self.scene.collection.objects.link(thing)
         self._add_camera(scene, depsgraph, reading, offsets)
-
-    def _offset(self, motion: Motion) -> Matrix:
-        """Where a motion, in m, takes an object, in Blender units."""
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = motion.rotation, motion.shift / self._metres
-        return Matrix(matrix.tolist())
 
     def _tessellated(self, mesh: Mesh, is_inside_out: bool, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
         """A curved surface in fine triangles, facing out of the glass, and where it stands."""

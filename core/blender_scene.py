@@ -19,7 +19,7 @@ from .blender_picture import read_pixels, stored_pixels
 from .blender_viewer import read_viewer
 from .errors import KirikoError, RigError
 from .meshes import geometric_normals
-from .misalignment import with_amounts
+from .misalignment import with_offset
 from .optics import normalise
 from .rig import (
     Blocker,
@@ -547,12 +547,12 @@ def read(
     )
     size = flat_size(displays[0].mesh) if len(displays) == 1 else None
     shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
-    calibrated, remarks = with_offset(rig, scene)
+    calibrated, remarks = calibrated_rig(rig, scene)
     notes += remarks
     return Reading(calibrated, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
 
 
-def with_offset(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
+def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     """The rig with what calibrations found and the scene keeps as an offset, and notes on what of it has no place."""
     kept = json.loads(scene.kiriko.calibration.offset or "[]")
     if not kept:
@@ -561,11 +561,16 @@ def with_offset(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
         rig.check()
     except KirikoError:
         return rig, []  # what is wrong with it is told before it is solved
-    notes = []
-    for amounts in kept:
-        rig, unknown = with_amounts(rig, amounts)
-        notes += [
-            f"The calibration's offset has '{name}', of which this rig has none: calibrate again or remove the offset."
-            for name in unknown
-        ]
+    rig, unknown = with_offset(rig, kept)
+    notes = [
+        f"The calibration's offset has '{name}', of which this rig has none: calibrate again or remove the offset."
+        for name in unknown
+    ]
     return rig, ["The calibration's offset is in this rig.", *notes]
+
+
+def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
+    """Matrix (4, 4) for objects, in units of so many metres: points p, in m, go to linear (3, 3) @ p + shift (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = linear, shift / metres
+    return matrix

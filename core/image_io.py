@@ -248,8 +248,13 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
 
 def digest(path: Path | str) -> str:
     """Tells a file's contents from others'; ImageError when it cannot be read."""
+    return hashlib.sha1(read_bytes(path), usedforsecurity=False).hexdigest()
+
+
+def read_bytes(path: Path | str) -> bytes:
+    """What is in a file; ImageError when it cannot be read."""
     try:
-        return hashlib.sha1(Path(path).read_bytes(), usedforsecurity=False).hexdigest()
+        return Path(path).read_bytes()
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or reason
         raise ImageError(f"The file '{path}' cannot be read ({why}): choose another one.") from None

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import ImageError
+from .image_io import read_bytes
 from .rig import Bools, Floats, Ints
 
 # as drawn, in spacings
@@ -167,11 +168,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     ImageError : the file cannot be read, or says what cannot be
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except (OSError, ValueError) as reason:
-        why = getattr(reason, "strerror", None) or reason
-        raise ImageError(f"The file '{path}' cannot be read ({why}): choose another one.") from None
+    data = read_bytes(path)
     try:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:

@@ -4,7 +4,7 @@ A dot of the source image stays where it is on the display; the viewer sees it w
 from viewer to display and p what is off, dx = -J^-1 dy/dp: by the view map's own derivatives, with no dot looked for.
 """
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,6 +89,15 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
         )
         rig = replace(rig, pictures=pictures)
     return rig, tuple(left)
+
+
+def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with several sets of amounts, one after the other, and the names that it does not have."""
+    unknown: list[str] = []
+    for amounts in offset:
+        rig, names = with_amounts(rig, amounts)
+        unknown += names
+    return rig, tuple(unknown)
 
 
 def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:

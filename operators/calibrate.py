@@ -23,7 +23,7 @@ from ..core.lattice import (
     missing_borders,
     read_points,
 )
-from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts
+from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts, with_offset
 from ..core.picture import view_of_picture
 from ..core.rig import Floats, Rig
 from ..core.session import within
@@ -67,18 +67,16 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     """Fit, solve again, and keep what the settings say; returns what is to be told. The last step changes the scene."""
     scene, ours = context.scene, context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
-    digest, before = image_io.digest(path), ours.offset
+    digest = image_io.digest(path)
     found_before = json.loads(ours.found or "{}")
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
             f"What '{path.name}' tells is in the scene already: solve, and take another photograph of what is seen."
         )
-    offset = json.loads(before or "[]")
+    offset = json.loads(ours.offset or "[]")
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
         offset.pop()  # the same file once more, as with other tolerances: in place of what it told before
-    rig, settings = reading.drawn, work.settings_of(scene)
-    for amounts in offset:
-        rig, _ = with_amounts(rig, amounts)
+    rig, settings = with_offset(reading.drawn, offset)[0], work.settings_of(scene)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
     expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
     tolerances = tolerances_of(ours)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, ri
 from kiriko.core.engines import make_engine
 from kiriko.core.memory import estimated
 from kiriko.core.session import Session, finish
+from kiriko.core.work_precision import peak_memory
 
 PICTURE = 1024
 CASES = {
@@ -40,7 +40,7 @@ N_RAYS = 1 << 16
 
 def peak() -> float:
     """Most memory that this process has had, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+    return (peak_memory() or np.nan) / 1e6
 
 
 def measure(name: str, runs: int) -> dict[str, object]:
