@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from math import isqrt
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from .trace import trace_all
 FARTHEST = np.radians(75.0)  # from the viewer's own place, each way
 STEPS = 60  # places along each way over the whole range
 FINE = np.radians(0.1)  # steps straight to the left, right, down and up, to tell angles
-PARTS = 6  # an edge of the picture's triangles is cut into: of each small triangle its middle is looked at
+POINTS = 72  # of the picture that are looked at, at the most
 AT_ONCE = 1 << 16
 ROUNDING = 1e-9  # of shares
 
@@ -52,11 +53,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     if picture.mesh is None:
         raise RigError("The picture is in the viewer's own pixels and moves with it: choose a picture plane.")
     plan = replace(plan, settings=replace(plan.settings, brightness=True))
-    weights, parts = grid(PARTS)
-    corners = picture.mesh.corners
-    points = (weights[parts].mean(axis=1) @ corners).reshape(-1, 3)
-    area = areas_of(corners)
-    area = np.repeat(area / area.sum() / len(parts), len(parts))
+    points, area = _points_of(picture.mesh.corners)
     centre = picture.mesh.bounds.mean(axis=0)
     right, up, forward = viewer.axes
     distance = float((centre - viewer.position) @ forward)
@@ -82,7 +79,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     a, b = np.meshgrid(angles, angles)
     positions = places(a, b).reshape(-1, 3)
     share, brightness = np.empty((2, len(positions)))
-    step = max(1, AT_ONCE // len(points))
+    step = AT_ONCE // len(points)
     for first in range(0, len(positions), step):
         some = slice(first, first + step)
         share[some], brightness[some] = seen_from(positions[some])
@@ -98,3 +95,15 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     return VisibleRange(
         positions.reshape(*shape, 3), share.reshape(shape), brightness.reshape(shape), tuple(extent), float(share.max())
     )
+
+
+def _points_of(corners: Floats) -> tuple[Floats, Floats]:
+    """Points (n, 3) spread over triangles (m, 3, 3), at most POINTS of them, and each one's share (n,) of the area."""
+    area = areas_of(corners)
+    if len(corners) > POINTS:  # every so much of the area, a triangle
+        until = np.cumsum(area) / area.sum()
+        chosen = np.searchsorted(until, (np.arange(POINTS) + 0.5) / POINTS)
+        return corners[chosen].mean(axis=1), np.full(POINTS, 1 / POINTS)
+    weights, parts = grid(isqrt(POINTS // len(corners)))
+    points = (weights[parts].mean(axis=1) @ corners).reshape(-1, 3)
+    return points, np.repeat(area / area.sum() / len(parts), len(parts))

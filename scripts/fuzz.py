@@ -37,7 +37,7 @@ from kiriko.core.session import Session, finish
 from kiriko.core.trace import trace_all
 
 SECONDS = 60.0  # for one rig; more is a hang
-FEW_FACES, FEW_EVENTS = 100, 32  # for the visible range, which needs a million rays
+FEW_FACES, FEW_EVENTS = 100, 32  # for the visible range, which needs half a million rays
 AT_ONCE = 100  # rigs in one process
 LONGEST = 500  # characters of an error
 QUOTED = re.compile(r"'[^']*'")
