@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,20 @@ from .trace import Landings, trace_all
 
 SAMPLES = 32  # rays along each side of the viewer's image
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
+
+
+class Tessellation(NamedTuple):
+    """What the mesh leaves open of the surface that was meant.
+
+    Parameters
+    ----------
+    error : display px rms, about how far landings are from those of that surface; 0 where all is flat
+    undecided : share of the light, 0..1, that takes another way (branch) where the curved faces are of degree 3
+        instead of 4: solids with other triangles meet there within less than their faces are exact
+    """
+
+    error: float
+    undecided: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +115,8 @@ def _difference(one: Landings, other: Landings) -> float:
     return float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
 
 
-def tessellation_error(plan: Plan) -> Generator[float, None, float]:
-    """About how far landings are from those of the surface that was meant, rms in display px; 0 where all is flat.
+def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
+    """What the mesh leaves open of the surface that was meant.
 
     It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
     are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
@@ -112,7 +127,7 @@ def tessellation_error(plan: Plan) -> Generator[float, None, float]:
     has_curved = any(layer.curved is not None for layer in plan.layers)
     is_drawn = [bool(plan.is_bent[numbers].any()) and layer.has_engine for layer, numbers in pairs]
     if not (has_curved or any(is_drawn)):
-        return 0.0
+        return Tessellation(0.0, 0.0)
     viewer = plan.rig.viewer
     x, y = ((np.arange(SAMPLES) + 0.5) / SAMPLES * size for size in (viewer.width, viewer.height))
     every = viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
@@ -128,7 +143,7 @@ def tessellation_error(plan: Plan) -> Generator[float, None, float]:
         curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
         return landings(curved)
 
-    parts = []
+    parts, undecided = [], 0.0
     if any(is_drawn):
         drawn = zip(pairs, is_drawn, strict=True)
         parts.append(_difference(here, landings([_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn])))
@@ -138,11 +153,12 @@ def tessellation_error(plan: Plan) -> Generator[float, None, float]:
         yield 0.6
         cubic = changed(lambda curved: replace(curved, degree=3))
         yield 0.8
+        undecided = float((cubic.branch != here.branch).mean()) if len(here.branch) else 0.0
         last, before = _difference(here, cubic), _difference(cubic, square)
         parts.append(last * min(1.0, last / before) if before else last)
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
         parts.append(_difference(here, changed(_let_go)))
-    return float(np.linalg.norm(parts))
+    return Tessellation(float(np.linalg.norm(parts)), undecided)
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:

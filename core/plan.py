@@ -16,14 +16,13 @@ from .media import Media, boxes_touch, make_media
 from .motion import Motion, find_motion
 from .optics import dot
 from .plate import ArrayFrame, array_frame
-from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer
-from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig
+from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer, slab
+from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig, Viewer
 from .surfaces import Surface, contains, make_surface, solids_from_mesh
 from .thin_parts import ThinParts
 
 Thing = TypeVar("Thing")
 
-VIEWER_POINTS = 9  # along each side of an orthographic viewer's plane, asked whether they are inside the glass
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
 BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
@@ -151,15 +150,37 @@ def fingerprint(*things: object) -> str:
 
 
 def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
-    """Raise RigError when the viewer, or a part of an orthographic viewer's plane, is inside a solid."""
+    """Raise RigError when the viewer is inside a solid, or a solid cuts an orthographic viewer's plane."""
     viewer = rig.viewer
-    x, y = np.meshgrid(np.linspace(0, viewer.width, VIEWER_POINTS), np.linspace(0, viewer.height, VIEWER_POINTS))
-    at, _ = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
-    at = at[:1] if viewer.projection == "perspective" else at
+    if solid.n_open:
+        return  # has no inside
+    if viewer.projection == "orthographic" and cuts_image(viewer, solid):
+        raise RigError(
+            f"The glass '{glass.name}' cuts the plane of the orthographic viewer '{viewer.name}': move it out."
+        )
+    at, _ = viewer.rays(np.zeros((1, 2)))
     low, high = solid.bounds
-    at = at[((at >= low) & (at <= high)).all(axis=1)]
-    if len(at) and solid.n_open == 0 and contains(solid.corners, at).any():
+    if ((at >= low) & (at <= high)).all() and contains(solid.corners, at).any():
         raise RigError(f"The viewer '{viewer.name}' is inside the glass '{glass.name}': move it out.")
+
+
+def cuts_image(viewer: Viewer, solid: Surface) -> bool:
+    """Does a surface cut the rectangle on its own plane through which an orthographic viewer looks?"""
+    left, right, bottom, top = viewer.window
+    low, high = solid.bounds
+    middle, reach = ((low + high) / 2 - viewer.position) @ viewer.axes.T, (high - low) / 2 @ np.abs(viewer.axes.T)
+    if abs(middle[2]) > reach[2]:
+        return False
+    corners = (solid.corners - viewer.position) @ viewer.axes.T
+    is_before = corners[..., 2] > 0
+    corners, is_before = (x[is_before.any(axis=1) & ~is_before.all(axis=1)] for x in (corners, is_before))
+    # two of each triangle's edges cross the plane, those at the corner that is on the other side than the others
+    alone = np.argmax(is_before == (is_before.sum(axis=1) == 1)[:, None], axis=1)
+    apex, *others = (corners[np.arange(len(corners)), (alone + k) % 3] for k in range(3))
+    start, end = (apex + (apex[:, 2:] / (apex - other)[:, 2:]) * (other - apex) for other in others)
+    start[:, 2] = end[:, 2] = 0.0
+    enter, leave = slab(np.array([[left, bottom, -1.0], [right, top, 1.0]]), start, end - start)
+    return bool(((enter <= leave) & (enter <= 1) & (leave >= 0)).any())
 
 
 def plate_surface(plate: Plate) -> Surface:

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import tessellation_error
+from .accuracy import Tessellation, tessellation
 from .errors import RigError
 from .memory import check_memory
 from .picture import Pyramid, Taps, ideal_image, picture_from_view
@@ -33,6 +33,7 @@ PIXELS_AT_ONCE = 1 << 18
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 ROUNDED = 0.025  # display px: where places are rounded to more than this, landings may be off by ten times as much
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
+UNDECIDED = 0.01  # share of the light whose way may be another one
 
 REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
@@ -124,7 +125,7 @@ class _Optics:
     key: str
     plan: Plan
     view_map: ViewMap
-    tessellation_error: float
+    tessellation: Tessellation
     plate: PlateView | None
     shares: ShareBatches
     coverage: Coverage
@@ -214,11 +215,11 @@ class Session:
             *placed.covered,
             clock.seconds,
             optics.view_map.n_rays if is_new else 0,
-            optics.tessellation_error,
+            optics.tessellation.error,
             optics.plate,
             optics.plan.used,
             optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            _notes(rig, optics.plan, source, optics.tessellation_error),
+            _notes(rig, optics.plan, source, optics.tessellation),
         )
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -231,13 +232,13 @@ class Session:
         """Trace the view map of a rig; yields progress 0..0.85."""
         plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.8)
         clock.lap("tracing")
-        error = yield from within(tessellation_error(plan), 0.8, 0.84)
+        mesh = yield from within(tessellation(plan), 0.8, 0.84)
         clock.lap("tessellation error")
         plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
         coverage = Coverage(view_map.display_size, view_map.view_size)
-        return _Optics(key, plan, view_map, error, plate, _batches(view_map, settings.brightness), coverage)
+        return _Optics(key, plan, view_map, mesh, plate, _batches(view_map, settings.brightness), coverage)
 
 
 def _paint(
@@ -265,7 +266,7 @@ def _paint(
     return painting
 
 
-def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: float) -> tuple[str, ...]:
+def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], mesh: Tessellation) -> tuple[str, ...]:
     """What the user should know of a solution."""
     notes = [
         f"The glass '{glass.name}' is not closed ({n} open edges): close it."
@@ -279,9 +280,14 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], tessellation: floa
                 f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
                 " (Shade Smooth by Angle), or subdivide."
             )
-    if tessellation > COARSE:
+    if mesh.undecided > UNDECIDED:
         notes.append(
-            f"The mesh is coarse: up to about {tessellation:.2g} display pixels of error. Subdivide the glass, or shade"
+            f"{mesh.undecided:.0%} of the light meets gaps or overlaps of glass that are thinner than its mesh is"
+            " exact, and may go another way: use the same mesh for faces that touch, or move them apart."
+        )
+    if mesh.error > COARSE:
+        notes.append(
+            f"The mesh is coarse: up to about {mesh.error:.2g} display pixels of error. Subdivide the glass, or shade"
             " it smooth where it is meant to be."
         )
     display, rounding = rig.display, plan.merge_distance / 2

@@ -27,7 +27,7 @@ STAGES = {
         "core.plan.solids_from_mesh",
         "core.reach.sample",
         "core.borders.trace",
-        "core.session.tessellation_error",
+        "core.session.tessellation",
         "core.session.plate_view",
         "core.shares._divided",
         "core.session.find_strokes",

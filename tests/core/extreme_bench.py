@@ -407,17 +407,22 @@ def with_size(a_rig: Rig, pixels: int) -> Rig:
     return replace(a_rig, viewers=(viewer,), displays=(display,))
 
 
-@case("meshes", "ball in a cavity of its own size")
-def filled_cavity(quick: bool) -> Rows:
+def filled_cavity(*levels: int) -> Rig:
+    """A block with a cavity and a ball of the same size in it, of 20 * 4^levels triangles."""
     block = box([0.3, 0.08, 0.3])
     own = np.cross(block.corners[:, 1] - block.corners[:, 0], block.corners[:, 2] - block.corners[:, 0])
     shaded = replace(
         block, corner_normals=np.repeat(closed_forms.unit(own)[:, None], 3, axis=1), is_smooth=np.zeros(len(own), bool)
     )
+    cavity, ball = (icosphere(0.025, level) for level in levels)
+    glasses = Glass("block", joined(shaded, cavity), ConstantIndex(N)), Glass("ball", ball, ConstantIndex(N))
+    return slab_rig(glasses, field=0.045)
+
+
+@case("meshes", "ball in a cavity of its own size")
+def filled_cavities(quick: bool) -> Rows:
     for levels in ((4, 4), (2, 4)):
-        cavity, ball = (icosphere(0.025, level) for level in levels)
-        glasses = Glass("block", joined(shaded, cavity), ConstantIndex(N)), Glass("ball", ball, ConstantIndex(N))
-        a_rig = slab_rig(glasses, field=0.045)
+        a_rig = filled_cavity(*levels)
         o, d = rays_of(a_rig)
         through = on(o, d, layers((-0.04, N), (0.04, 1.0)))
         found = traced(a_rig, o, d)
@@ -426,7 +431,7 @@ def filled_cavity(quick: bool) -> Rows:
             continue
         off = np.abs(found.xy - closed_forms.landing(a_rig, *through)).max(axis=1)
         measured = "other triangles: rays off by more than 0.1 px, by the air that is left between"
-        told = solve(with_size(a_rig, 8 if quick else 32)).map_error.percentile > 1  # px, of a tolerance of 0.1
+        told = any("meets gaps or overlaps" in note for note in solve(with_size(a_rig, 8)).notes)
         yield limit(measured, (~(off < 0.1)).mean(), 0.5, "of them", FILLED, told)
 
 
@@ -584,7 +589,9 @@ def fibre(quick: bool) -> Rows:
 @case("rig", "viewer inside the glass, or behind the plate")
 def odd_viewers(quick: bool) -> Rows:
     yield refused(slab_rig(box([3, 3, 3]), pixels=16), "is inside the glass")
-    yield refused(slab_rig(box([0.02] * 3, (0, -1, 0)), pixels=16, projection="orthographic"), "is inside the glass")
+    yield refused(slab_rig(box([0.02] * 3, (0, -1, 0)), pixels=16, projection="orthographic"), "cuts the plane")
+    needle = box([1e-6, 0.2, 1e-6], (0.0013, -1, 0.0017))
+    yield refused(slab_rig(needle, pixels=16, projection="orthographic"), "cuts the plane")
     a_rig = slab_rig(pixels=16)
     behind = replace(a_rig.viewer, position=Y.copy(), axes=np.stack([-X, Z, -Y]))
     yield refused(replace(a_rig, viewers=(behind,)), "display stays dark")

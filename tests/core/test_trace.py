@@ -5,13 +5,13 @@ from dataclasses import replace
 import closed_forms
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig
+from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import Settings, check_viewer_outside, make_plan
 from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
-from kiriko.core.surfaces import solids_from_mesh
+from kiriko.core.surfaces import make_surface, solids_from_mesh
 from kiriko.core.trace import Reason, trace_all
 
 
@@ -288,12 +288,42 @@ def test_rays_from_inside_end_at_the_vertices_and_edges_they_are_aimed_at(start)
     assert np.abs(hits.distance - distance).max() < 1e-16
 
 
-def test_viewer_inside_the_glass_is_refused():
-    """One sentence that names viewer and glass; for an orthographic viewer when its plane cuts the glass."""
-    cut = rig(box([0.02] * 3, (0, -1, 0)), projection="orthographic", field=0.1)
-    for a_rig in (rig(box([3, 3, 3])), cut):
-        with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
-            make_plan(a_rig, Settings())
+@pytest.mark.parametrize("options", [{}, {"projection": "orthographic", "field": 0.1}])
+def test_viewer_inside_the_glass_is_refused(options):
+    """One sentence that names viewer and glass."""
+    with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
+        make_plan(rig(box([3, 3, 3]), **options), Settings())
+
+
+ABOUT_AN_AXIS = np.linalg.qr([[0.3, 0.8, 0.5], [-0.7, 0.4, 0.2], [0.1, -0.6, 0.9]])[0]
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), ABOUT_AN_AXIS], ids=["upright", "turned"])
+@pytest.mark.parametrize(
+    ("glass", "is_cut"),
+    [
+        (box([0.02] * 3, (0, -1, 0)), True),
+        (rod([0.013, -1.1, 0.0177], [0.013, -0.9, 0.0177], 1e-6), True),
+        (rod([-0.2, -1.01, 0.013], [0.2, -0.99, 0.014], 1e-6), True),
+        (icosphere(1e-5, 3, centre=(0.0499, -1, 0.02)), True),
+        (icosphere(0.02, 3, centre=(0.0601, -1, 0.0601)), True),
+        (icosphere(0.02, 3, centre=(0.065, -1, 0.065)), False),
+        (rod([0.051, -1.1, -0.2], [0.051, -0.9, 0.2], 1e-6), False),
+        (rod([0.013, -0.9999, 0.0177], [0.013, -0.9, 0.0177], 1e-6), False),
+        (box([0.2] * 3, (0, -0.9 + 1e-6, 0)), False),
+    ],
+)
+def test_glass_that_cuts_an_orthographic_viewers_plane_is_refused_however_thin(glass, is_cut, turn):
+    """The plane is 0.1 m wide, 1 m before the origin: what is cut is known, wherever it is."""
+    a_rig = rig(glass, projection="orthographic", field=0.1)
+    viewer = replace(a_rig.viewer, position=a_rig.viewer.position @ turn.T, axes=a_rig.viewer.axes @ turn.T)
+    glass = replace(a_rig.glasses[0], mesh=replace(glass, vertices=glass.vertices @ turn.T))
+    solid = make_surface(glass.mesh.flat())
+    if is_cut:
+        with pytest.raises(RigError, match="glass 'glass' cuts the plane of the orthographic viewer 'viewer'"):
+            check_viewer_outside(replace(a_rig, viewers=(viewer,)), glass, solid)
+    else:
+        check_viewer_outside(replace(a_rig, viewers=(viewer,)), glass, solid)
 
 
 def moved(a_rig, scale, shift):
