@@ -56,7 +56,8 @@ def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
-        path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))  # with the tests' rigs
+        folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"  # with the tests' rigs
+        path = os.pathsep.join(map(str, folders))
         variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
         sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
@@ -104,7 +105,7 @@ def misalignment(arguments: argparse.Namespace) -> None:
 
 def extremes(arguments: argparse.Namespace) -> None:
     """Check stiff and extreme cases: right, or refused with a reason (further options go to scripts/extremes.py)."""
-    run_with_tests("extremes.py", arguments.rest)
+    run_in_blender("extremes.py", arguments.rest)
 
 
 def judge(arguments: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ Exits with 1 when an expectation does not hold. `--quick` is what the tests run:
 """
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Iterator
 from time import process_time
@@ -16,6 +17,9 @@ import extreme_light  # noqa: F401 - likewise
 from extreme_cases import GROUPS, LIMIT, REFUSED, WRONG, Case, Row
 
 from kiriko.core.errors import KirikoError
+
+with contextlib.suppress(ModuleNotFoundError):  # without Blender, as in the tests of core, its scenes are left out
+    import extreme_scenes  # noqa: F401 - likewise
 
 CASES = sorted(extreme_cases.CASES, key=lambda case: GROUPS.index(case.group))
 HEADING = f"| case | measured | error | bound | s | verdict |\n|{'---|' * 6}"
