@@ -444,18 +444,31 @@ def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     ) or (scene.render.use_simplify and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers))
 
 
-def limit_notes(parts: list[Part]) -> list[str]:
-    """Notes on curved parts whose vertices lie beside the limit surface of a subdivision modifier."""
+def modifier_notes(parts: list[Part]) -> list[str]:
+    """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
     drawn = dict.fromkeys(
-        part.drawn for part in parts if part.role in CURVED and part.mesh.surface == "smooth" and part.drawn is not None
+        part.drawn
+        for part in parts
+        if part.role in CURVED
+        and part.mesh.surface == "smooth"
+        and part.mesh.is_smooth is not None
+        and part.drawn is not None
     )
     return [
-        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: turn on its "
-        "Use Limit Surface."
+        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: {remedy}."
         for o in drawn
         for m in o.modifiers
-        if m.type == "SUBSURF" and m.show_viewport and m.subdivision_type == "CATMULL_CLARK" and not m.use_limit_surface
+        if m.show_viewport and (remedy := remedy_of(m))
     ]
+
+
+def remedy_of(modifier: bpy.types.Modifier) -> str:
+    """What to do about a modifier that leaves vertices beside the surface; an empty text for others."""
+    if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
+        return "turn on its Use Limit Surface"
+    if modifier.type == "REMESH" or (modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE"):
+        return "turn it off, or set the object's Surface to As Drawn"
+    return ""
 
 
 def scene_notes(
@@ -535,7 +548,7 @@ def read(
             pictures.append(picture)
             notes += remarks
     displays = [Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])]
-    notes += limit_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
+    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
     rig = Rig(
         viewers=() if viewer is None else (viewer,),
         glasses=tuple(glasses),

@@ -264,6 +264,31 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     assert notes() == []
 
 
+@pytest.mark.parametrize(
+    ("kind", "options", "is_told"),
+    [
+        ("REMESH", {"mode": "VOXEL", "voxel_size": 0.2, "use_smooth_shade": True}, True),
+        ("DECIMATE", {"decimate_type": "COLLAPSE", "ratio": 0.3}, True),
+        ("DECIMATE", {"decimate_type": "UNSUBDIV", "iterations": 1}, False),
+        ("WELD", {}, False),
+    ],
+)
+def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) -> None:
+    """Remeshed and collapsed: followed as drawn they are nearer to what was meant, and nothing is said of it then."""
+    thing = ball()
+    modifier = thing.modifiers.new("Other", kind)
+    for name, value in options.items():
+        setattr(modifier, name, value)
+
+    def notes() -> list[str]:
+        return [note for note in read().notes if "beside the surface" in note]
+
+    found = notes()
+    assert [("'Other' of" in note, note.endswith("Surface to As Drawn.")) for note in found] == [(True, True)] * is_told
+    thing.kiriko.surface = "FACETS"
+    assert notes() == []
+
+
 def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleType) -> None:
     """A mesh made of triangles in the world is read as the same triangles, normals and shading, in any unit."""
     module = importlib.import_module(f"{kiriko.__name__}.core.blender_mesh")

@@ -559,7 +559,8 @@ def through_ball(o: np.ndarray, d: np.ndarray, radius: np.ndarray, index: np.nda
     inside, k, beyond = snell(d, first / radius[:, None], one, index)
     last = first - 2 * dot(first, inside)[:, None] * inside
     out, k_out, _ = snell(inside, -last / radius[:, None], index, one)
-    return first, last, inside, out, np.fmin(k.astype(float), k_out.astype(float)), beyond
+    with np.errstate(invalid="ignore"):  # what is totally reflected has no place behind the ball: NaN
+        return first, last, inside, out, np.fmin(k.astype(float), k_out.astype(float)), beyond
 
 
 def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
@@ -596,7 +597,8 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
         off = np.abs(beyond) * np.sqrt(1 - np.minimum(index, 1) ** 2) / scale
         closed = verdict("ball, closed form", error, k, describe, is_wrong, off)
         one = np.ones(len(o))
-        m1, m2 = closed_forms.unit(first.astype(float)), -closed_forms.unit(last.astype(float))
+        with np.errstate(invalid="ignore"):
+            m1, m2 = closed_forms.unit(first.astype(float)), -closed_forms.unit(last.astype(float))
         within, is_mirrored, _ = refract(d, m1, one, index)
         m2[is_tir] = -within[is_tir]
         left, never, _ = refract(closed_forms.unit(within), m2, index, one)
