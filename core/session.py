@@ -33,6 +33,7 @@ PIXELS_AT_ONCE = 1 << 18
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 ROUNDED = 0.025  # display px: where places are rounded to more than this, landings may be off by ten times as much
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
+BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
 UNDECIDED = 0.01  # share of the light whose way may be another one
 
 REMEDIES = {
@@ -219,7 +220,7 @@ class Session:
             optics.plate,
             optics.plan.used,
             optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            _notes(rig, optics.plan, source, optics.tessellation),
+            _notes(rig, optics, source),
         )
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -266,8 +267,9 @@ def _paint(
     return painting
 
 
-def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], mesh: Tessellation) -> tuple[str, ...]:
+def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str, ...]:
     """What the user should know of a solution."""
+    plan, mesh, error = optics.plan, optics.tessellation, optics.view_map.error
     notes = [
         f"The glass '{glass.name}' is not closed ({n} open edges): close it."
         for glass, n in zip(rig.glasses, plan.n_open, strict=True)
@@ -280,6 +282,12 @@ def _notes(rig: Rig, plan: Plan, source: NDArray[np.float32], mesh: Tessellation
                 f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
                 " (Shade Smooth by Angle), or subdivide."
             )
+    if error.facet_limited + error.unresolved > BEYOND:
+        notes.append(
+            f"{error.facet_limited + error.unresolved:.1%} of what is seen is off by more than the tolerance, or lost,"
+            " where the view through the glass changes within a viewer pixel: raise the viewer's resolution, or use a"
+            " finer, smooth mesh."
+        )
     if mesh.undecided > UNDECIDED:
         notes.append(
             f"{mesh.undecided:.0%} of the light meets gaps or overlaps of glass that are thinner than its mesh is"

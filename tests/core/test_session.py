@@ -343,6 +343,15 @@ def test_thin_walls_and_coarse_meshes_leave_no_light_undecided(a_rig):
     assert drain(tessellation(make_plan(a_rig, Settings()))).undecided < session_module.UNDECIDED
 
 
+def test_a_view_that_changes_within_a_pixel_is_told():
+    """A bottle's rim at 64 pixels: the share is the error's own. A ball has no such place."""
+    bent, plain = solve(rig(bottle(), pixels=64)), solve(ball_rig(4, pixels=64))
+    share = bent.map_error.facet_limited + bent.map_error.unresolved
+    assert share > session_module.BEYOND
+    assert [f"{share:.1%} of what is seen" in note for note in bent.notes] == [True]
+    assert plain.notes == ()
+
+
 def test_a_coarse_mesh_is_told_and_a_flat_one_has_no_tessellation_error():
     """The note comes above a tenth of a display pixel; where all is flat no ray is traced for it."""
     coarse = rig(replace(icosphere(0.025, 2), surface="facets"), pixels=48, image=lattice_image(64))
