@@ -8,13 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
+from .display import display_pixel
 from .optics import dot
 from .plan import Plan
-from .ray_engine import Layer
+from .ray_engine import FLOAT32, Layer
 from .rig import Bools, Floats, Ints
 from .trace import Landings, trace_all
 
 SAMPLES = 32  # rays along each side of the viewer's image
+TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
@@ -159,6 +161,24 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
         parts.append(_difference(here, changed(_let_go)))
     return Tessellation(float(np.linalg.norm(parts)), undecided)
+
+
+def rounding_error(plan: Plan) -> float:
+    """About how far landings may be off because Blender keeps places and vertices as float32, display px.
+
+    Each part is shifted by half a step of its place. Vertices that are off tilt the faces between them, by the more the
+    smaller those are: light is turned by TILTED of it, and lands beside by that times its way from the glass.
+    """
+    rig = plan.rig
+    pixel = display_pixel(rig.display)
+    plate, display = (part.mesh.bounds.mean(axis=0) for part in (rig.plates[0], rig.display))
+    off = FLOAT32 / 4 * max(float(np.abs(part.mesh.bounds).max()) for part in (*rig.glasses, *rig.plates, rig.display))
+    for part in (*rig.glasses, *rig.mirrors):
+        corners = part.mesh.corners
+        edge = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
+        way = np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)
+        off = max(off, TILTED * part.mesh.rounding / edge * float(way))
+    return off / pixel
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:

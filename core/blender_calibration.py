@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from .blender_scene import Reading, length_of_unit, object_matrix
+from .display import display_pixel
 from .errors import RigError
 from .misalignment import along_with, part_motions, with_offset
 from .picture import view_of_picture
@@ -126,14 +127,13 @@ def _change(reading: Reading, undo: _Undo) -> None:
 
 def _compare(found: Rig, wanted: Rig) -> None:
     """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
-    display, viewer = wanted.display, wanted.viewer
-    pixel = np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height)
+    viewer, pixel = wanted.viewer, display_pixel(wanted.display)
     for kind in ("glasses", "plates", "displays", "mirrors", "blockers"):
         for a, b in zip(getattr(found, kind), getattr(wanted, kind), strict=True):
             if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(a, b):
                 raise _held(b.name)
     across = np.ptp(viewer.window[:2]) / viewer.width  # of a viewer pixel at unit distance, or of its plane
-    reach = 1.0 if viewer.projection == "perspective" else np.abs(display.mesh.vertices - viewer.position).max()
+    reach = 1.0 if viewer.projection == "perspective" else np.abs(wanted.display.mesh.vertices - viewer.position).max()
     if (
         np.abs(found.viewer.position - viewer.position).max() > NEAR * pixel
         or np.abs(found.viewer.axes - viewer.axes).max() * reach > NEAR * across

@@ -26,6 +26,11 @@ class DisplayPlane:
     origin: Floats
 
 
+def display_pixel(display: Display) -> float:
+    """About how long a side of a display's pixel is, m."""
+    return float(np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height))
+
+
 def uv_islands(mesh: Mesh) -> Ints:
     """Label (t,) of the UV island of each triangle: joined where they share an edge in UV as they do in space."""
     edges = find_edges(mesh.triangles)

@@ -13,7 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import Tessellation, tessellation
+from .accuracy import Tessellation, rounding_error, tessellation
+from .display import display_pixel
 from .errors import RigError
 from .memory import check_memory
 from .picture import Pyramid, Taps, ideal_image, picture_from_view
@@ -31,7 +32,7 @@ Result = TypeVar("Result")
 
 PIXELS_AT_ONCE = 1 << 18
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
-ROUNDED = 0.025  # display px: where places are rounded to more than this, landings may be off by ten times as much
+ROUNDED = 0.1  # display px: where rounding may do more than this it is worth a remark
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
 UNDECIDED = 0.01  # share of the light whose way may be another one
@@ -298,12 +299,12 @@ def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str,
             f"The mesh is coarse: up to about {mesh.error:.2g} display pixels of error. Subdivide the glass, or shade"
             " it smooth where it is meant to be."
         )
-    display, rounding = rig.display, plan.merge_distance / 2
-    pixel = float(np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height))
-    if rounding > ROUNDED * pixel:
+    rounded, touching = rounding_error(plan), plan.merge_distance
+    if max(rounded, touching / display_pixel(rig.display)) > ROUNDED:
         notes.append(
-            f"So far from the origin Blender rounds places to {1e3 * rounding:.2g} mm, {rounding / pixel:.2g} display"
-            " pixels, and nearer faces of glass touch: move the rig to the origin."
+            f"So far from the origin Blender rounds places: landings may be off by {rounded:.2g} display pixels,"
+            f" and glass nearer than {1e3 * touching:.2g} mm touches. Move the rig to the origin, and the origins of"
+            " its objects to their middles."
         )
     brightest = reduce(np.maximum, (source[..., channel] for channel in range(3)))  # rows of three are slow in numpy
     bright = np.count_nonzero(brightest > 1 + 1e-6) / max(np.count_nonzero(brightest > 0), 1)

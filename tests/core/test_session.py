@@ -6,6 +6,7 @@ import closed_forms
 import numpy as np
 import pytest
 from extreme_bench import filled_cavity
+from extreme_cases import changed, rays_of
 from reference_rigs import (
     ball_rig,
     bottle,
@@ -23,7 +24,7 @@ from work import drain, solve
 from kiriko.core import ray_engine, reach, surfaces
 from kiriko.core import session as session_module
 from kiriko.core import shares as shares_module
-from kiriko.core.accuracy import tessellation
+from kiriko.core.accuracy import rounding_error, tessellation
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.meshes import geometric_normals
 from kiriko.core.plan import Settings, make_plan
@@ -341,6 +342,44 @@ def test_glass_that_touches_with_other_triangles_is_told(levels):
 )
 def test_thin_walls_and_coarse_meshes_leave_no_light_undecided(a_rig):
     assert drain(tessellation(make_plan(a_rig, Settings()))).undecided < session_module.UNDECIDED
+
+
+ROUNDED = {
+    "ball": icosphere(0.025, 4),
+    "ball, mean normals": mean_normals(icosphere(0.025, 4)),
+    "bottle": bottle(),
+    "wavy slab": mean_normals(wavy_slab(64)),
+    "cube": box([0.05] * 3, degrees_about_z=15.8),
+}
+
+
+@pytest.mark.parametrize("far", [1.0, 10.0])
+@pytest.mark.parametrize("shape", ROUNDED)
+def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
+    """Vertices rounded to float32 far from their object's origin: not below half of what 99 % of the landings show."""
+    mesh = ROUNDED[shape]
+    a_rig = rig(mesh)
+    o, d = rays_of(a_rig)
+    here = trace_all(make_plan(a_rig, Settings()), o, d)
+    shift = far * closed_forms.unit(np.array([0.3137, -0.7091, 0.4173]))
+    moved = (mesh.vertices + shift).astype(np.float32).astype(float)
+    rounded = replace(mesh, vertices=moved - shift, rounding=2.0**-24 * np.abs(moved).max())
+    plan = make_plan(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=rounded),)), Settings())
+    there = trace_all(plan, o, d)
+    same = here.has_arrived & (here.branch == there.branch)
+    assert same.sum() > 0.99 * here.has_arrived.sum()
+    true = np.quantile(np.linalg.norm(here.xy - there.xy, axis=1)[same], 0.99)
+    assert true / 2 < rounding_error(plan) < 15 * true
+
+
+def test_places_far_from_the_origin_are_told():
+    """A rig far away, and one whose vertices are far from their object's origin; not one at the origin."""
+    a_rig = small()
+    (glass,) = a_rig.glasses
+    odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, rounding=1e-5)),))
+    far = changed(a_rig, lambda vertices: vertices + 1e5)
+    for r, is_told in ((a_rig, False), (odd, True), (far, True)):
+        assert any("far from the origin" in note for note in solve(r).notes) == is_told
 
 
 def test_a_view_that_changes_within_a_pixel_is_told():
