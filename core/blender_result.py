@@ -197,7 +197,7 @@ def _write_numbers(
     result, (details, notes) = scene.kiriko.result, numbers
     result.coverage, result.details = details["picture_coverage"], json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
-    result.notes, result.is_coarse = "\n".join([*notes, *remarks]), False
+    result.notes, result.is_coarse = "\n".join(" ".join(note.split()) for note in [*notes, *remarks]), False
     return result.summary
 
 

@@ -2,7 +2,10 @@
 
 
 class KirikoError(Exception):
-    """Base of all errors whose text is meant for the user."""
+    """Base of all errors whose text is meant for the user: one line, whatever is in the names of objects."""
+
+    def __str__(self) -> str:
+        return " ".join(super().__str__().split())
 
 
 class RigError(KirikoError):

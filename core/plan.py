@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
 from functools import cache
+from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
+from .meshes import Frames
 from .motion import Motion, find_motion
 from .optics import dot
 from .plate import ArrayFrame, array_frame
@@ -52,7 +54,7 @@ class Settings:
 
     def check(self) -> None:
         """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""
-        if not LEAST_TOLERANCE <= self.tolerance <= MOST_TOLERANCE:
+        if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:  # Blender keeps it as float32
             raise RigError(
                 f"The tolerance is {self.tolerance:g} display pixels: set one from {LEAST_TOLERANCE:g}"
                 f" to {MOST_TOLERANCE:g}."
@@ -199,6 +201,18 @@ def plate_surface(plate: Plate) -> Surface:
         raise RigError(f"The plate '{plate.name}' is not flat: a plate has to be a plane.")
     n = len(surface.corners)
     return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
+
+
+def check_plates_apart(plates: tuple[Plate, ...], surfaces: list[Surface]) -> None:
+    """Raise RigError where one plate lies on another: light would cross the two for ever, all in one place."""
+    for (one, here), (other, there) in combinations(zip(plates, surfaces, strict=False), 2):
+        for on, laid in ((here, there), (there, here)):
+            middles, frames = laid.corners.mean(axis=1)[:, None], Frames.of(on.corners)
+            u, v = (dot(middles - on.corners[:, 0], axis) for axis in (frames.axis_u, frames.axis_v))
+            height = np.abs(dot(middles - on.corners[:, 0], on.normals))
+            is_on = (u > 0) & (v > 0) & (u + v < 1) & (height <= FLAT * np.ptp(on.bounds, axis=0).max())
+            if is_on.any():
+                raise RigError(f"The plates '{one.name}' and '{other.name}' lie in one place: move or remove one.")
 
 
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
@@ -370,6 +384,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     read = read_solids(rig, kept, aside)
     solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
+    check_plates_apart(rig.plates, [surface for _, surface, _ in sheets])
     surfaces = solids + [surface for _, surface, _ in sheets]
     keys = [solid.key_here for solid in read] + [key for *_, key in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])

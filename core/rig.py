@@ -246,6 +246,17 @@ class Viewer:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
             raise RigError(f"The axes of the viewer '{self.name}' are not orthonormal: remove shear from the camera.")
 
+    def check(self) -> None:
+        """Raise RigError when it stands nowhere or sees nothing."""
+        left, right, bottom, top = self.window
+        if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
+            raise RigError(
+                f"The viewer '{self.name}' has a place, lens or shift that is no finite number: look for a driver or a"
+                " keyframe."
+            )
+        if not (right != left and top != bottom):
+            raise RigError(f"The viewer '{self.name}' sees nothing: its lens or orthographic scale has no size.")
+
     def plane_from_pixels(self, xy: ArrayLike) -> Floats:
         """Window coordinates (n, 2) of viewer pixels (n, 2)."""
         left, right, bottom, top = self.window
@@ -322,10 +333,13 @@ class Rig:
             if len(single) > 1:
                 names = ", ".join(f"'{part.name}'" for part in single)
                 raise RigError(f"The rig has {len(single)} {word} ({names}): keep one and set the others to None.")
+        self.viewer.check()
         for glass in self.glasses:
             n = glass.ior(WAVELENGTH)
             if not (np.isfinite(n) and n > 0):
-                raise RigError(f"The glass '{glass.name}' has an index of refraction of {n}: set one above 0.")
+                raise RigError(
+                    f"The glass '{glass.name}' has an index of refraction that is no number above 0: set one."
+                )
         kinds = ("glass", self.glasses), ("plate", self.plates), ("mirror", self.mirrors), ("blocker", self.blockers)
         for kind, group in (*kinds, ("display", self.displays)):
             for part in group:

@@ -150,16 +150,29 @@ def bubble(quick: bool) -> Rows:
 
 @case("indices", "1e-12 between nested media")
 def nearly_equal(quick: bool) -> Rows:
+    # so near to grazing that 1e-12 bends light by as much as it slants, or turns it back: below a slope of 1.41e-6
+    slopes = np.array([1.2e-6, 1.4e-6, 1.5e-6, 2e-6, 1e-5, 1e-4])
+    o = np.stack([-0.1 * slopes, np.full(len(slopes), -0.1), 0 * slopes + 0.01], axis=1)
+    d = closed_forms.unit(np.stack([N * slopes, np.sqrt(1 - (N * slopes) ** 2), 0 * slopes], axis=1))
     for more in (-1e-12, 1e-12):
-        a_rig = slab_rig(
-            (
-                Glass("outer", box(SLAB), ConstantIndex(N)),
-                Glass("inner", box([0.2, 0.01, 0.2]), ConstantIndex(N + more)),
+        inner = N * (1 + more)
+        a_rig = without_plate(
+            rig(
+                (
+                    Glass("outer", box([0.2, 0.2, 0.2]), ConstantIndex(N)),
+                    Glass("inner", box([0.05, 0.1, 0.1], (0.025, 0, 0)), ConstantIndex(inner)),
+                )
             )
         )
-        o, d = rays_of(a_rig)
-        faces = layers((-0.01, N), (-0.005, N + more), (0.005, N), (0.01, 1.0))
-        yield exact(f"landing, inner {more:+.0e}", furthest(a_rig, traced(a_rig, o, d), on(o, d, faces)), 1e-11, "px")
+        found = traced(a_rig, o - 0.1 * d, d)
+        n1, n2, slant = Extended(N), Extended(inner), d[:, 0].astype(Extended)  # n sin, kept by the entry
+        k = (n2 - n1) * (n2 + n1) + slant**2  # (n2 cos)^2 behind the face
+        expected = np.where(k < 0, -slant, np.sqrt(np.maximum(k, 0)))
+        off = np.abs(found.directions[:, 0] / expected - 1)
+        yield exact(
+            f"rays of the wrong class, inner {more:+.0e}", np.count_nonzero((found.directions[:, 0] < 0) != (k < 0))
+        )
+        yield exact(f"slope behind it, slopes of 1e-6 to 1e-4, inner {more:+.0e}", worst(off), 1e-14, "of itself")
 
 
 @case("angles", "critical angle, +- 1e-3 to 1e-15 rad")

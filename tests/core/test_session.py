@@ -27,7 +27,7 @@ from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import rounding_error, tessellation
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.meshes import geometric_normals
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import LEAST_TOLERANCE, MOST_TOLERANCE, Settings, make_plan
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
 from kiriko.core.trace import trace_all
@@ -187,7 +187,26 @@ def picture_behind():
     return replace(a_rig, pictures=(replace(a_rig.picture, mesh=away),))
 
 
+def second_plate(part=0.5, shift=(0.0, 0.0, 0.0)):
+    """Another plate, of a part of the first one's size, moved from its middle."""
+    a_rig = small()
+    (plate,) = a_rig.plates
+    middle = plate.mesh.vertices.mean(axis=0)
+    smaller = replace(plate.mesh, vertices=middle + part * (plate.mesh.vertices - middle) + np.array(shift))
+    return replace(a_rig, plates=(plate, replace(plate, name="other", mesh=smaller)))
+
+
+def viewing(**changes):
+    a_rig = small()
+    return replace(a_rig, viewers=(replace(a_rig.viewer, **changes),))
+
+
 BAD = {
+    "viewer nowhere": (lambda: viewing(position=np.array([0, np.nan, 0])), RigError, "viewer 'viewer' has a place"),
+    "viewer shifted by no number": (lambda: viewing(window=(np.nan, 1, 0, 1)), RigError, "lens or shift that is no"),
+    "viewer that sees nothing": (lambda: viewing(window=(0.1, 0.1, 0, 1)), RigError, "'viewer' sees nothing"),
+    "a plate twice": (lambda: second_plate(1.0), RigError, "plates 'plate' and 'other' lie in one place"),
+    "a plate on another": (lambda: second_plate(0.1, (0.1, 0, 0)), RigError, "'plate' and 'other' lie in one place"),
     "no glass": (without("glasses"), RigError, "no glass"),
     "no plate": (without("plates"), RigError, "no plate"),
     "no display": (without("displays"), RigError, "no display"),
@@ -417,6 +436,20 @@ def test_a_mesh_whose_rounding_shows_is_left_flat():
     fine = icosphere(0.025, 5)
     assert surfaces.make_surface(replace(fine, rounding=1e-9)).curved is not None
     assert surfaces.make_surface(replace(fine, rounding=1e-6)).curved is None
+
+
+@pytest.mark.parametrize("shift", [(0.488, 0.0, 0.0), (0.0, 1e-4, 0.0)], ids=["beside it", "behind it"])
+def test_a_second_plate_beside_or_behind_the_first_is_none_in_its_place(shift):
+    assert len(solve(second_plate(1.0, shift)).rig.plates) == 2
+
+
+def test_a_tolerance_as_blender_keeps_it_is_the_one_that_was_set():
+    for tolerance in (LEAST_TOLERANCE, MOST_TOLERANCE):
+        Settings(tolerance=float(np.float32(tolerance))).check()
+
+
+def test_an_error_is_one_line_whatever_a_name_holds():
+    assert str(RigError("The glass 'a\nb\t c' is broken.")) == "The glass 'a b c' is broken."
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, 1e-9, 1e3, float("nan"), float("inf")])
