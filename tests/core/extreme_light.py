@@ -416,6 +416,7 @@ def conditions(quick: bool) -> Rows:
     b = np.linspace(1e-4, 0.014, 20_001)
     radial, across = lens.stretch(b)
     fold = b[np.flatnonzero(np.diff(np.sign(radial)))[0]]
+    view_map = solve(a_rig).view_map
     for power in (2, 4, 6, 8):
         low, high = np.full(1, fold - 0.002), np.full(1, fold + 1e-6)
         for _ in range(200):  # where along / across is 10^-power
@@ -429,9 +430,10 @@ def conditions(quick: bool) -> Rows:
         found = traced(a_rig, o, d)
         radial, across = lens.stretch(low.astype(Extended))
         condition = float(np.abs(across / radial)[0])
-        yield within(
-            f"landing where it is {condition:.1e}", furthest(a_rig, found, lens.through(o, d)), 2e-4 if quick else 1e-6
-        )
+        through = lens.through(o, d)
+        yield within(f"landing where it is {condition:.1e}", furthest(a_rig, found, through), 2e-4 if quick else 1e-6)
+        mapped = view_map.display_from_view(a_rig.viewer.project(o))
+        yield within("map there, tolerance 0.1 px", worst(mapped - closed_forms.landing(a_rig, *through)), 0.1)
 
 
 @case("maps", "a display pixel seen by 1e5 viewer pixels, and the reverse")
@@ -454,3 +456,9 @@ def many_to_one(quick: bool) -> Rows:
         off = worst(found.source[..., 0] - (0.25 + 0.5 * x), found.source[..., 1] - (0.25 + 0.5 * y))
         yield within(f"{n_viewer}^2 viewer, {n_display}^2 display pixels: colours of a ramp", off, 1e-6, "")
         yield exact("area", abs(found.weight.sum() - n_viewer**2) / n_viewer**2, 1e-12, "")
+    lens = Lens(N * 0.025 / (2 * (N - 1)))
+    pixels = 96 if quick else 1024
+    a_rig = lens.rig(quick, display_pixels=8, pixels=pixels, field=0.03, display=0.016)
+    found = solve(a_rig, tolerance=0.01)  # of a display pixel, or light beside its border counts for the next one
+    most = f"ball at its focus, {pixels}^2 viewer, 8^2 display pixels: up to {found.weight.max():.0f} on one"
+    yield within(f"{most}, of all that is seen", off_areas(a_rig, found, lens.through), 1e-3, "")
