@@ -5,8 +5,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ImageError
+from .memory import check_free
 
 LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
+OF_PIXEL = 16  # bytes that reading takes: four float32
+AT_ONCE = 1 << 18  # pixels that are decoded at once
 
 
 def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -15,7 +18,10 @@ def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
-    """Pixels (h, w, channels) as Blender keeps them, row 0 at the top. Loads the file if need be."""
+    """Pixels (h, w, channels) as Blender keeps them, row 0 at the top. Loads the file if need be.
+
+    Raises ImageError when there are none, RigError when they need more memory than is free.
+    """
     if image.type in {"RENDER_RESULT", "COMPOSITING"}:
         raise ImageError(
             f"The picture of {owner} is '{image.name}', whose pixels Blender does not hand out: "
@@ -28,17 +34,26 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
             f"The image '{image.name}' of {owner} cannot be read from {place}: "
             "the file is missing or broken; choose another or find it again."
         )
+    check_free(
+        float(OF_PIXEL) * width * height,
+        f"Reading the image '{image.name}' of {owner}",
+        f"choose a smaller one ({width} x {height} pixels)",
+    )
     buffer = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(buffer)
     return buffer.reshape(height, width, -1)[::-1]
 
 
 def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels."""
-    channels = pixels.shape[2]
-    colour = pixels[..., :3] if channels >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    alpha = pixels[..., -1:] if channels in (2, 4) else np.ones_like(pixels[..., :1])
-    return np.concatenate([colour, alpha], axis=2)
+    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels; of 4 these pixels themselves."""
+    height, width, channels = pixels.shape
+    if channels == 4:
+        return pixels
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = pixels[..., :3] if channels == 3 else pixels[..., :1]
+    if channels == 2:
+        rgba[..., 3] = pixels[..., 1]
+    return rgba
 
 
 def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
@@ -61,23 +76,27 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     ------
     ImageError : no pixels (missing or broken file, a render result), numbers that are not finite, or a byte image in
         a colour space other than sRGB, Linear Rec.709 and Non-Color
+    RigError : more pixels than there is memory for
     """
     pixels = four_channels(stored_pixels(image, owner))
-    if not np.isfinite(pixels).all():
-        raise ImageError(f"The image '{image.name}' of {owner} has pixels that are not finite numbers: repair it.")
     space = image.colorspace_settings
+    is_encoded = not image.is_float and space.name == "sRGB"
+    if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR):
+        raise ImageError(
+            f"The image '{image.name}' of {owner} is in the colour space {space.name}, which Kiriko does not know "
+            "for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color."
+        )
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
-    if not has_coverage:
-        pixels[..., 3] = 1.0
-    if not image.is_float:
-        if space.name == "sRGB":
-            table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-            pixels[..., :3] = table[np.rint(pixels[..., :3] * 255.0).astype(np.uint8)]
-        elif not space.is_data and space.name not in LINEAR:
-            raise ImageError(
-                f"The image '{image.name}' of {owner} is in the colour space {space.name}, which Kiriko does not know "
-                "for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color."
-            )
-        if has_coverage:
-            pixels[..., :3] *= pixels[..., 3:]
+    table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+    step = max(1, AT_ONCE // pixels.shape[1])
+    for first in range(0, len(pixels), step):  # in place, a few rows at a time: there may be gigabytes of them
+        rows = pixels[first : first + step]
+        if not np.isfinite(rows).all():
+            raise ImageError(f"The image '{image.name}' of {owner} has pixels that are not finite numbers: repair it.")
+        if not has_coverage:
+            rows[..., 3] = 1.0
+        if is_encoded:
+            rows[..., :3] = table[np.rint(rows[..., :3] * 255.0).astype(np.uint8)]
+        if has_coverage and not image.is_float:
+            rows[..., :3] *= rows[..., 3:]
     return pixels

@@ -9,44 +9,70 @@ import sys
 from pathlib import Path
 
 from .errors import RigError
+from .plan import Settings
 from .rig import Rig
 from .shares import MOST_KEPT
 
 ALWAYS = 60e6  # bytes
-OF_DISPLAY, OF_VIEWER, OF_SHARE, OF_TRIANGLE = 55, 20, 61, 1200  # bytes for each pixel, share, triangle
+# bytes for each pixel, share, triangle, traced ray that is kept
+OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 61, 1200, 300
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
+QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
+CELLS, RAYS, MOST_RAYS = 5, 40, 3  # times the 2/5th power of the same; for a cell, for a viewer pixel
 
 
-def estimated(rig: Rig) -> dict[str, float]:
-    """Bytes that a solve is about to take beside what is there already, by what they are taken for."""
+def estimated(rig: Rig, settings: Settings | None = None) -> dict[str, float]:
+    """Bytes that a solve is about to take beside what is there already, by what they are taken for.
+
+    Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off by h^2 of it, so
+    that the tolerance asks for 1 / h^2 of them, in proportion to the display's side in tolerances. Cells are off by
+    h^5, which asks for its 2/5th power. That holds within a triangle of the mesh; the map has kinks of a higher order
+    between them: where cells would be smaller, any viewer pixel that needs several quads may be cut.
+    """
+    tolerance = (settings or Settings()).tolerance
+    image = rig.picture.image
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
-    n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
+    meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
+    n_curved = sum(int(m.is_smooth.sum()) for m in meshes if m.is_smooth is not None and m.surface == "smooth")
+    sides = max(rig.display.width, rig.display.height) / tolerance * (n_curved > 0)
+    n_quads = min(QUADS * sides, MOST_QUADS * viewer)
+    n_cells = CELLS * sides**0.4
+    n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)
     n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
+    n_kept, n_more = min(n_shares, MOST_KEPT), min(n_quads, max(MOST_KEPT - n_shares, 0.0))
     return {
-        "display": OF_DISPLAY * display + OF_SHARE * min(n_shares, MOST_KEPT),
+        "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
-        "glass": OF_TRIANGLE * n_triangles,
+        "picture": OF_PICTURE * float(image.shape[0]) * image.shape[1],
+        "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
+        "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
         "always": ALWAYS,
     }
 
 
-def check_memory(rig: Rig) -> None:
+def check_memory(rig: Rig, settings: Settings) -> None:
     """Raise RigError when a solve would take more memory than is free."""
-    free, parts = available(), estimated(rig)
-    total = sum(parts.values())
-    if free is None or total <= free:
-        return
-    display, viewer = rig.display, rig.viewer
+    parts = estimated(rig, settings)
+    display, viewer, picture = rig.display, rig.viewer, rig.picture
+    height, width = picture.image.shape[:2]
     remedies = {
         "display": f"lower the resolution of the display '{display.name}' ({display.width} x {display.height})",
         "viewer": f"lower the resolution of the scene's render ({viewer.width} x {viewer.height})",
+        "picture": f"choose a smaller image for the picture '{picture.name}' ({width} x {height})",
+        "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
         "glass": "give the glass fewer triangles",
         "always": "close other programs",
     }
-    remedy = remedies[max(parts, key=parts.get)]
-    raise RigError(
-        f"Solving would take about {total / 1e9:.2g} GB of memory, but {free / 1e9:.2g} GB are free: {remedy}."
-    )
+    check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
+
+
+def check_free(needed: float, work: str, remedy: str) -> None:
+    """Raise RigError, with the remedy, when some work would take more memory, bytes, than is free."""
+    free = available()
+    if free is not None and needed > free:
+        raise RigError(
+            f"{work} would take about {needed / 1e9:.2g} GB of memory, but {free / 1e9:.2g} GB are free: {remedy}."
+        )
 
 
 def available() -> float | None:

@@ -289,22 +289,28 @@ class Pyramid:
 
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Half the size of an image (c, h, w) by exact area means; odd rows or columns are shared by their neighbours."""
-    for axis in (1, 2):
-        n = image.shape[axis]
-        if n == 1:
-            continue
-        if n % 2 == 0:  # the same, many times as fast
-            even, odd = (image[:, k::2] if axis == 1 else image[..., k::2] for k in (0, 1))
-            image = np.float32(0.5) * (even + odd)
-            continue
-        m = (n + 1) // 2
-        edges = np.linspace(0, n, m + 1)
-        total = np.insert(np.cumsum(image, axis=axis, dtype=float), 0, 0, axis=axis)
-        whole = np.minimum(edges.astype(int), n - 1)
-        part = (edges - whole).reshape([-1 if a == axis else 1 for a in range(3)])
-        at = np.take(total, whole, axis=axis) + part * np.take(image, whole, axis=axis)
-        image = (np.diff(at, axis=axis) * (m / n)).astype(np.float32)
-    return image
+    c, h, w = image.shape
+    halved = np.empty((c, (h + 1) // 2, (w + 1) // 2), np.float32)
+    for plane, half in zip(image, halved, strict=True):  # one by one: steps between take a third of the memory
+        half[:] = _halved_along(1, _halved_along(0, plane))
+    return halved
+
+
+def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Half as many rows (axis 0) or columns (1) of a plane (h, w)."""
+    n = plane.shape[axis]
+    if n == 1:
+        return plane
+    if n % 2 == 0:  # the same, many times as fast
+        even, odd = (plane[k::2] if axis == 0 else plane[:, k::2] for k in (0, 1))
+        return np.float32(0.5) * (even + odd)
+    m = (n + 1) // 2
+    edges = np.linspace(0, n, m + 1)
+    total = np.insert(np.cumsum(plane, axis=axis, dtype=float), 0, 0, axis=axis)
+    whole = np.minimum(edges.astype(int), n - 1)
+    part = (edges - whole).reshape([-1, 1] if axis == 0 else [1, -1])
+    at = np.take(total, whole, axis=axis) + part * np.take(plane, whole, axis=axis)
+    return (np.diff(at, axis=axis) * (m / n)).astype(np.float32)
 
 
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:

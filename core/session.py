@@ -186,7 +186,7 @@ class Session:
         optics = self._optics
         is_new = optics is None or optics.key != key
         if is_new:
-            check_memory(rig)
+            check_memory(rig, settings)
             optics = yield from self._look(rig, settings, key, clock)
         yield 0.85
         picture = rig.picture

@@ -1,4 +1,5 @@
 import importlib
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -349,6 +350,35 @@ def test_pictures_without_pixels(
     hot.pixels.foreach_set(pixels.ravel())
     with pytest.raises(errors.ImageError, match="'hot' of the picture 'poster' has pixels that are not finite"):
         read()
+
+
+def test_a_picture_that_would_not_fit_is_refused(
+    read: Callable[[], Any], kiriko: ModuleType, errors: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before its pixels are read, which take 16 bytes each; with what it takes, what is free, and what to do."""
+    memory = importlib.import_module(f"{kiriko.__name__}.core.memory")
+    add_plane(None).kiriko.image = generated()
+    needed = 16.0 * SIZE[0] * SIZE[1]
+    monkeypatch.setattr(memory, "available", lambda: needed - 1)
+    words = r"of the picture 'poster' would take about 6.1e-06 GB .* are free: .* smaller one \(24 x 16 pixels"
+    with pytest.raises(errors.RigError, match=words):
+        read()
+    monkeypatch.setattr(memory, "available", lambda: needed)
+    assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+def test_reading_takes_no_more_than_the_pixels(kiriko: ModuleType, is_float: bool) -> None:
+    """Their 16 bytes each, and what a few rows are decoded with."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender_picture")
+    image = bpy.data.images.new("large", 2048, 2048, float_buffer=is_float)
+    tracemalloc.start()
+    try:
+        module.read_pixels(image, "the picture")
+        taken = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 1.0 <= taken / (16 * 2048**2) < 1.25
 
 
 def test_tiled_picture(read: Callable[[], Any]) -> None:

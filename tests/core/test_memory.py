@@ -7,35 +7,58 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reference_rigs import ball_rig
 
 from environments import link_package
 from kiriko.core import memory
 from kiriko.core.errors import RigError
+from kiriko.core.plan import Settings
 from kiriko.core.session import Session, finish
 
 MEASURE = """
 import json
 from pathlib import Path
-from reference_rigs import ball_rig
-from kiriko.core.memory import estimated
+import numpy as np
+from reference_rigs import ball_rig, box, rig, uv_ellipsoid
+from kiriko.core import memory
+from kiriko.core.plan import Settings
 from kiriko.core.session import Session, finish
-rig = ball_rig(3, pixels={viewer}, display_pixels={display})
-def peak():  # what getrusage tells begins with what the process had that started this one
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    return 1024 * int(status["VmHWM"].split()[0])
-before = peak()
-finish(Session().solve(rig))
-print(json.dumps([peak() - before, sum(estimated(rig).values())]))
+from kiriko.core.view_map import sample
+def status(key):  # what getrusage tells begins with what the process had that started this one
+    lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return 1024 * int(lines[key].split()[0])
+def picture(side):
+    return np.ones((side, side, 4), np.float32)
+a_rig, settings = {rig}, Settings(tolerance={tolerance})
+before = status("VmRSS")
+{work}
+print(json.dumps([status("VmHWM") - before, sum(memory.estimated(a_rig, settings).values())]))
 """
+SOLVE = "finish(Session().solve(a_rig, settings))"
+TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
-@pytest.mark.parametrize(("viewer", "display"), [(1024, 256), (128, 2048)])
-def test_the_estimate_is_what_is_taken(viewer, display):
-    """Within a factor of 2, in a process of its own."""
-    code = MEASURE.format(viewer=viewer, display=display)
+@pytest.mark.parametrize(
+    ("rig", "tolerance", "work"),
+    [
+        ("ball_rig(3, pixels=1024, display_pixels=256)", 0.1, SOLVE),
+        ("ball_rig(3, pixels=128, display_pixels=2048)", 0.1, SOLVE),
+        ("rig(uv_ellipsoid(0.025, 512, 160), pixels=64, display_pixels=64)", 0.1, SOLVE),  # triangles
+        ("ball_rig(3, pixels=64, display_pixels=64, image=picture(3000))", 0.1, SOLVE),
+        ("ball_rig(3, pixels=64, display_pixels=64, image=picture(2999))", 0.1, SOLVE),
+        ("ball_rig(3, pixels=256, display_pixels=512)", 1e-3, SOLVE),  # quads
+        ("ball_rig(4, pixels=64, display_pixels=64)", 1e-6, SOLVE),  # as many as there may be
+        ("ball_rig(4, pixels=512, display_pixels=64)", 1e-6, TRACE),  # rays of pixels
+        ("ball_rig(5, pixels=768, display_pixels=512)", 1e-6, TRACE),  # of cells
+        ("rig(box([0.3, 0.03, 0.3]), pixels=256, display_pixels=512)", 1e-6, SOLVE),  # flat: no more for the tolerance
+    ],
+)
+def test_the_estimate_is_what_is_taken(rig, tolerance, work):
+    """Within a factor of 2, in a process of its own, where each term is most of it."""
+    code = MEASURE.format(rig=rig, tolerance=tolerance, work=work)
     path = os.pathsep.join(map(str, (link_package(), Path(__file__).parent)))
     process = subprocess.run(
         [sys.executable, "-c", code], env={"PYTHONPATH": path}, check=True, stdout=subprocess.PIPE, text=True
@@ -49,6 +72,8 @@ def test_the_estimate_is_what_is_taken(viewer, display):
     [
         ({"display": 3000}, "about 1.1 GB .* 0.1 GB are free: lower the resolution of the display"),
         ({"viewer": 4000}, "lower the resolution of the scene's render"),
+        ({"picture": 3000}, r"choose a smaller image for the picture 'picture' \(3000 x 3000\)"),
+        ({"tolerance": 1e-5, "viewer": 64}, r"raise the tolerance \(1e-05 display pixels\)"),
         ({}, "close other programs"),
     ],
 )
@@ -59,9 +84,15 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
     first = finish(session.solve(small))
     free = 10e6 if not change else 100e6
     monkeypatch.setattr(memory, "available", lambda: free)
-    large = ball_rig(2, pixels=change.get("viewer", 33), display_pixels=change.get("display", 32))
+    side = change.get("picture", 64)
+    large = ball_rig(
+        2,
+        pixels=change.get("viewer", 33),
+        display_pixels=change.get("display", 32),
+        image=np.zeros((side, side, 4), np.float32),
+    )
     with pytest.raises(RigError, match=words):
-        finish(session.solve(large))
+        finish(session.solve(large, Settings(tolerance=change.get("tolerance", 0.1))))
     again = finish(session.solve(replace(small)))
     assert again.n_rays == 0  # nothing was lost of what was solved
     assert (again.source == first.source).all()
