@@ -110,10 +110,16 @@ class Preview:
         """The render (h, w, 4) float32, linear, row 0 at the top; only the border's part where one was given."""
         if not self.is_rendered:
             raise ImageError("Cycles wrote no preview: look in the console for its reason.")
-        image = self._mark(bpy.data.images.load(str(self.path), check_existing=False))
-        pixels = pixels_from_image(image)
-        bpy.data.images.remove(image)
-        return pixels
+        if _has_header(self.path):
+            image = self._mark(bpy.data.images.load(str(self.path), check_existing=False))
+            pixels = pixels_from_image(image)
+            bpy.data.images.remove(image)
+            if pixels.size:  # no file of which a part is missing has any, and Blender says nothing of that
+                return pixels
+        raise ImageError(
+            f"The preview could not be written whole to the folder for temporary files, '{tempfile.gettempdir()}':"
+            " make room on its disk and try again."
+        )
 
     def _mark(self, block: Any) -> Any:
         block[TEMPORARY] = True
@@ -278,6 +284,16 @@ class Preview:
             cycles.pixel_filter_type = "BOX"
         else:
             cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", filter_width
+
+
+def _has_header(path: Path) -> bool:
+    """Is the header of an OpenEXR file all there? Blender 4.2 never comes back from reading one that is cut off."""
+    with path.open("rb") as file:
+        rest = file.read(1 << 16)[8:]  # after magic number and version: name, type, length and value of each attribute
+    while rest[:1] not in {b"", b"\0"}:
+        rest = rest.split(b"\0", 2)[-1]
+        rest = rest[4 + int.from_bytes(rest[:4], "little") :]
+    return bool(rest)
 
 
 def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...] | None]:

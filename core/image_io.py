@@ -1,11 +1,13 @@
 """Reads and writes image files; the one file that imports OpenImageIO."""
 
+import errno
 import hashlib
 import importlib
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -104,44 +106,71 @@ def _spec(oiio: Any, form: Format, shape: tuple[int, int, int], size: tuple[floa
 
 
 @contextmanager
-def _part(path: Path) -> Iterator[Path]:
-    """A file beside `path` to write to; it takes the place of `path` when all went well, else it is removed."""
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+def scratch(folder: Path) -> Iterator[Path]:
+    """A folder within `folder` to write files to, gone at the end; an ImageError names their place in `folder`.
+
+    Raises
+    ------
+    ImageError
+        `folder` cannot be written.
+    """
     try:
-        part.touch()
+        place = _temporary(folder)
     except OSError as reason:
-        why = reason.strerror
-        raise ImageError(f"The folder '{path.parent}' cannot be written ({why}): choose another one.") from None
-    try:
-        yield part
-        part.replace(path)
-    except OSError as reason:
-        raise ImageError(
-            f"The file '{path}' cannot be written ({reason.strerror}): check the disk or choose another name."
-        ) from None
-    finally:
-        part.unlink(missing_ok=True)
+        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+    with place as name:
+        try:
+            yield Path(name)
+        except ImageError as error:
+            raise ImageError(str(error).replace(str(Path(name)), str(folder))) from None
+
+
+def _temporary(folder: Path) -> Any:
+    """A temporary folder in another one: what is moved from one to the other is not copied, and needs no room."""
+    return tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder, ignore_cleanup_errors=True)
 
 
 @contextmanager
 def together(folder: Path) -> Iterator[Path]:
-    """A folder to write files to, all of which are moved to `folder` when all went well, else none.
+    """A folder to write files to, all of which take their place in `folder` when all went well, else none.
+
+    Where `folder` has a symbolic link of a file's name, what it points to is replaced.
 
     Raises
     ------
     ImageError
         A file cannot be written; the sentence names its place in `folder`.
     """
-    try:
-        with tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder) as scratch:
-            try:
-                yield Path(scratch)
-            except ImageError as error:
-                raise ImageError(str(error).replace(scratch, str(folder))) from None
-            for path in Path(scratch).iterdir():
-                path.replace(folder / path.name)
-    except OSError as reason:
-        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+    with scratch(folder) as new, ExitStack() as stack:
+        yield new
+        staged = {}
+        try:
+            for path in sorted(new.iterdir()):
+                target = Path(os.path.realpath(folder / path.name))
+                if target.is_dir():  # which could be moved aside like a file
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                near = Path(stack.enter_context(_temporary(target.parent)))
+                shutil.move(path, near / "new")  # copied only where a link points to another disk
+                staged[path] = target, near / "new", near / "old"
+            for path in staged:
+                target, made, old = staged[path]
+                if len(staged) > 1 and target.exists():  # a single file is replaced at one stroke
+                    target.replace(old)
+                made.replace(target)
+        except BaseException as reason:
+            for target, made, old in staged.values() if len(staged) > 1 else ():
+                if old.exists():
+                    old.replace(target)
+                elif not made.exists():
+                    target.unlink()
+            if isinstance(reason, OSError):
+                raise _unwritable(folder / path.name, reason) from None
+            raise
+
+
+def _unwritable(path: Path, reason: OSError) -> ImageError:
+    why = reason.strerror
+    return ImageError(f"The file '{path}' cannot be written ({why}): check the disk or choose another name.")
 
 
 def is_there(path: Path) -> bool:
@@ -198,7 +227,8 @@ def write(
     oiio = openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
-    with _part(path) as part:
+    with together(path.parent) as new:
+        part = new / path.name
         out = oiio.ImageOutput.create(str(part))
         is_written = out is not None and out.open(str(part), _spec(oiio, kind, pixels.shape, size, title))
         is_written = is_written and out.write_image(pixels) and out.close()
@@ -215,8 +245,11 @@ def write(
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all; an existing one is replaced. ImageError when it cannot be written."""
-    with _part(path) as part:
-        part.write_text(text, encoding="utf-8")
+    with together(path.parent) as new:
+        try:
+            (new / path.name).write_text(text, encoding="utf-8")
+        except OSError as reason:
+            raise _unwritable(path, reason) from None
 
 
 def _line(text: str) -> str:

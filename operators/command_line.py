@@ -180,7 +180,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
     yield f"measuring '{Path(bpy.data.filepath).name}'"
-    found = yield from _progress(report.measured(bpy.context, rig, arguments.seconds))
+    found = yield from _progress(report.measured(bpy.context, rig, arguments.out, arguments.seconds))
     report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
     yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"

@@ -2,7 +2,6 @@
 
 import os
 import platform
-import tempfile
 from collections.abc import Generator
 from dataclasses import asdict
 from pathlib import Path
@@ -34,14 +33,19 @@ def _array_plate(rig: Rig) -> Plate | None:
     return next((plate for plate in rig.plates if plate.array is not None), None)
 
 
-def measured(context: bpy.types.Context, rig: Rig, budget: float) -> Generator[float, None, WorkPrecision]:
-    """Measure the scene's rig, reading and writing included; yields progress 0..1. The scene stays as it is."""
+def measured(
+    context: bpy.types.Context, rig: Rig, target: Path, budget: float
+) -> Generator[float, None, WorkPrecision]:
+    """Measure the scene's rig, reading, and writing to the folder `target`, included; yields progress 0..1.
+
+    Scene and folder stay as they are.
+    """
     use_bundled_modules()
     form = context.scene.kiriko.export_format
-    with tempfile.TemporaryDirectory(prefix="kiriko-") as scratch:
+    with image_io.scratch(target) as scratch:
 
         def save(image: np.ndarray) -> None:
-            image_io.write(Path(scratch) / "source", image, form, overwrite=True)
+            image_io.write(scratch / "source", image, form, overwrite=True)
 
         return (
             yield from measure(
@@ -125,7 +129,7 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), "allow overwriting")
-            found = yield from measured(context, rig, self.seconds)
+            found = yield from measured(context, rig, target, self.seconds)
             write(target, rig, work.settings_of(scene), found)
         write_ladder(scene, found.ladder)
         return f"Wrote {', '.join(names(rig))} to '{target}'."

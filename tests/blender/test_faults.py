@@ -3,6 +3,7 @@
 import errno
 import importlib
 import json
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -69,7 +70,10 @@ STAGES = {
     "preview": (
         "core.blender_scene.read",
         "core.blender_preview.Preview._set_cycles",
+        "core.blender_preview._has_header",
+        "core.blender_preview.pixels_from_image",
         "operators.preview.replace_image",
+        "core.blender_result.pack",
     ),
 }
 
@@ -471,11 +475,54 @@ def test_what_the_system_refuses_leaves_the_files_of_before(rig: dict, monkeypat
     """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
     before = files()
     full = OSError(errno.ENOSPC, "No space left on device")
-    for call, name in (("touch", "export"), ("replace", "export"), ("write_text", "report"), ("replace", "report")):
+    calls = ((part("core.image_io"), "_temporary"), (Path, "replace"), (Path, "write_text"))
+    for (owner, call), name in zip((*calls[:2], *calls[1:]), ("export", "export", "report", "report"), strict=True):
         with monkeypatch.context() as broken:
-            broken.setattr(Path, call, failing(full))
+            broken.setattr(owner, call, failing(full))
             assert "No space left on device" in refusal(run(name))
         assert files() == before
+
+
+def test_a_preview_that_the_disk_cuts_off_changes_nothing(
+    rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At whatever byte the temporary disk is full, one sentence says where to make room; a map is refused, too."""
+    module, sizes = part("core.blender_preview"), []
+    reading = part("operators.work").read(bpy.context)
+    close = module.Preview.close
+    with monkeypatch.context() as spied:
+        spied.setattr(module.Preview, "close", lambda self: [sizes.append(self.path.stat().st_size), close(self)])
+        assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
+        module.render_map(bpy.context.scene, reading)
+    kept, before = pixels(bpy.context.scene.kiriko.result.preview).copy(), state()
+    size = min(sizes)
+    for room in (0, 100, 300, 500, 2000, size // 2, size - 40):  # the times in it make it some bytes longer or shorter
+        with full_disk(room):
+            text = refusal(lambda: bpy.ops.kiriko.preview(samples=1))
+            with pytest.raises(part("core.errors").ImageError, match="make room") as caught:
+                module.render_map(bpy.context.scene, reading)
+        assert "make room" in text
+        assert f"'{tempfile.gettempdir()}'" in text
+        assert is_sentence(str(caught.value))
+        assert state() == before, room
+        assert np.array_equal(pixels(bpy.context.scene.kiriko.result.preview), kept)
+    with monkeypatch.context() as broken:
+        broken.setattr(Path, "replace", failing(OSError(errno.ENOSPC, "No space left on device")))
+        path = tmp_path / "report" / "preview.png"
+        text = refusal(lambda: bpy.ops.kiriko.preview(samples=1, filepath=str(path)))
+    assert f"'{path}' cannot be written (No space left on device)" in text
+    assert state() == before
+
+
+def test_a_report_on_a_full_disk_names_its_folder(rig: dict) -> None:
+    """At whatever step the disk is full: never a temporary file or folder, of which nothing is left by then."""
+    before = state()
+    for room in (0, 100, 1500):
+        with full_disk(room):
+            text = refusal(run("report"))
+        assert f"'{bpy.context.scene.kiriko.report_folder}" in text
+        assert "kiriko-" not in text
+        assert state() == before
 
 
 def test_a_report_is_written_whole_or_not_at_all(rig: dict, monkeypatch: pytest.MonkeyPatch) -> None:
