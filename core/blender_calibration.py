@@ -48,6 +48,7 @@ def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], 
         yield
     except BaseException:
         undo.all()
+        bpy.context.view_layer.update()  # so that a script sees the objects where they are
         raise
 
 

@@ -337,6 +337,68 @@ def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> N
         assert ours.found == ours.offset == ""
 
 
+STAGES = (
+    "operators.calibrate.view_of_picture",
+    "operators.calibrate.read_points",
+    "operators.calibrate.fit",
+    "operators.calibrate.extra_photographs",
+    "operators.calibrate.as_data",
+    "core.reach.sample",
+    "core.blender_result.image_from_pixels",
+    "operators.calibrate.write_solution",
+)
+
+
+def state(scene: bpy.types.Scene) -> tuple:
+    """All that a calibration writes to."""
+    result, ours = scene.kiriko.result, scene.kiriko.calibration
+    places = {thing.name: tuple(map(tuple, thing.matrix_world)) for thing in bpy.data.objects}
+    told = ours.found, ours.offset, result.summary, result.details, result.notes
+    return inventory(), places, told, pixels(result.source).tobytes(), [g.kiriko.ior for g in scene.objects]
+
+
+@pytest.mark.parametrize("keep", ["OFFSET", "SCENE"])
+def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: str
+) -> None:
+    """At every stage; and by Esc, which ends the work between two steps. Then it is done as if nothing had been."""
+    scene, work = bench.scene, bench.work
+    scene.kiriko.tolerance = 1.0
+    points = bench.csv(tmp_path / "points.csv")
+    bpy.ops.kiriko.solve()
+    bpy.context.view_layer.update()
+    scene.kiriko.calibration.keep = keep
+    before = state(scene)
+
+    def fail(*_: object, **__: object) -> None:
+        raise ValueError("an odd\nnumber")
+
+    for stage in STAGES if keep == "SCENE" else STAGES[-2:]:  # before those two nothing is kept either way
+        owner, name = stage.rsplit(".", 1)
+        work.forget()
+        with monkeypatch.context() as broken:
+            broken.setattr(importlib.import_module(f"{bench.kiriko.__name__}.{owner}"), name, fail)
+            with pytest.raises(RuntimeError, match=r"Calibrate failed \(ValueError: an odd number\).*\.$"):
+                bpy.ops.kiriko.calibrate(filepath=str(points))
+        assert state(scene) == before, stage
+    module = importlib.import_module(f"{bench.kiriko.__name__}.operators.calibrate")
+    n_steps = 0
+    while True:
+        work.forget()
+        steps = module.calibrated(bpy.context, work.read(bpy.context), points)
+        try:
+            for _ in range(n_steps + 1):
+                next(steps)
+        except StopIteration:
+            break
+        steps.close()
+        assert state(scene) == before, n_steps
+        n_steps = 2 * n_steps + 1
+    assert n_steps > 3
+    assert json.loads(scene.kiriko.calibration.found)["kept"] == keep
+    assert state(scene) != before
+
+
 def test_the_lattice_becomes_the_picture(bench: Bench) -> None:
     ours = bench.scene.kiriko.calibration
     ours.columns, ours.rows, ours.margin, ours.style = 9, 6, 0.1, "GRID"
