@@ -9,14 +9,16 @@ import numpy as np
 
 from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
+from .meshes import areas_of
 from .optics import dot
-from .plan import Plan
+from .plan import Kind, Plan
 from .ray_engine import FLOAT32, Layer
 from .rig import Bools, Floats, Ints
-from .trace import Landings, trace_all
+from .trace import Landings, Step, trace, trace_all
 
 SAMPLES = 32  # rays along each side of the viewer's image
 TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
+NEAR = 1e-3  # of the glass's size
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
@@ -26,8 +28,8 @@ class Tessellation(NamedTuple):
     Parameters
     ----------
     error : display px rms, about how far landings are from those of that surface; 0 where all is flat
-    undecided : share of the light, 0..1, that takes another way (branch) where the curved faces are of degree 3
-        instead of 4: solids with other triangles meet there within less than their faces are exact
+    undecided : share of the light, 0..1, that passes two solids so near each other that it arrives elsewhere, or does
+        not, where the curved faces are of degree 3 instead of 4: the solids have other triangles there
     """
 
     error: float
@@ -138,12 +140,12 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     rays = [values[here.sample] for values in every]  # with the others nothing is compared
     yield 0.2
 
-    def landings(layers: list[Layer]) -> Landings:
-        return trace_all(replace(plan, layers=tuple(layers)), *rays)
+    def landings(layers: list[Layer], steps: list[Step] | None = None) -> Landings:
+        return trace(replace(plan, layers=tuple(layers)), *rays, steps=steps)
 
-    def changed(change: Callable[[CurvedFaces], CurvedFaces]) -> Landings:
+    def changed(change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None) -> Landings:
         curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
-        return landings(curved)
+        return landings(curved, steps)
 
     parts, undecided = [], 0.0
     if any(is_drawn):
@@ -153,9 +155,17 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if has_curved:
         square = changed(lambda curved: replace(curved, degree=2))
         yield 0.6
-        cubic = changed(lambda curved: replace(curved, degree=3))
+        ways: list[list[Step]] = [[], []]
+        cubic = changed(lambda curved: replace(curved, degree=3), ways[1])
         yield 0.8
-        undecided = float((cubic.branch != here.branch).mean()) if len(here.branch) else 0.0
+        is_changed = cubic.branch != here.branch
+        if is_changed.any():
+            landings(list(plan.layers), ways[0])
+            with np.errstate(invalid="ignore"):
+                off = np.abs(cubic.xy - here.xy).max(axis=1)
+                is_changed &= ~(cubic.has_arrived & (off <= plan.settings.tolerance))
+            is_near = np.any([_passes_near(plan, rays[0], steps) for steps in ways], axis=0)
+            undecided = float((is_changed & is_near).mean())
         last, before = _difference(here, cubic), _difference(cubic, square)
         parts.append(last * min(1.0, last / before) if before else last)
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
@@ -175,10 +185,27 @@ def rounding_error(plan: Plan) -> float:
     off = FLOAT32 / 4 * max(float(np.abs(part.mesh.bounds).max()) for part in (*rig.glasses, *rig.plates, rig.display))
     for part in (*rig.glasses, *rig.mirrors):
         corners = part.mesh.corners
-        edge = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
+        area, edge = areas_of(corners), np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+        has_area = area > 0
+        if not (part.mesh.rounding and has_area.any()):
+            continue
+        tilt = part.mesh.rounding * float(np.average(1 / edge[has_area], weights=area[has_area]))
         way = np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)
-        off = max(off, TILTED * part.mesh.rounding / edge * float(way))
+        off = max(off, TILTED * tilt * float(way))
     return off / pixel
+
+
+def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
+    """Which rays (n,) meet two solids one after the other within NEAR of the glass's size of each other?"""
+    size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
+    last, solid, is_near = origins.copy(), np.full(len(origins), -1), np.zeros(len(origins), bool)
+    for step in steps:
+        part = plan.part[step.patch]  # a patch has the number of one of its triangles
+        part = np.where(plan.kind[part] == Kind.GLASS, part, -1)
+        is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
+        is_near[step.rays] |= is_other & (np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size)
+        last[step.rays], solid[step.rays] = step.place, part
+    return is_near
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:

@@ -11,6 +11,7 @@ from . import blender_shaders as shaders
 from .blender_image import image_from_pixels, or_none, pack, set_pixels
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
+from .errors import one_line
 from .session import Solution
 from .work_precision import cost
 
@@ -197,7 +198,7 @@ def _write_numbers(
     result, (details, notes) = scene.kiriko.result, numbers
     result.coverage, result.details = details["picture_coverage"], json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
-    result.notes, result.is_coarse = "\n".join(" ".join(note.split()) for note in [*notes, *remarks]), False
+    result.notes, result.is_coarse = "\n".join(map(one_line, [*notes, *remarks])), False
     return result.summary
 
 

@@ -466,7 +466,8 @@ def remedy_of(modifier: bpy.types.Modifier) -> str:
     """What to do about a modifier that leaves vertices beside the surface; an empty text for others."""
     if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
         return "turn on its Use Limit Surface"
-    if modifier.type == "REMESH" or (modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE"):
+    is_collapsed = modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    if modifier.type == "REMESH" or is_collapsed:
         return "turn it off, or set the object's Surface to As Drawn"
     return ""
 

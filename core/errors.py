@@ -1,11 +1,18 @@
 """Errors a user can act on: one sentence that says what is wrong, where, and what to do."""
 
+import re
+
+
+def one_line(text: str) -> str:
+    """A text without line breaks and other control characters, which names of objects may have."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text)
+
 
 class KirikoError(Exception):
     """Base of all errors whose text is meant for the user: one line, whatever is in the names of objects."""
 
     def __str__(self) -> str:
-        return " ".join(super().__str__().split())
+        return one_line(super().__str__())
 
 
 class RigError(KirikoError):

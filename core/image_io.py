@@ -122,7 +122,7 @@ def scratch(folder: Path) -> Iterator[Path]:
         try:
             yield Path(name)
         except ImageError as error:
-            raise ImageError(str(error).replace(str(Path(name)), str(folder))) from None
+            raise ImageError(error.args[0].replace(str(Path(name)), str(folder))) from None
 
 
 def _temporary(folder: Path) -> Any:
@@ -158,7 +158,7 @@ def together(folder: Path) -> Iterator[Path]:
                     target.replace(old)
                 made.replace(target)
         except BaseException as reason:
-            for target, made, old in staged.values() if len(staged) > 1 else ():
+            for target, made, old in reversed(staged.values()) if len(staged) > 1 else ():
                 if old.exists():
                     old.replace(target)
                 elif not made.exists():

@@ -8,9 +8,12 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from .errors import RigError
+from .meshes import SAME_NORMAL
 from .plan import Settings
-from .rig import Rig
+from .rig import Mesh, Rig
 from .shares import MOST_KEPT
 
 ALWAYS = 60e6  # bytes
@@ -33,7 +36,7 @@ def estimated(rig: Rig, settings: Settings | None = None) -> dict[str, float]:
     image = rig.picture.image
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
     meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
-    n_curved = sum(int(m.is_smooth.sum()) for m in meshes if m.is_smooth is not None and m.surface == "smooth")
+    n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / tolerance * (n_curved > 0)
     n_quads = min(QUADS * sides, MOST_QUADS * viewer)
     n_cells = CELLS * sides**0.4
@@ -48,6 +51,13 @@ def estimated(rig: Rig, settings: Settings | None = None) -> dict[str, float]:
         "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
         "always": ALWAYS,
     }
+
+
+def _n_curved(mesh: Mesh) -> int:
+    """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
+    if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface != "smooth":
+        return 0
+    return int((mesh.is_smooth & (np.ptp(mesh.corner_normals, axis=1).max(axis=1) > SAME_NORMAL)).sum())
 
 
 def check_memory(rig: Rig, settings: Settings) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
 from functools import cache
-from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,7 +13,6 @@ from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
-from .meshes import Frames
 from .motion import Motion, find_motion
 from .optics import dot
 from .plate import ArrayFrame, array_frame
@@ -80,7 +78,8 @@ class Plan:
     Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_bent (t,) flat with bent normals, patch (t,),
     part (t,).
     Parts p, solids first: kind (p,), is_closed (p,), cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask;
-    -1 and 0 for no solid. The display's triangles are the last, from display_start on.
+    -1 and 0 for no solid; sheet (p,), itself, or the first plate in whose plane it lies. The display's triangles are
+    the last, from display_start on.
     n_open: open edges of each glass of the rig.
     n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
@@ -103,6 +102,7 @@ class Plan:
     is_closed: Bools
     cluster: Ints
     bit: np.ndarray
+    sheet: Ints
     media: Media
     layers: tuple[Layer, ...]
     layer_triangles: tuple[Ints, ...]
@@ -203,16 +203,21 @@ def plate_surface(plate: Plate) -> Surface:
     return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
-def check_plates_apart(plates: tuple[Plate, ...], surfaces: list[Surface]) -> None:
-    """Raise RigError where one plate lies on another: light would cross the two for ever, all in one place."""
-    for (one, here), (other, there) in combinations(zip(plates, surfaces, strict=False), 2):
-        for on, laid in ((here, there), (there, here)):
-            middles, frames = laid.corners.mean(axis=1)[:, None], Frames.of(on.corners)
-            u, v = (dot(middles - on.corners[:, 0], axis) for axis in (frames.axis_u, frames.axis_v))
-            height = np.abs(dot(middles - on.corners[:, 0], on.normals))
-            is_on = (u > 0) & (v > 0) & (u + v < 1) & (height <= FLAT * np.ptp(on.bounds, axis=0).max())
-            if is_on.any():
-                raise RigError(f"The plates '{one.name}' and '{other.name}' lie in one place: move or remove one.")
+def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
+    """For each part (p,) the first one in whose plane it lies if both are plates, else itself.
+
+    Light that has met one plate is beyond all of its plane: where plates overlap they act as one.
+    """
+    sheet = np.arange(len(surfaces))
+    plates = np.flatnonzero(kind == Kind.PLATE)
+    for n, i in enumerate(plates):
+        for j in plates[:n]:
+            one, other = surfaces[j], surfaces[i].corners
+            far = 2 * FLOAT32 * max(np.abs(other).max(), np.abs(one.corners).max())
+            if np.abs((other - one.corners[0, 0]) @ one.normals[0]).max() <= far:
+                sheet[i] = sheet[j]
+                break
+    return sheet
 
 
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
@@ -384,7 +389,6 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     read = read_solids(rig, kept, aside)
     solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
-    check_plates_apart(rig.plates, [surface for _, surface, _ in sheets])
     surfaces = solids + [surface for _, surface, _ in sheets]
     keys = [solid.key_here for solid in read] + [key for *_, key in sheets]
     boxes = np.stack([surface.bounds for surface in surfaces])
@@ -472,6 +476,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
         is_closed=is_closed,
         cluster=cluster,
         bit=bit,
+        sheet=find_sheets(surfaces, kind),
         media=media,
         layers=tuple(layers),
         layer_triangles=tuple(layer_triangles),

@@ -302,9 +302,9 @@ def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str,
     rounded, touching = rounding_error(plan), plan.merge_distance
     if max(rounded, touching / display_pixel(rig.display)) > ROUNDED:
         notes.append(
-            f"So far from the origin Blender rounds places: landings may be off by {rounded:.2g} display pixels,"
-            f" and glass nearer than {1e3 * touching:.2g} mm touches. Move the rig to the origin, and the origins of"
-            " its objects to their middles."
+            f"Blender rounds places: landings may be off by {rounded:.2g} display pixels, and glass nearer than"
+            f" {1e3 * touching:.2g} mm touches. Move the rig to the origin, and the origins of its objects to their"
+            " middles."
         )
     brightest = reduce(np.maximum, (source[..., channel] for channel in range(3)))  # rows of three are slow in numpy
     bright = np.count_nonzero(brightest > 1 + 1e-6) / max(np.count_nonzero(brightest > 0), 1)

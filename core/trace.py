@@ -226,7 +226,7 @@ def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
         kind = plan.kind[part]
         # glass in the same place as a sheet just met: the sheet must not be met once more from there
         is_beside = (kind == Kind.GLASS) & (hits.distance <= plan.merge_distance)
-        rays.last_part[rays.live[~is_beside]] = part[~is_beside]
+        rays.last_part[rays.live[~is_beside]] = plan.sheet[part[~is_beside]]
         for of_kind, meet in _MEETINGS.items():
             chosen = np.flatnonzero(kind == of_kind)
             if len(chosen):
@@ -257,7 +257,7 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             bit = plan.bit[part]
             is_solid = bit != 0
             fits = hits.enters != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
-            is_last = part == last_part[i]
+            is_last = plan.sheet[part] == last_part[i]
             is_new = (t > tolerance) | ~is_last & (t > -1e-3 * tolerance)
             is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
             return np.where(is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new), is_wrong

@@ -6,7 +6,7 @@ import closed_forms
 import numpy as np
 import pytest
 from extreme_bench import filled_cavity
-from extreme_cases import changed, rays_of
+from extreme_cases import changed, joined, rays_of
 from reference_rigs import (
     ball_rig,
     bottle,
@@ -30,7 +30,7 @@ from kiriko.core.meshes import geometric_normals
 from kiriko.core.plan import LEAST_TOLERANCE, MOST_TOLERANCE, Settings, make_plan
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
-from kiriko.core.trace import trace_all
+from kiriko.core.trace import Reason, trace_all
 
 
 def small(**options):
@@ -205,8 +205,6 @@ BAD = {
     "viewer nowhere": (lambda: viewing(position=np.array([0, np.nan, 0])), RigError, "viewer 'viewer' has a place"),
     "viewer shifted by no number": (lambda: viewing(window=(np.nan, 1, 0, 1)), RigError, "lens or shift that is no"),
     "viewer that sees nothing": (lambda: viewing(window=(0.1, 0.1, 0, 1)), RigError, "'viewer' sees nothing"),
-    "a plate twice": (lambda: second_plate(1.0), RigError, "plates 'plate' and 'other' lie in one place"),
-    "a plate on another": (lambda: second_plate(0.1, (0.1, 0, 0)), RigError, "'plate' and 'other' lie in one place"),
     "no glass": (without("glasses"), RigError, "no glass"),
     "no plate": (without("plates"), RigError, "no plate"),
     "no display": (without("displays"), RigError, "no display"),
@@ -344,8 +342,17 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
 
 @pytest.mark.parametrize("levels", [(2, 4), (3, 4), (3, 2)])
 def test_glass_that_touches_with_other_triangles_is_told(levels):
-    """Of the light of the ball's size most goes another way, or could: the film between is an accident of meshes."""
-    assert drain(tessellation(make_plan(filled_cavity(*levels), Settings()))).undecided > 0.1
+    """Light arrives elsewhere, or could, or does not: the film between is an accident of meshes."""
+    assert drain(tessellation(make_plan(filled_cavity(*levels), Settings()))).undecided > session_module.UNDECIDED
+
+
+@pytest.mark.parametrize("n", [1.0, 1.333, 1.49, 1.6])
+def test_glass_that_touches_with_the_same_triangles_leaves_nothing_undecided(n):
+    """The remedy that is told for it does away with it, whatever is in the cavity."""
+    a_rig = filled_cavity(3, 3)
+    block, ball = a_rig.glasses
+    a_rig = replace(a_rig, glasses=(block, replace(ball, ior=ConstantIndex(n))))
+    assert drain(tessellation(make_plan(a_rig, Settings()))).undecided == 0.0
 
 
 @pytest.mark.parametrize(
@@ -355,12 +362,12 @@ def test_glass_that_touches_with_other_triangles_is_told(levels):
         rig(bottle(wall=1e-6)),
         rig(icosphere((0.025, 0.02, 0.015), 2)),
         rig(mean_normals(wavy_slab(8))),
-        rig(mean_normals(torus(0.018, 0.007, 16, 8))),
+        rig(mean_normals(torus(0.018, 0.007, 12, 6))),
     ],
     ids=["filled cavity", "wall of a micrometre", "coarse ellipsoid", "coarse wavy slab", "coarse torus"],
 )
 def test_thin_walls_and_coarse_meshes_leave_no_light_undecided(a_rig):
-    assert drain(tessellation(make_plan(a_rig, Settings()))).undecided < session_module.UNDECIDED
+    assert drain(tessellation(make_plan(a_rig, Settings()))).undecided == 0.0
 
 
 ROUNDED = {
@@ -398,7 +405,7 @@ def test_places_far_from_the_origin_are_told():
     odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, rounding=1e-5)),))
     far = changed(a_rig, lambda vertices: vertices + 1e5)
     for r, is_told in ((a_rig, False), (odd, True), (far, True)):
-        assert any("far from the origin" in note for note in solve(r).notes) == is_told
+        assert any("Blender rounds places" in note for note in solve(r).notes) == is_told
 
 
 def test_a_view_that_changes_within_a_pixel_is_told():
@@ -438,9 +445,27 @@ def test_a_mesh_whose_rounding_shows_is_left_flat():
     assert surfaces.make_surface(replace(fine, rounding=1e-6)).curved is None
 
 
-@pytest.mark.parametrize("shift", [(0.488, 0.0, 0.0), (0.0, 1e-4, 0.0)], ids=["beside it", "behind it"])
-def test_a_second_plate_beside_or_behind_the_first_is_none_in_its_place(shift):
-    assert len(solve(second_plate(1.0, shift)).rig.plates) == 2
+@pytest.mark.parametrize(
+    ("part", "shift"),
+    [(1.0, (0, 0, 0)), (0.1, (0.02, 0, 0)), (0.7, (0.2, 0, 0)), (1.0, (0.488, 0, 0))],
+    ids=["the same", "on it", "over its edge", "beside it"],
+)
+def test_plates_in_one_plane_act_as_one(part, shift):
+    """Light that crossed one is beyond the other, too; before, it went to and fro between the two for ever."""
+    alone, both = (landings_of(a_rig) for a_rig in (small(), second_plate(part, shift)))
+    assert alone.has_arrived.mean() > 0.3
+    assert both.has_arrived[alone.has_arrived].all()
+    assert np.abs(alone.xy - both.xy)[alone.has_arrived].max() < 1e-9
+    assert not (both.reason == Reason.LOST_INSIDE).any()
+
+
+def test_a_plate_behind_another_turns_the_light_back_again():
+    """A tenth of a millimetre further is another place: after two the light goes on as it came."""
+    assert landings_of(second_plate(1.0, (0.0, 1e-4, 0.0))).has_arrived.mean() < 0.01
+
+
+def landings_of(a_rig):
+    return trace_all(make_plan(a_rig, Settings()), *rays_of(a_rig))
 
 
 def test_a_tolerance_as_blender_keeps_it_is_the_one_that_was_set():
@@ -449,7 +474,20 @@ def test_a_tolerance_as_blender_keeps_it_is_the_one_that_was_set():
 
 
 def test_an_error_is_one_line_whatever_a_name_holds():
-    assert str(RigError("The glass 'a\nb\t c' is broken.")) == "The glass 'a b c' is broken."
+    """Line breaks go; blanks that are in the name of a file stay."""
+    assert str(RigError("The glass 'a\nb\t\u2028c' is broken.")) == "The glass 'a b c' is broken."
+    assert str(RigError("'a  b\u3000c' is broken.")) == "'a  b\u3000c' is broken."
+
+
+def test_a_bevel_and_faces_without_area_are_no_matter_of_rounding():
+    """Most faces of a finely bevelled block are tiny, but most light goes through the large ones."""
+    block = box([0.05] * 3)
+    strips = icosphere(2e-5, 3, smooth=False, centre=(0.025, 0.025, 0.025))
+    for other in (strips, Mesh(np.zeros((3, 3)), np.zeros((40, 3), int))):
+        mesh = replace(joined(block, replace(other, corner_normals=None, is_smooth=None)), rounding=1.5e-9)
+        plan = make_plan(rig(block), Settings())
+        plan = replace(plan, rig=replace(plan.rig, glasses=(replace(plan.rig.glasses[0], mesh=mesh),)))
+        assert rounding_error(plan) < 0.01
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, 1e-9, 1e3, float("nan"), float("inf")])
