@@ -14,7 +14,7 @@ from .optics import dot
 from .plan import Kind, Plan
 from .ray_engine import FLOAT32, Layer
 from .rig import Bools, Floats, Ints
-from .trace import Landings, Step, trace, trace_all
+from .trace import Landings, Step, trace
 
 SAMPLES = 32  # rays along each side of the viewer's image
 TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
@@ -135,7 +135,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     viewer = plan.rig.viewer
     x, y = ((np.arange(SAMPLES) + 0.5) / SAMPLES * size for size in (viewer.width, viewer.height))
     every = viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-    whole = trace_all(plan, *every)
+    ways: tuple[list[Step], list[Step]] = [], []
+    whole = trace(plan, *every, steps=ways[0])
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
     rays = [values[here.sample] for values in every]  # with the others nothing is compared
     yield 0.2
@@ -155,16 +156,14 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if has_curved:
         square = changed(lambda curved: replace(curved, degree=2))
         yield 0.6
-        ways: list[list[Step]] = [[], []]
         cubic = changed(lambda curved: replace(curved, degree=3), ways[1])
         yield 0.8
         is_changed = cubic.branch != here.branch
         if is_changed.any():
-            landings(list(plan.layers), ways[0])
             with np.errstate(invalid="ignore"):
                 off = np.abs(cubic.xy - here.xy).max(axis=1)
                 is_changed &= ~(cubic.has_arrived & (off <= plan.settings.tolerance))
-            is_near = np.any([_passes_near(plan, rays[0], steps) for steps in ways], axis=0)
+            is_near = _passes_near(plan, every[0], ways[0])[here.sample] | _passes_near(plan, rays[0], ways[1])
             undecided = float((is_changed & is_near).mean())
         last, before = _difference(here, cubic), _difference(cubic, square)
         parts.append(last * min(1.0, last / before) if before else last)
@@ -184,10 +183,12 @@ def rounding_error(plan: Plan) -> float:
     plate, display = (part.mesh.bounds.mean(axis=0) for part in (rig.plates[0], rig.display))
     off = FLOAT32 / 4 * max(float(np.abs(part.mesh.bounds).max()) for part in (*rig.glasses, *rig.plates, rig.display))
     for part in (*rig.glasses, *rig.mirrors):
+        if not part.mesh.rounding:
+            continue
         corners = part.mesh.corners
         area, edge = areas_of(corners), np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
         has_area = area > 0
-        if not (part.mesh.rounding and has_area.any()):
+        if not has_area.any():
             continue
         tilt = part.mesh.rounding * float(np.average(1 / edge[has_area], weights=area[has_area]))
         way = np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)

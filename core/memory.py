@@ -24,7 +24,7 @@ QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a view
 CELLS, RAYS, MOST_RAYS = 5, 40, 3  # times the 2/5th power of the same; for a cell, for a viewer pixel
 
 
-def estimated(rig: Rig, settings: Settings | None = None) -> dict[str, float]:
+def estimated(rig: Rig, settings: Settings) -> dict[str, float]:
     """Bytes that a solve is about to take beside what is there already, by what they are taken for.
 
     Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off by h^2 of it, so
@@ -32,12 +32,11 @@ def estimated(rig: Rig, settings: Settings | None = None) -> dict[str, float]:
     h^5, which asks for its 2/5th power. That holds within a triangle of the mesh; the map has kinks of a higher order
     between them: where cells would be smaller, any viewer pixel that needs several quads may be cut.
     """
-    tolerance = (settings or Settings()).tolerance
     image = rig.picture.image
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
     meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
-    sides = max(rig.display.width, rig.display.height) / tolerance * (n_curved > 0)
+    sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
     n_quads = min(QUADS * sides, MOST_QUADS * viewer)
     n_cells = CELLS * sides**0.4
     n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)

@@ -133,6 +133,10 @@ class _Optics:
     coverage: Coverage
 
     @cached_property
+    def rounding_error(self) -> float:
+        return rounding_error(self.plan)
+
+    @cached_property
     def view_coverage(self) -> Floats:
         return np.where(self.view_map.is_whole, 1.0, self.coverage.of_view)
 
@@ -283,9 +287,10 @@ def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str,
                 f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
                 " (Shade Smooth by Angle), or subdivide."
             )
-    if error.facet_limited + error.unresolved > BEYOND:
+    beyond = error.facet_limited + error.unresolved
+    if beyond > BEYOND:
         notes.append(
-            f"{error.facet_limited + error.unresolved:.1%} of what is seen is off by more than the tolerance, or lost,"
+            f"{beyond:.1%} of what is seen is off by more than the tolerance, or lost,"
             " where the view through the glass changes within a viewer pixel: raise the viewer's resolution, or use a"
             " finer, smooth mesh."
         )
@@ -299,7 +304,7 @@ def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str,
             f"The mesh is coarse: up to about {mesh.error:.2g} display pixels of error. Subdivide the glass, or shade"
             " it smooth where it is meant to be."
         )
-    rounded, touching = rounding_error(plan), plan.merge_distance
+    rounded, touching = optics.rounding_error, plan.merge_distance
     if max(rounded, touching / display_pixel(rig.display)) > ROUNDED:
         notes.append(
             f"Blender rounds places: landings may be off by {rounded:.2g} display pixels, and glass nearer than"

@@ -10,7 +10,7 @@ import bpy
 import closed_forms
 import numpy as np
 from extreme_bench import AT_ORIGIN, differs
-from extreme_cases import Floats, N, Rows, ball_rig, case, furthest, layers, limit, on, slab_rig, within
+from extreme_cases import Floats, N, Rows, ball_rig, case, furthest, layers, limit, on, slab_rig, tells, within
 from mathutils import Matrix
 
 from kiriko.core.rig import Mesh, Rig
@@ -34,11 +34,9 @@ def core(name: str) -> ModuleType:
     return importlib.import_module(f"{package()}.core.{name}")
 
 
-def place(thing: bpy.types.Object, centre: Floats, turn: Floats) -> None:
-    """Put an object where it belongs."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = turn, centre
-    thing.matrix_world = Matrix(matrix.tolist())
+def place(thing: bpy.types.Object, centre: Floats, turn: Floats, metres: float) -> None:
+    """Put an object where it belongs, m."""
+    thing.matrix_world = Matrix(core("blender_scene").object_matrix(turn, centre, metres).tolist())
 
 
 def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> bpy.types.Object:
@@ -49,7 +47,7 @@ def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> 
     if mesh.uv is not None:
         drawn.uv_layers.new().data.foreach_set("uv", mesh.uv.astype(np.float32).ravel())
     thing = bpy.data.objects.new(role, drawn)
-    place(thing, centre / metres, turn)
+    place(thing, centre, turn, metres)
     bpy.context.scene.collection.objects.link(thing)
     thing.kiriko.role = role
     return thing
@@ -60,7 +58,7 @@ def read(a_rig: Rig, system: str, metres: float, turn: Floats | None = None, far
 
     turn (3, 3): the axes of the objects, around the middle of each; far: m, of the whole from the origin
     """
-    name = package()
+    package()  # the objects' settings are its own
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene, viewer = bpy.context.scene, a_rig.viewer
     scene.unit_settings.system, scene.unit_settings.scale_length = system, metres
@@ -84,11 +82,11 @@ def read(a_rig: Rig, system: str, metres: float, turn: Floats | None = None, far
     camera = bpy.data.objects.new("viewer", lens)
     scene.collection.objects.link(camera)
     right, up, forward = viewer.axes
-    place(camera, (viewer.position + aside) / metres, np.stack([right, up, -forward], axis=1))
+    place(camera, viewer.position + aside, np.stack([right, up, -forward], axis=1), metres)
     scene.camera = camera
     scene.render.resolution_x, scene.render.resolution_y = viewer.width, viewer.height
     bpy.context.view_layer.update()
-    return importlib.import_module(f"{name}.core.blender_scene").read(bpy.context, scene).rig
+    return core("blender_scene").read(bpy.context, scene).rig
 
 
 def through_slab(o: Floats, d: Floats) -> tuple[Floats, Floats]:
@@ -142,7 +140,7 @@ def matrices(quick: bool) -> Rows:
     for far, bound in ((0.0, 5e-3), (1.0, 5e-3), (100.0, 0.2)):
         found_rig = read(ball, "METRIC", 1.0, turn, far)
         error = landing_error(ball, found_rig, through_ball)
-        told = any("Blender rounds places" in note for note in solved(found_rig).notes)
+        told = tells(solved(found_rig), "Blender rounds places")
         measured = f"landing, ball, parts drawn in other axes, {far:g} m from the origin"
         if far < 100:
             yield within(measured, np.inf if told else error, bound)

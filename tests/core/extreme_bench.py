@@ -28,6 +28,7 @@ from extreme_cases import (
     refused,
     slab_rig,
     solve,
+    tells,
     traced,
     within,
     without_plate,
@@ -87,9 +88,7 @@ def moved(quick: bool) -> Rows:
             yield within(measured, off, 1e-6)
             yield within("its colours", colours, 1e-6, "")
         else:  # what doubles lose: half of spacing(far), some thousand times where the map stretches most
-            yield limit(
-                measured, off, 3e-9 * far, "px", AT_ORIGIN, any("Blender rounds places" in note for note in there.notes)
-            )
+            yield limit(measured, off, 3e-9 * far, "px", AT_ORIGIN, tells(there, "Blender rounds places"))
 
 
 @case("scale", "air of 0.5 mm between two slabs, 10 km from the origin")
@@ -98,7 +97,7 @@ def film_far_away(quick: bool) -> Rows:
     a_rig = slab_rig(tuple(Glass(f"g{k}", m, ConstantIndex(N)) for k, m in enumerate(slabs)), pixels=32)
     far = changed(a_rig, lambda v: v + 1e4 * X)
     o, d = rays_of(far)
-    told = any("Blender rounds places" in note for note in solve(far).notes)
+    told = tells(solve(far), "Blender rounds places")
     through = on(o, d, layers((-0.01025, N), (-0.00025, 1.0), (0.00025, N), (0.01025, 1.0)))
     yield limit(
         "landing: nearer than 2.4 mm, faces touch there, and the air is left out",
@@ -146,7 +145,7 @@ def single_precision(quick: bool) -> Rows:
         found = traced(single, o, d)
         both = here.has_arrived & found.has_arrived
         off = float(np.quantile(np.abs(found.xy - here.xy)[both], 0.99)) if both.mean() > 0.3 else np.inf
-        told = any("Blender rounds places" in note for note in solve(single).notes)
+        told = tells(solve(single), "Blender rounds places")
         measured = f"landing, all vertices rounded to float32, {far:g} m from the origin"
         if far < 100:
             yield within(measured, np.inf if told else off, bound)
@@ -312,12 +311,12 @@ def not_solid(quick: bool) -> Rows:
     is_top = slab.vertices[slab.triangles][..., 2].min(axis=1) > 0.1
     a_rig = slab_rig(replace(slab, triangles=slab.triangles[~is_top]), pixels=64, display_pixels=64)
     o64, d64 = rays_of(a_rig)
-    told = any("not closed" in note for note in solve(a_rig).notes)
+    told = tells(solve(a_rig), "not closed")
     off = furthest(a_rig, traced(a_rig, o64, d64), on(o64, d64, layers((-0.01, N), (0.01, 1))))
     yield exact("landing, slab without its top, where rays meet front and back", off if told else np.inf, 1e-11, "px")
     is_back = slab.vertices[slab.triangles][..., 1].min(axis=1) > 0
     a_rig = slab_rig(replace(slab, triangles=slab.triangles[~is_back]), pixels=32)
-    told = any("not closed" in note for note in solve(a_rig).notes)
+    told = tells(solve(a_rig), "not closed")
     off = worst(traced(a_rig, o64, d64).xy - closed_forms.landing(a_rig, *on(o64, d64, layers((-0.01, N)))))
     yield limit("landing, slab without its back, beside glass that does not end", off, 1e-11, "px", CLOSED, told)
     parts = box([0.15, 0.02, 0.3], (-0.075, 0, 0)), box([0.15, 0.02, 0.3], (0.075, 0, 0))
@@ -431,7 +430,7 @@ def filled_cavities(quick: bool) -> Rows:
         off = np.abs(found.xy - closed_forms.landing(a_rig, *through)).max(axis=1)
         measured = "other triangles: rays off by more than 0.1 px, by the air that is left between"
         small = replace(a_rig, viewers=(replace(a_rig.viewer, width=32, height=32),))
-        told = any("meets gaps or overlaps" in note for note in solve(small).notes)
+        told = tells(solve(small), "meets gaps or overlaps")
         yield limit(measured, (~(off < 0.1)).mean(), 0.5, "of them", FILLED, told)
 
 

@@ -106,6 +106,11 @@ def solve(a_rig: Rig, **settings: object) -> Solution:
     return finish(Session().solve(a_rig, Settings(**settings)))
 
 
+def tells(solution: Solution, words: str) -> bool:
+    """Does the user read these words in a note?"""
+    return any(words in note for note in solution.notes)
+
+
 def rays_of(a_rig: Rig, n: int = 65, aside: tuple[float, float] = (0.3, 0.2)) -> tuple[Floats, Floats]:
     """Rays on a grid of the viewer's pixels, a little beside the rig's plane of symmetry and the edges in it."""
     x, y = np.meshgrid(*(np.linspace(0, size, n) for size in (a_rig.viewer.width, a_rig.viewer.height)))

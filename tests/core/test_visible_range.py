@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import box, cube_rig, rig
+from reference_rigs import box, cube_rig, rig, split_quads
 from work import drain
 
 from kiriko.core import trace
@@ -41,9 +41,7 @@ def gridded(mesh, n):
     origin, right, _, up = mesh.vertices[[0, 1, 2, 3]]
     steps = np.linspace(0, 1, n + 1)
     s, t = (c.ravel()[:, None] for c in np.meshgrid(steps, steps))
-    at = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    quads = np.stack([at, at + 1, at + n + 2, at + n + 1], axis=1)
-    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    triangles = split_quads(np.arange((n + 1) ** 2).reshape(n + 1, n + 1).T)  # the front towards right x up
     uv = np.concatenate([s, t], axis=1)[triangles]
     return Mesh(origin + s * (right - origin) + t * (up - origin), triangles, uv=uv)
 
