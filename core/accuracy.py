@@ -11,29 +11,80 @@ from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
 from .meshes import areas_of
 from .optics import dot
-from .plan import Kind, Plan
+from .picture import picture_from_view
+from .plan import Kind, Plan, make_plan
 from .ray_engine import FLOAT32, Layer
-from .rig import Bools, Floats, Ints
-from .trace import Landings, Step, trace
+from .rig import Bools, Floats, Glass, Ints, Mirror, Rig, Viewer
+from .steps import Pauses, at, within
+from .trace import Landings, Reason, Step, tracing
 
 SAMPLES = 32  # rays along each side of the viewer's image
+LEAK_SAMPLES = 96  # the same, to see what goes through gaps: so a share is known to a thousandth or two
+CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
+FURTHER = 4  # times as far
 TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
+COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
+IRREGULAR = 3.0  # times the error of the order: noisy balls have 7 and more of it by jumps, an icosahedron once cut 1
+WORSE = 2.0  # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
 NEAR = 1e-3  # of the glass's size
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
 class Tessellation(NamedTuple):
-    """What the mesh leaves open of the surface that was meant.
+    """About how far landings are from those of the surface that was meant, display px rms; all 0 where all is flat.
 
     Parameters
     ----------
-    error : display px rms, about how far landings are from those of that surface; 0 where all is flat
+    drawn : because facets with bent normals are no curved faces
+    order : because curved faces are of degree 4
+    straight : because edges next to flat faces and sharp edges are straight
+    jumps : because the normals of curved faces do not agree at their edges: the mesh is irregular or noisy
+    uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
+    as_drawn : what the first would be if all were followed as drawn, asked only where jumps matter; else 0
     undecided : share of the light, 0..1, that passes two solids so near each other that it arrives elsewhere, or does
         not, where the curved faces are of degree 3 instead of 4: the solids have other triangles there
     """
 
-    error: float
-    undecided: float
+    drawn: float = 0.0
+    order: float = 0.0
+    straight: float = 0.0
+    jumps: float = 0.0
+    uneven: int = -1
+    as_drawn: float = 0.0
+    undecided: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """All of it, display px rms."""
+        return float(np.linalg.norm(self[:4]))
+
+    @property
+    def cause(self) -> str:
+        """What most of it is due to: 'drawn', 'order', 'straight' or 'jumps'.
+
+        On a mesh that is merely coarse normals jump as well: by no more than a few times what the order leaves open, or
+        than its facets would be off.
+        """
+        is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
+        return max(
+            ("drawn", "order", "straight") if is_coarse else self._fields[:4], key=lambda name: getattr(self, name)
+        )
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What can be told of a plan by a sample of its rays, beside the error of the map.
+
+    tessellation : what the mesh leaves open
+    rounding : display px by which landings may be off because Blender rounds
+    leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
+    caught : share, 0..1, of the light cut off by Max Events that FURTHER times as many surfaces do not set free
+    """
+
+    tessellation: Tessellation
+    rounding: float
+    leaks: tuple[float, ...]
+    caught: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,57 +170,130 @@ def _difference(one: Landings, other: Landings) -> float:
     return float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
 
 
+def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accuracy]:
+    """Accuracy of a plan; yields progress 0..1. is_cut_off: may some of its light be cut off by Max Events?"""
+    found = yield from within(tessellation(plan), 0.0, 0.8)
+    open_light = yield from at(0.8, leaks(plan))
+    caught_light = (yield from at(0.9, caught(plan))) if is_cut_off else 0.0
+    return Accuracy(found, rounding_error(plan), open_light, caught_light)
+
+
 def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     """What the mesh leaves open of the surface that was meant.
 
     It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
     are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
     faces are of degree 4; what degree 5 would change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a
-    geometric sequence. Yields progress 0..1.
+    geometric sequence. Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
+    of that. Yields progress 0..1.
     """
     pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
     has_curved = any(layer.curved is not None for layer in plan.layers)
     is_drawn = [bool(plan.is_bent[numbers].any()) and layer.has_engine for layer, numbers in pairs]
     if not (has_curved or any(is_drawn)):
-        return Tessellation(0.0, 0.0)
-    viewer = plan.rig.viewer
-    x, y = ((np.arange(SAMPLES) + 0.5) / SAMPLES * size for size in (viewer.width, viewer.height))
-    every = viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        return Tessellation()
+    every = _sample(plan.rig.viewer, SAMPLES)
     ways: tuple[list[Step], list[Step]] = [], []
-    whole = trace(plan, *every, steps=ways[0])
+    whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
     rays = [values[here.sample] for values in every]  # with the others nothing is compared
     yield 0.2
 
-    def landings(layers: list[Layer], steps: list[Step] | None = None) -> Landings:
-        return trace(replace(plan, layers=tuple(layers)), *rays, steps=steps)
+    def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
+        return tracing(replace(plan, layers=tuple(layers)), *rays, steps=steps)
 
-    def changed(change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None) -> Landings:
+    def changed(change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None) -> Pauses[Landings]:
         curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
         return landings(curved, steps)
 
-    parts, undecided = [], 0.0
+    found = Tessellation()
     if any(is_drawn):
         drawn = zip(pairs, is_drawn, strict=True)
-        parts.append(_difference(here, landings([_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn])))
-        yield 0.4
+        layers = [_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn]
+        found = found._replace(drawn=_difference(here, (yield from at(0.2, landings(layers)))))
     if has_curved:
-        square = changed(lambda curved: replace(curved, degree=2))
-        yield 0.6
-        cubic = changed(lambda curved: replace(curved, degree=3), ways[1])
+        square = yield from at(0.4, changed(lambda curved: replace(curved, degree=2)))
+        cubic = yield from at(0.6, changed(lambda curved: replace(curved, degree=3), ways[1]))
         yield 0.8
-        is_changed = cubic.branch != here.branch
-        if is_changed.any():
-            with np.errstate(invalid="ignore"):
-                off = np.abs(cubic.xy - here.xy).max(axis=1)
-                is_changed &= ~(cubic.has_arrived & (off <= plan.settings.tolerance))
-            is_near = _passes_near(plan, every[0], ways[0])[here.sample] | _passes_near(plan, rays[0], ways[1])
-            undecided = float((is_changed & is_near).mean())
         last, before = _difference(here, cubic), _difference(cubic, square)
-        parts.append(last * min(1.0, last / before) if before else last)
+        found = found._replace(
+            order=last * min(1.0, last / before) if before else last,
+            undecided=_undecided(plan, (here, cubic), (every[0], rays[0]), ways),
+        )
+        jumps, uneven = _turned_by_jumps(plan, ways[0], here.sample)
+        found = found._replace(jumps=jumps, uneven=uneven)
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
-        parts.append(_difference(here, changed(_let_go)))
-    return Tessellation(float(np.linalg.norm(parts)), undecided)
+        found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
+    if found.cause == "jumps" and found.jumps > COARSE:
+        drawn = yield from within(tessellation(make_plan(_drawn(plan.rig), plan.settings)), 0.9, 1.0)
+        found = found._replace(as_drawn=drawn.drawn)
+    return found
+
+
+def _drawn(rig: Rig) -> Rig:
+    """A rig whose glass and mirrors are followed as drawn."""
+    glasses, mirrors = (
+        tuple(replace(part, mesh=replace(part.mesh, surface="facets")) for part in group)
+        for group in (rig.glasses, rig.mirrors)
+    )
+    return replace(rig, glasses=glasses, mirrors=mirrors)
+
+
+def _sample(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
+    """Origins and directions (side^2, 3) of rays spread evenly over the viewer's image."""
+    x, y = ((np.arange(side) + 0.5) / side * size for size in (viewer.width, viewer.height))
+    return viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+
+
+def _undecided(
+    plan: Plan,
+    landings: tuple[Landings, Landings],
+    origins: tuple[Floats, Floats],
+    ways: tuple[list[Step], list[Step]],
+) -> float:
+    """Share of the light that arrives elsewhere by another degree, having passed near two solids on either way."""
+    here, other = landings
+    is_changed = other.branch != here.branch
+    if not is_changed.any():
+        return 0.0
+    with np.errstate(invalid="ignore"):
+        off = np.abs(other.xy - here.xy).max(axis=1)
+        is_changed &= ~(other.has_arrived & (off <= plan.settings.tolerance))
+    is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(plan, origins[1], ways[1])
+    return float((is_changed & is_near).mean())
+
+
+def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
+    """By how much, display px rms, jumping normals move the landings of rays that arrived, and most by which part.
+
+    Normals are off by about what they jump by at the edges of a face.
+    """
+    parts = (*plan.rig.glasses, *plan.rig.mirrors)
+    ways = np.array([way_from(plan.rig, part) for part in parts])
+    n_rays = int(arrived.max(initial=-1)) + 1
+    squares = np.zeros((len(parts), n_rays))
+
+    for layer, triangles in zip(plan.layers, plan.layer_triangles, strict=True):
+        if layer.curved is None:
+            continue
+        place = np.full(len(plan.part), -1)
+        place[triangles] = np.arange(len(triangles))
+        for step in steps:
+            some = (place[step.triangle] >= 0) & (step.rays < n_rays)
+            rays, met = step.rays[some], step.triangle[some]
+            owner = plan.owner[plan.part[met]]
+            np.add.at(squares, (owner, rays), (TILTED * ways[owner] * layer.curved.jumps(place[met])) ** 2)
+
+    if not len(arrived):
+        return 0.0, -1
+    by_part = np.sqrt(squares[:, arrived].mean(axis=1)) / display_pixel(plan.rig.display)
+    return float(np.linalg.norm(by_part)), int(np.argmax(by_part))
+
+
+def way_from(rig: Rig, part: Glass | Mirror) -> float:
+    """Length, m, of the way of light from a part of the rig over the plate to the display."""
+    plate, display = (other.mesh.bounds.mean(axis=0) for other in (rig.plates[0], rig.display))
+    return float(np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display))
 
 
 def rounding_error(plan: Plan) -> float:
@@ -179,8 +303,6 @@ def rounding_error(plan: Plan) -> float:
     smaller those are: light is turned by TILTED of it, and lands beside by that times its way from the glass.
     """
     rig = plan.rig
-    pixel = display_pixel(rig.display)
-    plate, display = (part.mesh.bounds.mean(axis=0) for part in (rig.plates[0], rig.display))
     off = FLOAT32 / 4 * max(float(np.abs(part.mesh.bounds).max()) for part in (*rig.glasses, *rig.plates, rig.display))
     for part in (*rig.glasses, *rig.mirrors):
         if not part.mesh.rounding:
@@ -191,9 +313,46 @@ def rounding_error(plan: Plan) -> float:
         if not has_area.any():
             continue
         tilt = part.mesh.rounding * float(np.average(1 / edge[has_area], weights=area[has_area]))
-        way = np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)
-        off = max(off, TILTED * tilt * float(way))
-    return off / pixel
+        off = max(off, TILTED * tilt * way_from(rig, part))
+    return off / display_pixel(rig.display)
+
+
+def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
+    """For each glass of a plan the share, 0..1, of the light that carries the picture and goes through its gaps."""
+    n_glasses = len(plan.rig.glasses)
+    if not plan.open_parts:
+        return (0.0,) * n_glasses
+    rays, cover = _picture_rays(plan.rig)
+    landings = yield from tracing(plan, *rays)
+    leaked = landings.leak >= 0
+    weights = np.bincount(plan.owner[landings.leak[leaked]], cover[leaked], n_glasses)
+    return tuple(float(weight) for weight in weights / max(cover.sum(), 1e-300))
+
+
+def caught(plan: Plan) -> Pauses[float]:
+    """Share, 0..1, of the light cut off by Max Events that does not come free within FURTHER times as many surfaces.
+
+    Light comes into a whole solid as it goes out: what never does so is held by faces that contradict each other.
+    """
+    (origins, directions), _ = _picture_rays(plan.rig)
+    landings = yield from tracing(plan, origins, directions)
+    cut_off = np.flatnonzero(landings.reason == Reason.CUT_OFF)
+    if not len(cut_off):
+        return 0.0
+    some = cut_off[np.linspace(0, len(cut_off) - 1, min(len(cut_off), CAUGHT_SAMPLES)).astype(np.int64)]
+    settings = replace(plan.settings, max_events=FURTHER * plan.settings.max_events)
+    further = yield from tracing(replace(plan, settings=settings), origins[some], directions[some])
+    return float((further.reason == Reason.CUT_OFF).mean())
+
+
+def _picture_rays(rig: Rig) -> tuple[tuple[Floats, Floats], Floats]:
+    """Origins and directions (n, 3) of rays on which the viewer sees the picture; how much each sees of it, 0..1."""
+    side = np.arange(LEAK_SAMPLES) + 0.5
+    xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    xy *= np.array([rig.viewer.width, rig.viewer.height]) / LEAK_SAMPLES
+    cover = picture_from_view(rig.picture, rig.viewer, xy, 1.0).cover
+    seen = cover > 0
+    return rig.viewer.rays(xy[seen]), cover[seen]
 
 
 def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .errors import ImageError
 from .image_io import encode
 
 LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")  # its names through the versions
@@ -103,3 +104,61 @@ def _compressed(image: bpy.types.Image) -> bytes:
             return path.read_bytes()
     finally:
         bpy.data.scenes.remove(scene)
+
+
+def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
+    """Write whole numbers (h, w, 1, 3 or 4) of 8 or 16 bit as they are to a PNG file, by Blender's own means.
+
+    Raises
+    ------
+    ImageError
+        The file cannot be written, or is not whole after it.
+    """
+    height, width, channels = numbers.shape
+    top = np.iinfo(numbers.dtype).max
+    rgba = np.full((height, width, 4), top, numbers.dtype)
+    rgba[..., :channels] = numbers[::-1] if channels != 1 else np.repeat(numbers[::-1], 4, axis=2)
+    # without a colour space, so that nothing is converted
+    image = bpy.data.images.new("Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True)
+    try:
+        image.pixels.foreach_set((rgba / np.float32(top)).astype(np.float32).ravel())
+        image.update()
+        _save_as_it_is(image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8")
+    except RuntimeError as reason:
+        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.") from None
+    finally:
+        bpy.data.images.remove(image)
+    if not _holds(path, rgba):
+        raise ImageError(f"The file '{path}' is not whole after writing: check the disk.")
+
+
+def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:
+    """Write an image's numbers to a PNG file, by the settings of a scene of its own."""
+    scene = bpy.data.scenes.new("Kiriko PNG")
+    try:
+        form = scene.render.image_settings
+        form.file_format, form.color_mode, form.color_depth = "PNG", mode, depth
+        form.color_management = "OVERRIDE"
+        form.view_settings.view_transform = "Raw"
+        scene.render.dither_intensity = 0.0
+        image.save_render(str(path), scene=scene)
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def _holds(path: Path, rgba: NDArray[np.integer]) -> bool:
+    """Does a file hold these numbers (h, w, 4), row 0 at the bottom?"""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError:
+        return False
+    try:
+        image.colorspace_settings.is_data = True
+        if tuple(image.size) != rgba.shape[1::-1]:
+            return False
+        found = np.empty(rgba.size, np.float32)
+        image.pixels.foreach_get(found)
+        return np.array_equal(np.rint(found * np.float32(np.iinfo(rgba.dtype).max)), rgba.ravel())
+    finally:
+        bpy.data.images.remove(image)

@@ -165,6 +165,17 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
 
 def read_texture(material: bpy.types.Material | None) -> Texture | None:
     """The image texture nearest to the surface of a material, colours before numbers; None if there is none."""
+    node, groups, is_altered = find_texture(material) or (None, (), False)
+    return None if node is None else texture_of(node, groups, material.name, is_altered)
+
+
+def find_texture(
+    material: bpy.types.Material | None, *, is_empty: bool = False
+) -> tuple[bpy.types.Node, Groups, bool] | None:
+    """The node of that texture, the groups it stands in, and whether other nodes alter its colours.
+
+    is_empty : look for one that has no image instead
+    """
     output = material_output(material)
     if output is None:
         return None
@@ -177,8 +188,8 @@ def read_texture(material: bpy.types.Material | None) -> Texture | None:
             continue
         node = end.node
         asked.add((node, groups))
-        if node.type == "TEX_IMAGE" and node.image is not None:
-            return texture_of(node, groups, material.name, is_altered)
+        if node.type == "TEX_IMAGE" and (node.image is None) == is_empty:
+            return node, groups, is_altered
         altered = is_altered or not any(s.type == "SHADER" for s in node.outputs)
         inputs = [s for s in node.inputs if s.enabled and s.type in {"SHADER", "RGBA"}]
         queue.extend((s, groups, altered) for s in inputs)
@@ -196,3 +207,8 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     elif end.is_output and not (end.node.type == "TEX_COORD" and end.name == "UV"):
         notes.append(f"The material '{name}' places '{node.image.name}' by nodes: using the plane's UV map.")
     return Texture(node.image.original, uv_map, tuple(notes))
+
+
+def refracts(thing: bpy.types.Object) -> bool:
+    """Does any material of an object let light through with a bend?"""
+    return any(read_refraction(slot.material) is not None for slot in thing.material_slots)

@@ -1,6 +1,6 @@
 """Turns Blender meshes into triangles in the world, and back. Blender's float32 numbers are taken as exact."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bpy
@@ -8,10 +8,14 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
+from .products import turn
 from .rig import Bools, Floats, Ints, Mesh
+from .weld import welded
 
 NO_AREA = 1e-12  # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
 AFFINE = 1e-4  # a display is a flat rectangle when its UV map misses an affine one by less than this share of its size
+
+COPIED = 4 * 2.0**-23  # of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
 
 SAME = 1e-6  # normals that differ by less are the same but for float32
 
@@ -21,11 +25,6 @@ def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
     flat = np.empty(len(collection) * width, dtype)
     collection.foreach_get(name, flat)
     return flat if width == 1 else flat.reshape(-1, width)
-
-
-def turn(linear: Floats, vectors: Floats) -> Floats:
-    """Vectors (n, 3) times a matrix (3, 3); not by BLAS, whose threads give other last bits on other machines."""
-    return np.einsum("kj,ij->ik", linear, vectors)
 
 
 def cofactors(matrix: Floats) -> Floats:
@@ -50,6 +49,12 @@ def has_area(vertices: Floats, triangles: Ints) -> Bools:
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         longest = np.maximum.reduce([np.einsum("ij,ij->i", e, e) for e in (b - a, c - b, a - c)])
         return ~(twice <= NO_AREA * longest) | ~np.isfinite(longest)
+
+
+def used_slots(mesh: bpy.types.Mesh) -> tuple[int, ...]:
+    """Material slots on the faces of a mesh, most faces first."""
+    counts = np.bincount(column(mesh.polygons, "material_index", 1, np.int32))
+    return tuple(int(k) for k in np.argsort(-counts, kind="stable") if counts[k])
 
 
 def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
@@ -87,12 +92,17 @@ def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
         mesh.update()
 
 
+def has_open_edges(mesh: bpy.types.Mesh) -> bool:
+    """Has a Blender mesh an edge with one face only?"""
+    return bool((np.bincount(column(mesh.loops, "edge_index", 1, np.int32)) == 1).any())
+
+
 @dataclass(frozen=True, eq=False)
 class LocalMesh:
     """What is read from a Blender mesh before it is put into the world: all that does not change when it is moved.
 
     vertices : (v, 3) float64, in the mesh's own units
-    triangles, loops : (t, 3) int, corners as vertices and as loops
+    triangles, loops : (t, 3) int, corners as vertices, welded where open edges lie in one place, and as loops
     is_smooth : (t,) bool; None where normals are not wanted or no triangle is smooth
     normals : (l, 3) float64, of loops; None with is_smooth
     uv : (t, 3, 2) float64 or None
@@ -105,6 +115,19 @@ class LocalMesh:
     normals: Floats | None
     has_mean_normals: bool
     uv: Floats | None
+
+    def welded(self) -> "LocalMesh":
+        """The same mesh, with one vertex for those at which open edges lie in one place."""
+        size = float(np.abs(self.vertices).max(initial=0.0))
+        triangles = welded(self.vertices, self.triangles, COPIED * size)
+        keep = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # the others have become lines and points
+        return replace(
+            self,
+            triangles=triangles[keep],
+            loops=self.loops[keep],
+            is_smooth=None if self.is_smooth is None else self.is_smooth[keep],
+            uv=None if self.uv is None else self.uv[keep],
+        )
 
 
 def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool = False, uv_map: str = "") -> LocalMesh:
@@ -127,7 +150,8 @@ def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool 
     with np.errstate(invalid="ignore"):  # vertices that are no numbers are for Mesh.check to name
         vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
     triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
-    return LocalMesh(vertices, triangles, loops, is_smooth, normals, has_mean_normals, uv)
+    local = LocalMesh(vertices, triangles, loops, is_smooth, normals, has_mean_normals, uv)
+    return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
 
 
 def in_world(local: LocalMesh, matrix: Floats, surface: Literal["smooth", "facets"] = "smooth") -> tuple[Mesh, int]:
@@ -221,15 +245,25 @@ def flat_size(mesh: Mesh) -> tuple[float, float] | None:
     """Width and height in m of the UV square on a flat rectangle; None where the UV map is bent, skewed or missing."""
     if mesh.uv is None or not len(mesh.triangles):
         return None
-    if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uv).all()):
+    axes = uv_axes(mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2))
+    return None if axes is None else sides(axes)
+
+
+def uv_axes(points: Floats, uv: Floats) -> Floats | None:
+    """Ways (2, 3) that points (n, 3) go for a whole u and a whole v of theirs, uv (n, 2); None unless uv is affine."""
+    if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
         return None
-    points, uv = mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2)
     origin, place = points.mean(axis=0), uv.mean(axis=0)
     axes, _, rank, _ = np.linalg.lstsq(uv - place, points - origin, rcond=None)
-    width, height = np.linalg.norm(axes, axis=1)
     if rank < 2:
         return None
     missed = np.abs((uv - place) @ axes - (points - origin)).max()
-    if missed > AFFINE * max(width, height) or abs(axes[0] @ axes[1]) > AFFINE * width * height:
+    return None if missed > AFFINE * np.linalg.norm(axes, axis=1).max() else axes
+
+
+def sides(axes: Floats) -> tuple[float, float] | None:
+    """Width and height of the rectangle that ways (2, 3) span; None where they are not at right angles."""
+    width, height = np.linalg.norm(axes, axis=1)
+    if abs(axes[0] @ axes[1]) > AFFINE * width * height:
         return None
     return float(width), float(height)

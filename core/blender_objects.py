@@ -38,28 +38,22 @@ class Workbench:
     def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
         """A plane whose front is the frame's third axis, with UV from its lower left to its upper right corner."""
         mesh = self.keep(bpy.data.meshes.new(name))
-        mesh.from_pydata([(0.0, 0.0, 0.0)] * 4, [], [(0, 1, 2, 3)])
+        x, y = width / 2, height / 2
+        mesh.from_pydata([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)])
         mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
-        resize_rectangle(mesh, width, height)
         return self._object(name, mesh, frame)
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
         """A smooth-shaded icosphere of 20480 triangles."""
-        mesh = self.keep(bpy.data.meshes.new(name))
-        shape = bmesh.new()
-        bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
-        shape.to_mesh(mesh)
-        shape.free()
-        mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
-        mesh.update()
-        return self._object(name, mesh, frame)
+        return self._object(name, self.keep(ball_mesh(name, radius)), frame)
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
-        """A perspective camera that sees a square `field` wide at a distance."""
+        """A perspective camera that sees a square `field` wide at a distance, and is drawn half as large."""
         camera = self.keep(bpy.data.cameras.new(name))
         camera.sensor_fit = "AUTO"
         camera.angle = 2 * np.arctan(field / (2 * distance))
         camera.clip_start, camera.clip_end = 1e-3 * distance, 1e3 * distance
+        camera.display_size = 0.5 * field
         return self._object(name, camera, frame)
 
     def material(self, name: str, build: Callable[[bpy.types.Material], None]) -> bpy.types.Material:
@@ -69,27 +63,16 @@ class Workbench:
         return material
 
 
-def resize_rectangle(mesh: bpy.types.Mesh, width: float, height: float) -> None:
-    """Give a rectangle made here another size."""
-    x, y = width / 2, height / 2
-    mesh.vertices.foreach_set("co", [-x, -y, 0.0, x, -y, 0.0, x, y, 0.0, -x, y, 0.0])
+def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
+    """A smooth-shaded icosphere of 20480 triangles."""
+    shape = bmesh.new()
+    bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
+    mesh = bpy.data.meshes.new(name)
+    shape.to_mesh(mesh)
+    shape.free()
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
     mesh.update()
-
-
-def world_bounds(things: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph) -> Floats:
-    """Corners of the evaluated objects' common box, world, Blender units: (2, 3); inf where they have no vertices."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for thing in things:
-        evaluated = thing.evaluated_get(depsgraph)
-        mesh = evaluated.to_mesh()
-        points = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", points)
-        evaluated.to_mesh_clear()
-        if len(points):
-            matrix = np.array(evaluated.matrix_world)
-            points = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-    return np.stack([low, high])
+    return mesh
 
 
 def grid_object(

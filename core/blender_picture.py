@@ -8,6 +8,7 @@ from .errors import ImageError
 from .memory import check_free
 
 LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
+UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}  # types of image that Blender shows and has no pixels of for others
 OF_PIXEL = 16  # bytes that reading takes: four float32
 AT_ONCE = 1 << 18  # pixels that are decoded at once
 
@@ -17,23 +18,34 @@ def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
-def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
-    """Pixels (h, w, channels) as Blender keeps them, row 0 at the top. Loads the file if need be.
-
-    Raises ImageError when there are none, RigError when they need more memory than is free.
-    """
-    if image.type in {"RENDER_RESULT", "COMPOSITING"}:
+def check_readable(image: bpy.types.Image, owner: str) -> None:
+    """Raise ImageError where an image has no pixels to read. Loads the file if need be."""
+    if image.type in UNREADABLE:
         raise ImageError(
-            f"The picture of {owner} is '{image.name}', whose pixels Blender does not hand out: "
-            "save it to a file and choose that file instead."
+            f"'{image.name}' cannot be {owner}, for it is in the Image Editor only:"
+            " save it there (Image > Save As), and choose that file."
         )
-    width, height = image.size  # asking for the size loads the file
-    if width < 1 or height < 1:
+    if image.source in {"SEQUENCE", "MOVIE"}:
+        kind = "a movie" if image.source == "MOVIE" else "an image sequence"
+        raise ImageError(
+            f"The image '{image.name}' of {owner} is {kind}, and moving pictures are not read yet: choose one frame's"
+            " file, with Source: Single Image."
+        )
+    if min(image.size) < 1:  # asking for the size loads the file
         place = f"the file {bpy.path.abspath(image.filepath, library=image.library)}" if image.filepath else "no file"
         raise ImageError(
             f"The image '{image.name}' of {owner} cannot be read from {place}: "
             "the file is missing or broken; choose another or find it again."
         )
+
+
+def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
+    """Pixels (h, w, channels) as Blender keeps them, row 0 at the top. Loads the file if need be.
+
+    Raises ImageError when there are none, RigError when they need more memory than is free.
+    """
+    check_readable(image, owner)
+    width, height = image.size
     check_free(
         float(OF_PIXEL) * width * height,
         f"Reading the image '{image.name}' of {owner}",

@@ -23,6 +23,7 @@ from .blender_media import Interface, interfaces
 from .blender_mesh import mesh_from_triangles, sharpen_creases
 from .blender_plate import be_mirror_array
 from .blender_scene import Reading, length_of_unit, object_matrix, part_name, shown_parts
+from .blender_viewer import frame_of
 from .errors import ImageError, RigError
 from .misalignment import part_motions
 from .rig import Mesh, MirrorArray, Rig
@@ -41,8 +42,8 @@ class Preview:
     scene : the user's scene, with settings in `scene.kiriko`
     reading : what `blender_scene.read` made of it: the rig, whose indices of refraction are used
     source : image datablock the display shows; None: the display shows its own coordinates (u, v, 1)
-    size : width and height of the whole frame in pixels; None: the scene's
-    percentage : of that size; None: the scene's
+    size : width and height of the whole frame in pixels; None: the viewer's
+    percentage : of that size
     border : left, right, bottom, top of the part to render, 0..1 of the frame; None: all of it
     samples : per pixel
     fresnel : glass splits light as real glass does (noise); else it refracts all of it, black at total reflection
@@ -62,7 +63,7 @@ class Preview:
         source: bpy.types.Image | None,
         *,
         size: tuple[int, int] | None = None,
-        percentage: int | None = None,
+        percentage: int = 100,
         border: tuple[float, float, float, float] | None = None,
         samples: int = 16,
         fresnel: bool = True,
@@ -235,10 +236,10 @@ class Preview:
         self,
         scene: bpy.types.Scene,
         size: tuple[int, int] | None,
-        percentage: int | None,
+        percentage: int,
         border: tuple[float, float, float, float] | None,
     ) -> None:
-        render, theirs = self.scene.render, scene.render
+        render, frame = self.scene.render, frame_of(scene.kiriko.viewer or scene.camera, scene.render)
         engines = {item.identifier for item in render.bl_rna.properties["engine"].enum_items}
         try:
             render.engine = "CYCLES"
@@ -246,9 +247,10 @@ class Preview:
             raise RigError(
                 f"The preview needs Cycles, but only {', '.join(sorted(engines))} is there: enable it."
             ) from None
-        render.resolution_x, render.resolution_y = size or (theirs.resolution_x, theirs.resolution_y)
-        render.resolution_percentage = percentage or (100 if size else theirs.resolution_percentage)
-        render.pixel_aspect_x, render.pixel_aspect_y = theirs.pixel_aspect_x, theirs.pixel_aspect_y
+        render.resolution_x, render.resolution_y = size or (frame.width, frame.height)
+        whole = 100 if size else frame.percentage
+        render.resolution_percentage = max(1, whole * percentage // 100)
+        render.pixel_aspect_x, render.pixel_aspect_y = frame.aspect_x, frame.aspect_y
         if border is not None:
             render.use_border = render.use_crop_to_border = True
             render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = border
@@ -350,7 +352,7 @@ def render_preview(
     source_image: np.ndarray | bpy.types.Image,
     *,
     size: tuple[int, int] | None = None,
-    percentage: int | None = None,
+    percentage: int = 100,
     border: tuple[float, float, float, float] | None = None,
     samples: int = 16,
     fresnel: bool = True,
@@ -384,7 +386,7 @@ def render_map(
     reading: Reading,
     *,
     size: tuple[int, int] | None = None,
-    percentage: int | None = None,
+    percentage: int = 100,
     border: tuple[float, float, float, float] | None = None,
 ) -> np.ndarray:
     """Where on the display the middle of each viewer pixel lands, traced by Cycles with one sample a pixel.

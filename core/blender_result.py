@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import bpy
@@ -11,8 +12,10 @@ from . import blender_shaders as shaders
 from .blender_image import image_from_pixels, or_none, pack, set_pixels
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
+from .blender_units import length_text
 from .errors import one_line
 from .session import Solution
+from .words import summary
 from .work_precision import cost
 
 __all__ = [
@@ -60,6 +63,7 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     material is built again. What is packed is out of date from then on; `pack_source` puts that right.
     """
     image = scene.kiriko.result.source
+    scene.kiriko.result.seen_summary = ""  # what was simulated is of another one
     if _has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
@@ -129,28 +133,6 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     return notes
 
 
-def percent(share: float) -> str:
-    """A share as people read it; what is not nothing does not read as nothing, nor what is not all as all."""
-    value = 100 * round(share, 6)  # less is rounding, not light
-    for digits in (0, 1, 2):
-        text = f"{value:.{digits}f}"
-        if not ((float(text) == 0 and value > 0) or (float(text) == 100 and value < 100)):
-            return f"{text} %"
-    return "under 0.01 %" if value < 50 else "over 99.99 %"
-
-
-def listed(misses: dict[str, float]) -> str:
-    """Shares by reason, the largest first."""
-    by_size = sorted(misses.items(), key=lambda miss: -miss[1])
-    return ", ".join(f"{percent(share)} {word}" for word, share in by_size if round(share, 6) > 0)
-
-
-def summary(coverage: float, misses: dict[str, float]) -> str:
-    """One sentence on how much of the picture the viewer gets to see, and what happens to the rest."""
-    lost = listed(misses)
-    return f"The display shows {percent(coverage)} of the picture" + (f"; {lost}" if lost else "") + "."
-
-
 def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
     """Write a solution to the scene's result, image and display, and return it in one sentence.
 
@@ -161,7 +143,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     """
     numbers = _numbers(scene, reading, solution)
     remarks = _put_in_place(scene, reading, _packed(SOURCE, solution.source))
-    return _write_numbers(scene, solution, numbers, remarks)
+    return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
 def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
@@ -174,7 +156,7 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
         update_source(scene, solution.source)
     else:
         remarks = _put_in_place(scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source))
-    return _write_numbers(scene, solution, numbers, remarks)
+    return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
@@ -192,19 +174,25 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
 
 
 def _write_numbers(
-    scene: bpy.types.Scene, solution: Solution, numbers: tuple[dict[str, Any], list[str]], remarks: list[str]
+    scene: bpy.types.Scene,
+    reading: Reading,
+    solution: Solution,
+    numbers: tuple[dict[str, Any], list[str]],
+    remarks: list[str],
 ) -> str:
     """Write what the panel shows of a solution, and return it in one sentence."""
     result, (details, notes) = scene.kiriko.result, numbers
     result.coverage, result.details = details["picture_coverage"], json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
     result.notes, result.is_coarse = "\n".join(map(one_line, [*notes, *remarks])), False
+    result.seen_summary = ""  # what was simulated is of another one
+    result.solved_for = reading.solved_for
     return result.summary
 
 
 def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tuple[dict[str, Any], list[str]]:
     """What is kept of a solution, and what the user should know of it: made before anything is written."""
-    tolerance = scene.kiriko.tolerance
+    tolerance, in_units = scene.kiriko.tolerance, partial(length_text, scene)
     notes = [
         *reading.notes,
         *(
@@ -212,9 +200,10 @@ def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tu
             for read in reading.materials
             if read.ignored
         ),
-        *solution.notes,
+        *(remark.told(in_units) for remark in solution.remarks),
     ]
     details = {
+        "warnings": [one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning],
         "materials": [asdict(material) for material in reading.materials],
         "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
         "misses": solution.misses,

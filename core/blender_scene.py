@@ -7,20 +7,26 @@ shows, and notes what it leaves out.
 import json
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .blender_bodies import bodiless
 from .blender_material import Texture, read_refraction, read_texture
-from .blender_mesh import LocalMesh, column, flat_size, in_world, read_local, sharpen_creases
+from .blender_mesh import LocalMesh, flat_size, in_world, read_local, sharpen_creases, used_slots
 from .blender_picture import read_pixels, stored_pixels
+from .blender_plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
+from .blender_units import length_of_unit
 from .blender_viewer import read_viewer
+from .blender_visibility import Shown, instance_hidden_by, open_collections
 from .errors import KirikoError, RigError
 from .meshes import geometric_normals
 from .misalignment import with_offset
 from .optics import normalise
+from .plan import fingerprint
 from .rig import (
     Blocker,
     ConstantIndex,
@@ -64,6 +70,7 @@ class Reading:
     drawn : as the scene shows it, without
     display_size : width and height in m of a flat display, over the whole UV square
     display_object : name of the object that is the display, or makes it as an instance
+    solved_for : what a result of it is for, as text, where it was read to be solved
     """
 
     rig: Rig
@@ -72,6 +79,7 @@ class Reading:
     notes: tuple[str, ...]
     display_size: tuple[float, float] | None
     display_object: str
+    solved_for: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +116,11 @@ class Shape:
     matrix: Floats | None = None
     placed: tuple[Mesh, int] | None = None
 
+    @cached_property
+    def fingerprint(self) -> str:
+        """Tells what was read of the mesh from all else, wherever it stands."""
+        return fingerprint(self.local)
+
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
         """The mesh in the world by a matrix (4, 4), and its triangles without area; the same object if unmoved."""
         if self.matrix is None or not np.array_equal(self.matrix, matrix):
@@ -125,6 +138,7 @@ class Kept:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
         self._pixels: tuple[tuple[object, ...], NDArray[np.float32], NDArray[np.float32]] | None = None
+        self._fingerprint: tuple[NDArray[np.float32], str] | None = None  # of the pixels
         self._is_stale = True  # the pixels have to be compared
         self._n_kept = 0  # shapes that the last reading asked for
 
@@ -141,10 +155,6 @@ class Kept:
                 self._shapes = {key: shape for key, shape in self._shapes.items() if key[0] != block.session_uid}
             elif isinstance(block, bpy.types.Image | bpy.types.Material) and block.session_uid not in ours:
                 self._is_stale = True  # a material, too: an image that is loaded again does not tell itself
-
-    def notice_frame(self) -> None:
-        """Take note of another frame: an image sequence may show another picture."""
-        self._is_stale = True
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
         """Of the object an iterator stands on. Instances are read each time: several share one uid."""
@@ -166,16 +176,16 @@ class Kept:
         self._is_stale = False
         return self._pixels[2]
 
+    def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
+        """Of pixels that were read; kept while they are the same array."""
+        if self._fingerprint is None or self._fingerprint[0] is not pixels:
+            self._fingerprint = pixels, fingerprint(pixels)
+        return self._fingerprint[1]
+
     def end(self) -> None:
         """A reading is over: drop the shapes it did not ask for."""
         self._shapes, self._met = self._met, {}
         self._n_kept = len(self._shapes)
-
-
-def used_slots(mesh: bpy.types.Mesh) -> tuple[int, ...]:
-    """Material slots on the faces of a mesh, most faces first."""
-    counts = np.bincount(column(mesh.polygons, "material_index", 1, np.int32))
-    return tuple(int(k) for k in np.argsort(-counts, kind="stable") if counts[k])
 
 
 def used_materials(shown: bpy.types.Object, order: tuple[int, ...]) -> tuple[bpy.types.Material | None, ...]:
@@ -189,15 +199,6 @@ def used_materials(shown: bpy.types.Object, order: tuple[int, ...]) -> tuple[bpy
     return tuple(dict.fromkeys(materials))
 
 
-def rendered_objects(collection: bpy.types.Collection, flag: str = "hide_render") -> set[bpy.types.Object]:
-    """Objects that no collection below this one hides in renders, or by another flag."""
-    found = set(collection.objects)
-    for child in collection.children:
-        if not getattr(child, flag):
-            found |= rendered_objects(child, flag)
-    return found
-
-
 def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
     """Does Blender keep a camera's place up to date?
 
@@ -206,7 +207,8 @@ def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
     """
     scene, layer = depsgraph.scene, depsgraph.view_layer
     flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
-    is_enabled = not getattr(camera, flag) and camera in rendered_objects(scene.collection, flag)
+    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
+    is_enabled = is_in and not getattr(camera, flag)
     return camera == scene.camera or (is_enabled and camera in set(layer.objects))
 
 
@@ -240,14 +242,14 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
         if owner.kiriko.surface == "SMOOTH" and role in CURVED:
             sharpen_creases(mesh, shown.original)
         slots = used_slots(mesh)
-        has_texture = role == "PICTURE" and owner.kiriko.image is None
-        textures = (read_texture(m) for m in used_materials(shown, slots)) if has_texture else ()
+        textures = (read_texture(m) for m in used_materials(shown, slots)) if role == "PICTURE" else ()
         texture = next((t for t in textures if t is not None), None)
+        is_shown = texture is not None and chosen_image(owner) in (None, texture.image)
         local = read_local(
             mesh,
             has_normals=role in CURVED,
             has_uv=role in MAPPED,
-            uv_map="" if texture is None else texture.uv_map,
+            uv_map=texture.uv_map if is_shown else "",
         )
     finally:
         shown.to_mesh_clear()
@@ -268,31 +270,41 @@ def shown_parts(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
     """Instances with a role that are seen both in the viewport and in renders, and the objects they have it from."""
-    in_scene, rendered = set(scene.objects), rendered_objects(scene.collection)
+    shown = Shown(scene, depsgraph.view_layer)
+    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))  # one object may make thousands of instances
     for instance in depsgraph.object_instances:
         owner = role_owner(instance)
         if owner is None or not instance.show_self:
             continue
         own = instance.object.original
         top = instance.parent.original if instance.is_instance and instance.parent is not None else own
-        if not (own.hide_render or top.hide_render or (top in in_scene and top not in rendered)):
+        if not (instance_hidden_by(own) or is_hidden(top)):
             yield instance, owner
 
 
 def read_parts(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float, kept: Kept
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float, kept: Kept, needed: tuple[str, ...] = ()
 ) -> tuple[list[Part], list[str]]:
-    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not."""
+    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not.
+
+    Raises RigError for an object with a role that can be no part of a rig, and where all of a role that is needed are
+    hidden.
+    """
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[Part] = []
     met: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
     for instance, owner in shown_parts(depsgraph, scene):
         met.add(owner)
+        if why := bodiless(owner):
+            raise RigError(f"'{owner.name}' has the role {role_label(owner)}, but {why}: set its role to None.")
         if instance.object.type == "MESH":
             parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
     kept.end()
-    return without_hollows(parts, met), notes_on_parts(parts, met, scene)
+    parts, unmet = without_hollows(parts, met), unmet_parts(met, scene, depsgraph.view_layer)
+    for role in needed:
+        check_some_are_shown(role, parts, unmet)
+    return parts, notes_on_parts(parts, met, unmet, scene)
 
 
 def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
@@ -312,12 +324,33 @@ def role_label(owner: bpy.types.Object) -> str:
     return owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name
 
 
-def notes_on_parts(parts: list[Part], met: set[bpy.types.Object], scene: bpy.types.Scene) -> list[str]:
+def unmet_parts(
+    met: set[bpy.types.Object], scene: bpy.types.Scene, layer: bpy.types.ViewLayer
+) -> dict[bpy.types.Object, str]:
+    """Objects of the scene that have a role but no part was met of, and by what each is hidden."""
+    shown = Shown(scene, layer)
+    return {o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met}
+
+
+def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Object, str]) -> None:
+    """Raise RigError for the first object of a role of which there are some, but all hidden."""
+    hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
+    if hidden and not any(part.role == role for part in parts):
+        raise RigError(f"{hidden_words(*hidden[0])}.")
+
+
+def hidden_words(thing: bpy.types.Object, by: str) -> str:
+    """Of an object with a role that is hidden by something: what is wrong and what to do, without a full stop."""
+    return f"The {role_label(thing).lower()} '{thing.name}' is hidden{by}: show it"
+
+
+def notes_on_parts(
+    parts: list[Part], met: set[bpy.types.Object], unmet: dict[bpy.types.Object, str], scene: bpy.types.Scene
+) -> list[str]:
     """What was left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
     notes = [
-        f"'{o.name}' has the role {role_label(o)} but is hidden in the viewport or in renders: left out."
-        for o in scene.objects
-        if o.kiriko.role != "NONE" and o not in met
+        f"'{o.name}' has the role {role_label(o)} but {f'is hidden{by}' if by else 'shows nothing'}: left out."
+        for o, by in unmet.items()
     ]
     full = {part.owner for part in parts if len(part.mesh.triangles)}
     notes += [
@@ -400,15 +433,24 @@ def read_plate(part: Part) -> Plate:
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
-    image, notes = part.owner.kiriko.image, []
-    if image is None and part.texture is not None:
-        image, notes = part.texture.image, list(part.texture.notes)
-    if image is None:
+    name, texture, notes = part.owner.name, part.texture, []
+    image = chosen_image(part.owner)
+    if image is None and texture is None:
         raise RigError(
-            f"The picture '{part.owner.name}' shows no image: give its material an image texture, "
+            f"The picture '{name}' shows no image: give its material an image texture, "
             "or choose an image in its Kiriko settings."
         )
-    return Picture(part.name, kept.pixels(image, f"the picture '{part.owner.name}'"), part.mesh), notes + about(image)
+    if image is None or (texture is not None and texture.image == image):
+        image, notes = texture.image, list(texture.notes)
+    elif texture is not None:
+        notes.append(
+            f"The picture '{name}' shows '{texture.image.name}', but '{image.name}' is chosen and solved:"
+            " choose it again in the Kiriko tab, to have it shown."
+        )
+    pixels = kept.pixels(image, f"the picture '{name}'")
+    if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
+        notes.append(f"The image '{image.name}' is {squeezed} on the picture '{name}': {FIT_BUTTON}.")
+    return Picture(part.name, pixels, part.mesh), notes + about(image)
 
 
 def read_picture_image(
@@ -431,8 +473,7 @@ def read_picture_image(
 
 def about(image: bpy.types.Image) -> list[str]:
     """Notes on an image of which only a part was read."""
-    what = {"SEQUENCE": "frame Blender has loaded", "MOVIE": "frame Blender has loaded", "TILED": "first tile"}
-    return [f"Of the image '{image.name}' only the {what[image.source]} is used."] if image.source in what else []
+    return [f"Of the image '{image.name}' only the first tile is used."] if image.source == "TILED" else []
 
 
 def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
@@ -491,12 +532,6 @@ def scene_notes(
     return notes
 
 
-def length_of_unit(scene: bpy.types.Scene) -> float:
-    """Metres in a Blender unit; the unit scale counts only where a unit system is chosen, as in Blender."""
-    units = scene.unit_settings
-    return 1.0 if units.system == "NONE" else float(units.scale_length)
-
-
 def read(
     source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
 ) -> Reading:
@@ -512,14 +547,24 @@ def read(
 
     Raises
     ------
-    RigError : the viewer's camera or the picture plane cannot be used
+    RigError : the viewer's camera or the picture plane cannot be used, or what the rig needs is hidden
     ImageError : the picture has no pixels
     """
+    drawn = read_drawn(source, scene, kept)
+    rig, remarks = calibrated_rig(drawn.rig, source.scene if scene is None else scene)
+    return replace(drawn, rig=rig, notes=tuple(dict.fromkeys([*drawn.notes, *remarks])))
+
+
+def read_drawn(
+    source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
+) -> Reading:
+    """The same, as the scene shows it: without what a calibration found."""
     depsgraph = source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     scene = depsgraph.scene if scene is None else scene
     metres = length_of_unit(scene)
     kept = kept or Kept()
-    parts, notes = read_parts(depsgraph, scene, metres, kept)
+    needed = ("GLASS", "PLATE", "DISPLAY") + (() if scene.kiriko.picture_source == "IMAGE" else ("PICTURE",))
+    parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
     camera = scene.kiriko.viewer or scene.camera
     if camera is not None and not is_placed(camera, depsgraph):
         raise RigError(
@@ -561,9 +606,7 @@ def read(
     )
     size = flat_size(displays[0].mesh) if len(displays) == 1 else None
     shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
-    calibrated, remarks = calibrated_rig(rig, scene)
-    notes += remarks
-    return Reading(calibrated, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
+    return Reading(rig, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
 
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:

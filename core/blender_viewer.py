@@ -1,5 +1,7 @@
 """Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
 
+from typing import NamedTuple
+
 import bpy
 import numpy as np
 
@@ -7,25 +9,57 @@ from .errors import RigError
 from .rig import Floats, Viewer
 
 SHEARED = 1e-4  # axes further from perpendicular than this are no float32 noise
+SAME_SHAPE = 1e-3  # of width to height: nobody sees less
 PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
 
 
-def image_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
-    """Width and height of a render in pixels; Blender cuts the percentage down to whole pixels."""
-    share = render.resolution_percentage
-    return max(render.resolution_x * share // 100, 1), max(render.resolution_y * share // 100, 1)
+class Frame(NamedTuple):
+    """Pixels of a viewer's image, as a render has them: the whole, the percentage of it that is seen, their aspect."""
+
+    width: int
+    height: int
+    percentage: int = 100
+    aspect_x: float = 1.0
+    aspect_y: float = 1.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels; Blender cuts the percentage down to whole ones."""
+        return max(self.width * self.percentage // 100, 1), max(self.height * self.percentage // 100, 1)
+
+    def has_shape_of(self, other: "Frame") -> bool:
+        """Is the image as wide for its height as another?"""
+        own, its = (f.width * f.aspect_x / (f.height * f.aspect_y) for f in (self, other))
+        return abs(own - its) < SAME_SHAPE * its
 
 
-def image_window(
-    lens: bpy.types.Camera, render: bpy.types.RenderSettings, metres: float
-) -> tuple[float, float, float, float]:
+def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
+    """The pixels a camera has of its own, which are square, or those of the scene's render."""
+    ours = camera.original.kiriko
+    if ours.use_resolution:
+        return Frame(*ours.resolution)
+    return frame_of_render(render)
+
+
+def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
+    """The pixels of a scene's render."""
+    return Frame(
+        render.resolution_x,
+        render.resolution_y,
+        render.resolution_percentage,
+        render.pixel_aspect_x,
+        render.pixel_aspect_y,
+    )
+
+
+def image_window(lens: bpy.types.Camera, frame: Frame, metres: float) -> tuple[float, float, float, float]:
     """Left, right, bottom, top of the image as `Viewer.window` wants them.
 
     Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the length of a Blender
     unit. An AUTO fit lays the sensor's *width* along the longer side of the image, only VERTICAL uses its height.
     """
-    width, height = image_size(render)
-    across, along = width * render.pixel_aspect_x, height * render.pixel_aspect_y
+    width, height = frame.size
+    across, along = width * frame.aspect_x, height * frame.aspect_y
     is_horizontal = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and across >= along)
     if lens.type == "ORTHO":
         size = lens.ortho_scale * metres
@@ -57,6 +91,7 @@ def read_viewer(
     Parameters
     ----------
     camera : the camera object; parents, constraints and animation count
+    render : of the scene, whose pixels count where the camera has none of its own
     metres : length of a Blender unit in m
 
     Raises
@@ -73,13 +108,12 @@ def read_viewer(
             "make it perspective or orthographic."
         )
     matrix = np.array(evaluated.matrix_world, dtype=float)
-    width, height = image_size(render)
+    frame = frame_of(camera, render)
     return Viewer(
         camera.name,
         PROJECTIONS[lens.type],
         matrix[:3, 3] * metres,
         orthonormal_axes(matrix, camera.name),
-        image_window(lens, render, metres),
-        width,
-        height,
+        image_window(lens, frame, metres),
+        *frame.size,
     )

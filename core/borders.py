@@ -7,7 +7,7 @@ import numpy as np
 
 from .plan import Plan
 from .rig import Bools, Floats, Ints
-from .trace import Step, Words, courses, trace
+from .trace import Step, Words, courses, tracing
 
 CHUNK = 5000  # rays traced together: a step of the work, which should take less than 0.1 s
 DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
@@ -87,7 +87,7 @@ def trace_points(
         some = slice(first, first + CHUNK)
         origins, directions = plan.rig.viewer.rays(view[some])
         steps = None if paths is None else []
-        landings = trace(plan, origins, directions, None if course is None else course[some], steps)
+        landings = yield from tracing(plan, origins, directions, None if course is None else course[some], steps)
         if paths is not None:
             paths.add(origins, steps)
         for name in ("xy", "branch", "reason", "throughput"):
@@ -100,7 +100,7 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     """Courses (n, m) of viewer points (n, 2); yields the number of rays after each chunk of them."""
     parts = []
     for first in range(0, len(view), CHUNK):
-        parts.append(courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK])))
+        parts.append((yield from courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK]))))
         yield len(parts[-1])
     width = max((part.shape[1] for part in parts), default=1)
     return np.concatenate(
@@ -243,9 +243,14 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
         return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (xy[:, 2] - xy[:, 0])
 
 
+def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
+    """Are display pixels (n, 2) in the image? Not so where there is no landing."""
+    return ((xy >= 0) & (xy <= display_size)).all(axis=1)
+
+
 def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
     """Is either of display pixels a and b (n, 2) in the image? What is beside it by both accounts matters to nobody."""
-    return ((np.fmax(a, b) >= 0) & (np.fmin(a, b) <= display_size)).all(axis=1)
+    return is_in_image(a, display_size) | is_in_image(b, display_size)
 
 
 def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from .motion import Motion
 from .optics import dot, normalise
+from .products import combine
 from .rig import Bools, Floats, Ints
 
 CHUNK = 1 << 12  # rays or faces worked on together: their arrays stay in the cache
@@ -16,6 +17,7 @@ PATIENCE, HOPELESS = 6, 0.05  # after so many it is given up for rays whose step
 CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
 EDGE = 1e-10  # barycentric slack, so that a ray through an edge or vertex meets a face
 STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a face is searched for a root
+SEARCHED_AT_ONCE = 1 << 8  # rays for which the faces around are searched together: 50 roots each
 RINGS = 2  # of neighbours that are searched for the root on the right side
 ASIDE = 0.6  # in u, v: a root is not looked for further than this beyond an edge, but on the next face
 WALKS = 8  # faces a root may wander over
@@ -232,11 +234,10 @@ class CurvedFaces:
     def parts(self, angle: float, most: int) -> int:
         """Into how many parts edges have to be cut to turn by less than an angle (radians) each, but at most."""
         corners = self.corners[self.triangle]
-        middles = np.tensordot(
-            monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5])), self.coefficients, (1, 1)
-        )
+        at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
+        middles = combine(at_middles, self._terms.reshape(N_TERMS, -1)).reshape(3, 3, -1)
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).T
-        turn = 8 * np.linalg.norm(middles, axis=2) / edges  # of a parabola as high over its chord
+        turn = 8 * np.linalg.norm(middles, axis=1) / edges  # of a parabola as high over its chord
         return int(np.clip(np.ceil(np.quantile(turn.max(axis=0), 0.999) / angle), 1, most))
 
     def points_on(self, k: int) -> Floats:
@@ -301,7 +302,8 @@ class CurvedFaces:
     def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
         """Coefficients (14, 3, n), from a table (42, p), of points relative to the first corner of triangles k."""
         c = np.take(table, rows, axis=1).reshape(N_TERMS, 3, -1)
-        c = c if self.degree == 4 else np.tensordot(LOWER[self.degree], c, 1)
+        if self.degree != 4:
+            c = combine(LOWER[self.degree], c.reshape(N_TERMS, -1)).reshape(c.shape)
         corners = np.take(self.corners, k, axis=0)
         c[:2] += (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
         return c
@@ -316,9 +318,10 @@ class CurvedFaces:
         middle = self.corners[0, 0]  # from near here the squares lose nothing that matters
         o = origins - dot(origins - middle, directions)[:, None] * directions - middle
         away = centre - middle
+        columns = np.ascontiguousarray(away.T)
         # distance of the centres from the lines, squared; by products of matrices, many times as fast
-        along = directions @ away.T
-        apart = dot(away, away) + dot(o, o)[:, None] - 2 * (o @ away.T) - along * along
+        along = combine(directions, columns)
+        apart = dot(away, away) + dot(o, o)[:, None] - 2 * combine(o, columns) - along * along
         i, k = np.nonzero((apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()) & (self.row >= 0))
         parts = [slice(first, first + CHUNK) for first in range(0, len(i), CHUNK)]
         holds = [self._is_in_box(k[some], origins[i[some]], directions[i[some]]) for some in parts]
@@ -332,7 +335,7 @@ class CurvedFaces:
         holds = np.ones(len(k), bool)
         for axis in tangents(directions):
             a = axis.T
-            seen = TO_BEZIER @ (c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2])
+            seen = combine(TO_BEZIER, c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2])
             low, high = seen.min(axis=0), seen.max(axis=0)
             at = -(away * a).sum(axis=0)
             slack = 2 * EDGE * (high - low)
@@ -352,6 +355,27 @@ class CurvedFaces:
         """Unit normals (n, 3) by which the curved faces of triangles k refract at u, v (n,)."""
         c = self._load(self._terms, self.row[k], k)
         return normalise(self._bend(cross(*value_and_slopes(c, u, v)[1:]).T, k, u, v))
+
+    def jumps(self, k: Ints) -> Floats:
+        """Angles (n,), rad, by which normals jump at the edges of triangles k: the largest over each one's edges.
+
+        They are taken in the edges' middles, where the surface runs on; 0 for triangles without a curved face.
+        """
+        found = np.zeros(len(k))
+        for edge in range(3):
+            row = self.row[k]
+            other = np.where(row >= 0, self.neighbour[row, edge], -1)
+            some = np.flatnonzero((other >= 0) & (self.row[other] >= 0))
+            there = self.neighbour_edge[row[some], edge]
+            here = self._normals_in_middle(k[some], np.full(len(some), edge))
+            apart = np.linalg.norm(here - self._normals_in_middle(other[some], there), axis=1)
+            found[some] = np.maximum(found[some], 2 * np.arcsin(np.minimum(apart / 2, 1.0)))
+        return found
+
+    def _normals_in_middle(self, k: Ints, edge: Ints) -> Floats:
+        """Unit normals (n, 3) of the curved faces of triangles k in the middles of edges (n,)."""
+        weights = np.where(np.arange(3) == (edge[:, None] + 2) % 3, 0.0, 0.5)
+        return self.normals(k, weights[:, 1], weights[:, 2])
 
     def _bend(self, normal: Floats, k: Ints, u: Floats, v: Floats) -> Floats:
         """Normals (n, 3), changed where the face has a straight edge; the very array where none has."""
@@ -407,8 +431,9 @@ class CurvedFaces:
                 mine[odd[better]] = theirs[better]
             odd = is_odd()
             odd = odd[found[3][odd] > least]  # a ray that starts on the surface goes on to what it meets next
-        if len(odd) and not is_last:
-            self._search_around(found, odd, origins, directions, leaves)
+        if not is_last:
+            for first in range(0, len(odd), SEARCHED_AT_ONCE):
+                self._search_around(found, odd[first : first + SEARCHED_AT_ONCE], origins, directions, leaves)
         return *found, is_met
 
     def _search_around(

@@ -3,17 +3,18 @@
 import errno
 import hashlib
 import importlib
+import importlib.util
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import ImageError
 
@@ -42,12 +43,16 @@ PLAIN = {"PNG8", "TIFF16", "EXR_FLOAT"}  # what a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
-def named_for(path: Path | str, form: str) -> Path:
-    """The path with the suffix of a format, in place of another format's if it has one."""
+def named_for(path: Path | str, form: str, images: Container[str] = ()) -> Path:
+    """The path with the suffix of a format, in place of another format's if it has one, or of another image's.
+
+    images : suffixes of images of other kinds, in lower case
+    """
     path, suffix = Path(path), FORMATS[form].suffix
     if path.suffix.lower().startswith(suffix):  # .tiff is .tif too
         return path
-    return path.with_suffix(suffix) if path.suffix.lower() in SUFFIXES else path.with_name(path.name + suffix)
+    is_image = path.suffix.lower() in SUFFIXES or path.suffix.lower() in images
+    return path.with_suffix(suffix) if is_image else path.with_name(path.name + suffix)
 
 
 def format_for(path: Path | str, form: str) -> str:
@@ -58,15 +63,29 @@ def format_for(path: Path | str, form: str) -> str:
     return next((name for name, kind in FORMATS.items() if kind.suffix == suffix and name in PLAIN), form)
 
 
+REMEDY = "install it (in Debian python3-openimageio) or take Blender from blender.org"
+
+
 def openimageio() -> Any:
     """The module, or ImageError where this Python has none."""
     try:
         return importlib.import_module("OpenImageIO")  # late: only who writes files needs it
     except ImportError:
         raise ImageError(
-            "This Blender's Python has no OpenImageIO, which reads and writes the files: "
-            "install it (in Debian python3-openimageio) or take Blender from blender.org."
+            f"This Blender's Python has no OpenImageIO, which reads and writes the files: {REMEDY}."
         ) from None
+
+
+def why_not(form: str, without: Container[str] = ()) -> str:
+    """Why files of a format cannot be written, with what to do, as a sentence without its full stop; '' where they can.
+
+    without : formats that can be written without OpenImageIO
+    """
+    if form in without or importlib.util.find_spec("OpenImageIO") is not None:
+        return ""
+    others = sorted({FORMATS[name].suffix for name in FORMATS if name in without})
+    instead = "".join(f"choose {suffix}, " for suffix in others)
+    return f"This Blender's Python has no OpenImageIO, which writes {FORMATS[form].suffix}: {instead}{REMEDY}"
 
 
 def encode(linear: ArrayLike) -> np.ndarray:
@@ -199,6 +218,7 @@ def write(
     size: tuple[float, float] | None = None,
     title: str = "Kiriko source image",
     overwrite: bool = False,
+    save_png: Callable[[Path, NDArray[Any]], None] | None = None,
 ) -> Path:
     """Write an image file, whole or not at all.
 
@@ -210,6 +230,7 @@ def write(
     size : width and height in m of what the image covers, for the metadata
     title : first words of the description in the metadata
     overwrite : replace an existing file
+    save_png : writes integers (h, w, c) to a new file where there is no OpenImageIO, without metadata
 
     Returns
     -------
@@ -224,11 +245,15 @@ def write(
     path = named_for(path, form)
     if is_there(path) and not overwrite:
         raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
-    oiio = openimageio()
+    is_plain = save_png is not None and kind.suffix == ".png" and importlib.util.find_spec("OpenImageIO") is None
+    oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
     with together(path.parent) as new:
         part = new / path.name
+        if is_plain:
+            save_png(part, pixels)
+            return path
         out = oiio.ImageOutput.create(str(part))
         is_written = out is not None and out.open(str(part), _spec(oiio, kind, pixels.shape, size, title))
         is_written = is_written and out.write_image(pixels) and out.close()

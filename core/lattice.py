@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ImageError
 from .image_io import read_bytes
+from .products import solve_symmetric
 from .rig import Bools, Floats, Ints
 
 # as drawn, in spacings
@@ -405,7 +406,7 @@ def _dots(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
     design = np.stack([np.ones_like(x), x / AROUND, y / AROUND], axis=1)
     for _ in range(2):
         normal = np.einsum("kp,pi,pj->kij", calm, design, design, optimize=True) + 1e-6 * np.eye(3)
-        plane = np.linalg.solve(normal, ((calm * smooth) @ design)[..., None])[..., 0] @ design.T
+        plane = solve_symmetric(normal, ((calm * smooth) @ design)[..., None])[..., 0] @ design.T
         off = smooth - plane
         calm = ring & (np.abs(off) < 0.35 * contrast[:, None])
     n_calm = calm.sum(axis=1)

@@ -62,8 +62,14 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
     clusters = clusters_of(boxes_touch(np.stack([solid.bounds for solid in solids]), slack))
     for number, cluster in enumerate(clusters):
         if len(cluster) > MOST_OVERLAPPING:
+            name = glass_of[cluster[0]].name
+            if all(glass_of[i].name == name for i in cluster):
+                raise RigError(
+                    f"The glass '{name}' is in {len(cluster)} pieces that overlap or nest: merge its vertices by"
+                    f" distance, or keep at most {MOST_OVERLAPPING} pieces."
+                )
             raise RigError(
-                f"{len(cluster)} glass solids around '{glass_of[cluster[0]].name}' overlap or nest:"
+                f"{len(cluster)} glass solids around '{name}' overlap or nest:"
                 f" join them or keep at most {MOST_OVERLAPPING}."
             )
         by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))

@@ -15,17 +15,23 @@ from .meshes import SAME_NORMAL
 from .plan import Settings
 from .rig import Mesh, Rig
 from .shares import MOST_KEPT
+from .view_map import ViewMap
+from .words import number
 
 ALWAYS = 60e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
 OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 61, 1200, 300
+OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
 QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
 CELLS, RAYS, MOST_RAYS = 5, 40, 3  # times the 2/5th power of the same; for a cell, for a viewer pixel
 
 
-def estimated(rig: Rig, settings: Settings) -> dict[str, float]:
+def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
     """Bytes that a solve is about to take beside what is there already, by what they are taken for.
+
+    Where borders run, and how many shares come of the pixels that are cut there, is known only from the view map:
+    without one they count for nothing.
 
     Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off by h^2 of it, so
     that the tolerance asks for 1 / h^2 of them, in proportion to the display's side in tolerances. Cells are off by
@@ -42,14 +48,28 @@ def estimated(rig: Rig, settings: Settings) -> dict[str, float]:
     n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)
     n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
     n_kept, n_more = min(n_shares, MOST_KEPT), min(n_quads, max(MOST_KEPT - n_shares, 0.0))
+    n_cut, n_points = (0.0, 0) if view_map is None else (n_shares_of_cut(view_map), len(view_map.points))
     return {
         "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
         "picture": OF_PICTURE * float(image.shape[0]) * image.shape[1],
         "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
         "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
+        "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
         "always": ALWAYS,
     }
+
+
+def n_shares_of_cut(view_map: ViewMap) -> float:
+    """About how many shares the pixels of a map make that are cut in pieces: one for each display pixel of a piece."""
+    xy = view_map.points.xy[view_map.triangles]
+    size = np.array(view_map.display_size)
+    low, high = np.clip(xy.min(axis=1), 0, size), np.clip(xy.max(axis=1), 0, size)
+    columns, rows = (np.ceil(high) - np.floor(low)).T
+    a, b = np.moveaxis(xy[:, 1:] - xy[:, :1], 1, 0)
+    with np.errstate(over="ignore"):
+        area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return float(np.minimum(columns * rows, area + columns + rows).sum())
 
 
 def _n_curved(mesh: Mesh) -> int:
@@ -66,7 +86,7 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     height, width = picture.image.shape[:2]
     remedies = {
         "display": f"lower the resolution of the display '{display.name}' ({display.width} x {display.height})",
-        "viewer": f"lower the resolution of the scene's render ({viewer.width} x {viewer.height})",
+        "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
         "picture": f"choose a smaller image for the picture '{picture.name}' ({width} x {height})",
         "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
         "glass": "give the glass fewer triangles",
@@ -75,12 +95,23 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
 
 
+def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
+    """Raise RigError when the shares of the pixels that borders run through would take more memory than is free."""
+    viewer = rig.viewer
+    check_free(
+        estimated(rig, settings, view_map)["borders"],
+        "Painting what the borders in the glass cut to pieces",
+        f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+    )
+
+
 def check_free(needed: float, work: str, remedy: str) -> None:
     """Raise RigError, with the remedy, when some work would take more memory, bytes, than is free."""
     free = available()
     if free is not None and needed > free:
         raise RigError(
-            f"{work} would take about {needed / 1e9:.2g} GB of memory, but {free / 1e9:.2g} GB are free: {remedy}."
+            f"{work} would take about {number(needed / 1e9)} GB of memory, but {number(free / 1e9)} GB are free:"
+            f" {remedy}."
         )
 
 

@@ -106,6 +106,12 @@ def areas_of(corners: Floats) -> Floats:
     return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
 
 
+def volume_of(corners: Floats) -> float:
+    """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
+    a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
+    return float(dot(a, np.cross(b, c)).sum() / 6)
+
+
 def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its second triangle."""
     i, j = edges.corner_first, edges.corner_second

@@ -12,6 +12,7 @@ import numpy as np
 from .errors import RigError
 from .motion import Motion, find_motion
 from .plan import Kept, Plan, Settings, make_plan
+from .products import turn
 from .rig import WAVELENGTH, Bools, ConstantIndex, Floats, Mesh, Plate, Rig, Viewer
 from .session import finish, within
 from .trace import trace_all
@@ -84,7 +85,7 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
     if rig.viewer is not planned.viewer:
         linear, shift = along_with(planned.viewer, rig.viewer)
         pictures = tuple(
-            p if p.mesh is None else replace(p, mesh=replace(p.mesh, vertices=p.mesh.vertices @ linear.T + shift))
+            p if p.mesh is None else replace(p, mesh=replace(p.mesh, vertices=turn(linear, p.mesh.vertices) + shift))
             for p in rig.pictures
         )
         rig = replace(rig, pictures=pictures)

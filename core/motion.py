@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .products import turn
 from .rig import Floats, Mesh
 
 FITTED = 64  # vertices from which a motion is found; all others have to follow it
@@ -20,15 +21,16 @@ class Motion:
 
     def points(self, at: Floats) -> Floats:
         """Where points (..., 3) go."""
-        return at @ self.rotation.T + self.shift
+        return turn(self.rotation, at) + self.shift
 
     def directions(self, directions: Floats) -> Floats:
         """Where directions (..., 3) turn."""
-        return directions @ self.rotation.T
+        return turn(self.rotation, directions)
 
     def back(self, at: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Where points and directions (..., 3) have come from."""
-        return (at - self.shift) @ self.rotation, directions @ self.rotation
+        back = self.rotation.T
+        return turn(back, at - self.shift), turn(back, directions)
 
 
 def find_motion(before: Mesh, after: Mesh) -> Motion | None:

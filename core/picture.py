@@ -13,6 +13,8 @@ from .rig import Bools, Floats, Mesh, Picture, Viewer
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
 CHUNK = 1 << 16  # points at once: their arrays stay in the cache
+EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
+BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
 
@@ -69,6 +71,23 @@ def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
         raise RigError(f"The picture '{picture.name}' is no flat rectangle: points of it are told for such only.")
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
     return xyw[:, :2] / xyw[:, 2:]
+
+
+def why_unseen(picture: Picture, viewer: Viewer) -> str:
+    """Why a viewer sees nothing of a picture on a plane, though nothing hides it, and what to do: two clauses."""
+    corners = picture.mesh.corners.reshape(-1, 3)
+    if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
+        return f"which is behind the viewer: turn the viewer round, or move the picture before it{BY_MIRROR}"
+    seen = viewer.project(corners)
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    if (high <= 0).any() or (low >= (viewer.width, viewer.height)).any():
+        return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
+    if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < EDGE_ON * np.linalg.norm(high - low):
+        return "which is seen edge-on: turn it to the viewer"
+    if (high - low).max() < 1:
+        return "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
+    return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
 
 
 def _place(

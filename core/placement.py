@@ -1,19 +1,23 @@
-"""Where the parts of a new rig stand, and how large its display has to be. Lengths in m, or all in another unit.
+"""Where the parts of a new rig stand, and how large they are. Lengths in m.
 
 The viewer looks along f; the picture stands in the glass's centre c and faces the viewer; the plate stands at c + D f.
 The display stands where the plate images the picture: at its mirror image in the plate, turned as a mirror turns it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .optics import dot, reflect
-from .plan import Plan
-from .rig import Floats, Picture
-from .trace import REASON_WORDS, trace_all
+from .rig import Display, Floats, Mesh, Picture, Plate, Rig, Viewer
 
-GRID = 256  # points along each edge of a triangle of the picture whose rays are followed
+# The rig of Kiriko's reference (docs): for a glass up to LARGE wide; a larger one scales all of them
+DISTANCE = 0.15  # m, from the glass's centre to the plate's
+VIEWER_DISTANCE = 1.0  # m
+PLATE_SIZE = 0.488  # m
+LARGE = 0.1  # m
+PICTURE_SHARE = 0.5  # of the glass's smaller side: the plate takes all light of it from balls of index up to 1.6
+DISPLAY_LIMIT = 10  # times the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,36 +62,96 @@ def place(centre: Floats, distance: float, tilt: float, viewer_distance: float, 
     )
 
 
-def points_of(picture: Picture) -> Floats:
-    """Points (n, 3) spread evenly over the triangles of a picture, their edges included."""
-    a, b = (x.ravel() / GRID for x in np.meshgrid(np.arange(GRID + 1.0), np.arange(GRID + 1.0)))
-    keep = a + b <= 1 + 0.5 / GRID
-    weights = np.stack([a, b, 1 - a - b], axis=1)[keep]
-    return np.einsum("pk,tkc->tpc", weights, picture.mesh.corners).reshape(-1, 3)
+@dataclass(frozen=True)
+class Wishes:
+    """What is asked of a new rig: lengths in m, 0 where the glass decides; angles in rad.
+
+    `field` is the width that the viewer sees at the glass; `max_display` the most that a display may have by itself.
+    """
+
+    distance: float = 0.0
+    tilt: float = np.pi / 4
+    azimuth: float = 0.0
+    picture: float = 0.0
+    viewer_distance: float = 0.0
+    field: float = 0.0
+    plate: float = 0.0
+    display: float = 0.0
+    max_display: float = 0.0
 
 
-def reach_of_picture(plan: Plan, display_frame: Floats) -> tuple[Floats, dict[str, float]]:
-    """How far from the display's centre the light that carries the picture lands, by tracing it.
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A new rig: where its parts stand; sides of picture and plate, width of display and field, m.
+
+    The display is as wide as it may be, until the light of the picture has been traced to it.
+    """
+
+    placement: Placement
+    viewer_distance: float
+    field: float
+    plate: float
+    picture: float
+    display: float
+
+
+def propose(bounds: Floats, wishes: Wishes) -> Proposal:
+    """A rig around glass within these bounds (2, 3), world, m."""
+    low, high = bounds
+    corners = np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
+    width = np.ptp(corners @ np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0]))
+    height = high[2] - low[2]
+    wide = float(max(width, height))
+    grow = max(1.0, wide / LARGE)
+
+    picture = wishes.picture or PICTURE_SHARE * float(min(width, height) or wide)
+    distance, away = wishes.distance or DISTANCE * grow, wishes.viewer_distance or VIEWER_DISTANCE * grow
+    return Proposal(
+        placement=place((low + high) / 2, distance, wishes.tilt, away, wishes.azimuth),
+        viewer_distance=away,
+        field=wishes.field or wide,
+        plate=wishes.plate or PLATE_SIZE * grow,
+        picture=picture,
+        display=wishes.display or wishes.max_display or DISPLAY_LIMIT * picture,
+    )
+
+
+def rectangle(at: Floats, width: float, height: float) -> Mesh:
+    """A plane in the frame `at` (4, 4), whose front is the third axis, with UV from its lower left corner."""
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    across = (uv - 0.5) * (width, height)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(across @ at[:3, :2].T + at[:3, 3], triangles, uv=uv[triangles])
+
+
+def viewer_of(proposal: Proposal, pixels: tuple[int, int], aspect: float = 1.0) -> Viewer:
+    """The viewer, whose longer side is the field; pixels (width, height), each `aspect` times as wide as high."""
+    right, up, front = proposal.placement.viewer[:3, :3].T
+    sides = np.array([pixels[0] * aspect, pixels[1]])
+    x, y = 0.5 * proposal.field / proposal.viewer_distance * sides / sides.max()
+    at = proposal.placement.viewer[:3, 3]
+    return Viewer("Kiriko Viewer", "perspective", at, np.stack([right, up, -front]), (-x, x, -y, y), *pixels)
+
+
+def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, int]) -> Rig:
+    """What stands on the bench already, and the proposal's parts.
 
     Parameters
     ----------
-    plan : of a rig whose display is as large as allowed
-    display_frame : (4, 4) of the display, m
-
-    Returns
-    -------
-    reach : (2,) m, half of the width and height the display needs
-    lost : share of the picture's rays that do not arrive, by reason; points out of the viewer's sight do not count
+    bench : glass, and the plates, mirrors and blockers that are there
+    pixels : width and height of the display
     """
-    viewer = plan.rig.viewer
-    xy = viewer.project(points_of(plan.rig.picture))
-    is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
-    landings = trace_all(plan, *viewer.rays(xy[is_seen]))
-    arrived = landings.has_arrived
-    across = (landings.positions[arrived] - display_frame[:3, 3]) @ display_frame[:3, :2]
-    reach = np.abs(across).max(axis=0) if arrived.any() else np.zeros(2)
-    counts = {word: int((landings.reason == reason).sum()) for reason, word in REASON_WORDS.items()}
-    return reach, {word: count / len(arrived) for word, count in counts.items() if count}
+    where, (columns, rows) = proposal.placement, pixels
+    plate = rectangle(where.plate, proposal.plate, proposal.plate)
+    picture = rectangle(where.picture, proposal.picture, proposal.picture)
+    display = rectangle(where.display, proposal.display, proposal.display * rows / columns)
+    return replace(
+        bench,
+        viewers=(viewer,),
+        plates=(*bench.plates, Plate("Kiriko Plate", plate)),
+        displays=(Display("Kiriko Display", display, columns, rows),),
+        pictures=(Picture("Kiriko Picture", np.zeros((1, 1, 4), np.float32), picture),),
+    )
 
 
 def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:

@@ -79,7 +79,8 @@ class Plan:
     part (t,).
     Parts p, solids first: kind (p,), is_closed (p,), cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask;
     -1 and 0 for no solid; sheet (p,), itself, or the first plate in whose plane it lies. The display's triangles are
-    the last, from display_start on.
+    the last, from display_start on. open_parts: solids with open edges, and boxes (2, 3) m that they stay within.
+    owner (p,): the number of the part's object among the rig's glasses, then mirrors; -1 for all others.
     n_open: open edges of each glass of the rig.
     n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
@@ -103,6 +104,8 @@ class Plan:
     cluster: Ints
     bit: np.ndarray
     sheet: Ints
+    open_parts: tuple[tuple[int, Floats], ...]
+    owner: Ints
     media: Media
     layers: tuple[Layer, ...]
     layer_triangles: tuple[Ints, ...]
@@ -271,10 +274,11 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """A solid of a glass, where it is; where it was made, under its key, and how it came from there."""
+    """A solid of a glass of that number, where it is; where it was made, under its key; how it came from there."""
 
     surface: Surface
     key: str
+    number: int
     glass: Glass
     made: Surface
     motion: Motion | None
@@ -294,7 +298,7 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> list[_Solid]:
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
             check_viewer_outside(rig, glass, surface)
-        solids += [_Solid(here[i], f"{key}/{i}", glass, made[i], motion) for i in range(len(made))]
+        solids += [_Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))]
     return solids
 
 
@@ -315,6 +319,12 @@ def read_sheets(rig: Rig, kept: Kept) -> list[tuple[Kind, Surface, str]]:
         *(flat(Kind.BLOCKER, part.mesh, make_surface(part.mesh.flat())) for part in rig.blockers),
         flat(Kind.DISPLAY, rig.display.mesh, display),
     ]
+
+
+def mirrors_among(rig: Rig, sheets: list[tuple[Kind, Surface, str]]) -> list[int]:
+    """For each sheet its number among the rig's glasses and mirrors, -1 where it is no mirror."""
+    numbers = iter(range(len(rig.glasses), len(rig.glasses) + len(rig.mirrors)))
+    return [next(numbers) if kind == Kind.MIRROR else -1 for kind, *_ in sheets]
 
 
 def colour(touch: np.ndarray) -> Ints:
@@ -355,10 +365,9 @@ def make_layer(surfaces: list[Surface]) -> Layer:
     return Layer(np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners))
 
 
-def boxes_around(glasses: list[Glass]) -> Floats:
-    """Boxes (g, 2, 3) m that glasses stay within, however far they bulge out of their facets."""
-    boxes = np.array([glass.mesh.bounds for glass in glasses]).reshape(-1, 2, 3)
-    return boxes + BULGE * (boxes[:, 1:] - boxes[:, :1]) * np.array([[-1.0], [1.0]])
+def grown(boxes: Floats) -> Floats:
+    """Boxes (..., 2, 3) that curved surfaces stay within, however far they bulge out of the boxes of their facets."""
+    return boxes + BULGE * (boxes[..., 1:, :] - boxes[..., :1, :]) * np.array([[-1.0], [1.0]])
 
 
 def triangles_of_boxes(boxes: Floats) -> Floats:
@@ -385,7 +394,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     """
     rig.check()
     kept = kept or Kept()
-    boxes_aside = boxes_around([rig.glasses[i] for i in aside])
+    boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
     read = read_solids(rig, kept, aside)
     solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
@@ -477,6 +486,8 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
         cluster=cluster,
         bit=bit,
         sheet=find_sheets(surfaces, kind),
+        open_parts=tuple((i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open),
+        owner=np.array([*(solid.number for solid in read), *mirrors_among(rig, sheets)]),
         media=media,
         layers=tuple(layers),
         layer_triangles=tuple(layer_triangles),

@@ -15,6 +15,7 @@ import numpy as np
 from .errors import RigError
 from .meshes import areas_of
 from .optics import normalise, transmittance
+from .products import turn
 from .rig import Bools, Floats, Ints, MirrorArray, Plate
 
 GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its plane and meets nothing
@@ -144,15 +145,16 @@ class ArrayFrame:
         return self._leaving(place, light.along, -light.cosine * light.side, throughput, path)
 
     def _entering(self, positions: Floats, directions: Floats) -> _Light:
-        local = self.axes @ directions.T
+        local = turn(self.axes, directions).T
         along, cosine = local[:2], np.maximum(np.abs(local[2]), GRAZING)
-        place = self.axes[:2] @ (positions - self.centre).T - 0.5 * self.array.thickness / cosine * along
+        place = turn(self.axes[:2], positions - self.centre).T - 0.5 * self.array.thickness / cosine * along
         return _Light(place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, _depth(self.array, cosine))
 
     def _leaving(self, place: Floats, along: Floats, across: Floats, throughput: Floats, path: np.ndarray) -> Crossing:
         directions = np.vstack([along, across])
         directions /= np.sqrt((directions * directions).sum(axis=0))
-        return Crossing(self.centre + place.T @ self.axes[:2], directions.T @ self.axes, throughput, path)
+        to_world = self.axes.T
+        return Crossing(self.centre + turn(to_world[:, :2], place.T), turn(to_world, directions.T), throughput, path)
 
     def _mirrors(self, place: Floats) -> tuple[Floats, Floats]:
         """Unit normals (2, 2, n or 1) of the two directions of mirrors, xy, that light meets at places (2, n).

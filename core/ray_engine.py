@@ -6,6 +6,7 @@ The engine (float32) only says *which* triangle; where the ray meets it is compu
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from .engines import Engine, Found, make_engine
 from .meshes import Frames, box_of, interpolate
 from .motion import Motion
 from .optics import dot
+from .products import combine
 from .rig import Bools, Floats, Ints
+from .steps import Pauses, finish
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 MANY_TRIANGLES = 10_000  # from here on a curved face is searched from one place only
@@ -23,6 +26,8 @@ STEEP, NEAR = 0.5, 0.1  # cosine, and parts of a triangle's size: so a ray leave
 PARTS_AT_EDGES = 4  # of an edge: where edges are straight the hull is no further in front than the faces are
 BESIDE = 6  # rays shot beside one that was lost
 WIDER = 1e-6  # barycentric slack for a ray that met nothing: it runs along a face, whose plane it meets far beside
+PAIRS_AT_ONCE = 1 << 18  # of rays and triangles that are tested together: about 60 MB
+CURVED_AT_ONCE = 1 << 13  # of rays and curved faces whose roots are found together: about 20 MB, and 0.05 s
 RESCUE_TESTS = 20_000_000  # most ray-triangle pairs that may be tested in float64 in one call: a few seconds
 
 
@@ -148,7 +153,11 @@ class Layer:
     def _build(self, corners: Floats) -> Engine:
         return make_engine(((corners - self.centre) / self.radius).astype(np.float32))
 
-    def first_hits(
+    def first_hits(self, *arguments: Any) -> Hits:
+        """First true hits of rays, found at once; parameters as for `find_first_hits`."""
+        return finish(self.find_first_hits(*arguments))
+
+    def find_first_hits(
         self,
         origins: Floats,
         directions: Floats,
@@ -156,8 +165,8 @@ class Layer:
         accept: Accept,
         leaves: Bools | None = None,
         within: Floats | None = None,
-    ) -> Hits:
-        """First true hits of rays.
+    ) -> Pauses[Hits]:
+        """First true hits of rays; pauses as often as work may be stopped.
 
         Parameters
         ----------
@@ -168,8 +177,9 @@ class Layer:
         within : (n,) m, hits further away need not be found
         """
         if self.motion is None:
-            return self._first_hits(origins, directions, is_inside, accept, leaves, within)
-        hits = self._first_hits(*self.motion.back(origins, directions), is_inside, accept, leaves, within)
+            return (yield from self._first_hits(origins, directions, is_inside, accept, leaves, within))
+        there = self.motion.back(origins, directions)
+        hits = yield from self._first_hits(*there, is_inside, accept, leaves, within)
         turned = (None if column is None else self.motion.directions(column) for column in (hits.facing, hits.normal))
         return replace(hits, **dict(zip(("facing", "normal"), turned, strict=True)))
 
@@ -181,7 +191,7 @@ class Layer:
         accept: Accept,
         leaves: Bools | None,
         within: Floats | None,
-    ) -> Hits:
+    ) -> Pauses[Hits]:
         within = np.full(len(origins), np.inf) if within is None else within
         hits = Hits.none(len(origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
@@ -193,11 +203,10 @@ class Layer:
             for first in range(0, len(rays), CHUNK):
                 self._test_all(origins, directions, rays[first : first + CHUNK], accept, within, hits)
             return hits
-        lost = self._ask_engine(
-            origins, directions, rays, np.maximum(enter[rays], 0.0), is_inside, accept, leaves, hits
-        )
+        start = np.maximum(enter[rays], 0.0)
+        lost = yield from self._ask_engine(origins, directions, rays, start, is_inside, accept, leaves, hits)
         if len(lost):
-            self._rescue(origins, directions, lost, accept, leaves, hits)
+            yield from self._rescue(origins, directions, lost, accept, leaves, hits)
         return hits
 
     def _on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
@@ -229,8 +238,9 @@ class Layer:
         k, frames = self.n_triangles, self.frames
         # distances and barycentric coordinates of all triangles at once, by products of matrices
         axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
-        start = axes @ (o - self.centre).T - dot(np.tile(frames.corner - self.centre, (3, 1)), axes)[:, None]
-        slope = axes @ d.T
+        start = combine(axes, np.ascontiguousarray((o - self.centre).T))
+        start -= dot(np.tile(frames.corner - self.centre, (3, 1)), axes)[:, None]
+        slope = combine(axes, np.ascontiguousarray(d.T))
         with np.errstate(invalid="ignore", divide="ignore"):
             t = -start[:k] / slope[:k]
             u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
@@ -298,7 +308,7 @@ class Layer:
         accept: Accept,
         leaves: Bools | None,
         hits: Hits,
-    ) -> Ints:
+    ) -> Pauses[Ints]:
         """Put the hits that the engine finds; return the rays that must have hit something else."""
         lost = []
         # far rays begin a little before the box, near ones a little ahead, so as not to meet the face they come from
@@ -318,23 +328,24 @@ class Layer:
                 o, d = o[hit], d[hit]
             asked = rays[hit]
             some, is_met = self._refine(found, hit, o, d, _of(leaves, asked))
-            is_true, is_wrong = accept(asked, some)
-            is_true &= is_met
+            is_true, is_wrong = np.zeros((2, len(asked)), bool)
+            is_true[is_met], is_wrong[is_met] = accept(asked[is_met], some.at(is_met))
             if is_true.all():
                 hits.put(asked, some)
             else:
                 hits.put(asked[is_true], some.at(is_true))
-            lost.append(asked[is_wrong & is_met])
+            lost.append(asked[is_wrong])
             again[hit] = ~is_true
             if self.curved is None:  # the true hit may lie a little further than the engine has it
                 far[hit] = np.where(np.isfinite(some.distance), np.fmax(some.distance, far[hit]), far[hit])
             start = np.maximum(far + step, start + step)[again]
             rays, step = rays[again], 2 * step[again]  # doubling: the loop ends once the ray has left the box
+            yield 0
         return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
 
     def _rescue(
         self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
-    ) -> None:
+    ) -> Pauses[None]:
         """Find in float64 what the engine let through: it loses some of the rays that are aimed at vertices and edges.
 
         Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
@@ -346,10 +357,10 @@ class Layer:
         upward = np.cross(d, aside)
         angle = 2 * np.pi * np.arange(BESIDE)[:, None, None] / BESIDE
         moved = o + 8 * FLOAT32 * self.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
-        self._nearest_of_all(moved.reshape(-1, 3), o, d, rays, accept, best)
+        yield from self._nearest_of_all(moved.reshape(-1, 3), o, d, rays, accept, best)
         is_found = best.triangle >= 0
         hits.put(rays[is_found], best.at(is_found))
-        self._test_in_float64(origins, directions, rays[~is_found], accept, leaves, hits)
+        yield from self._test_in_float64(origins, directions, rays[~is_found], accept, leaves, hits)
 
     def _nearest_of_all(
         self,
@@ -359,7 +370,7 @@ class Layer:
         rays: Ints,
         accept: Accept,
         best: Hits,
-    ) -> None:
+    ) -> Pauses[None]:
         """Put into `best` the nearest true hit of rays among all triangles that rays beside them, m n of them, meet."""
         row = np.tile(np.arange(len(rays)), len(beside) // len(rays))
         step = np.full(len(row), 3 * FLOAT32 * self.radius)
@@ -372,6 +383,7 @@ class Layer:
             self._keep_nearest(row, some, is_met & self._is_on_face(some), rays, accept, best)
             start = np.maximum(far, start) + step
             step = 2 * step
+            yield 0
 
     def _is_on_face(self, hits: Hits) -> Bools:
         """Are hits within their faces? On curved ones that are met they are."""
@@ -387,10 +399,10 @@ class Layer:
 
     def _test_in_float64(
         self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
-    ) -> None:
+    ) -> Pauses[None]:
         """Test rays against every triangle, as far as the budget goes."""
         budget = max(1, RESCUE_TESTS // self.n_triangles)
-        per_chunk = max(1, 2_000_000 // self.n_triangles)
+        per_chunk = max(1, PAIRS_AT_ONCE // self.n_triangles)
         for first in range(0, min(len(rays), budget), per_chunk):
             some = rays[first : first + per_chunk]
             o, d = origins[some], directions[some]
@@ -398,18 +410,27 @@ class Layer:
             flat = np.arange(self.n_triangles)
             if self.curved is not None:
                 flat = flat[self.curved.row < 0]
-                i, k = self.curved.may_meet(o, d)
-                # a ray that grazes can meet a large face twice, but not a small one
-                starts = np.array(STARTS if self.n_triangles < MANY_TRIANGLES else STARTS[:1])
-                at = np.repeat(starts, len(i), axis=0).T
-                i, k = np.tile(i, len(starts)), np.tile(k, len(starts))
-                found, is_met = self._on_curved(k, *at, o[i], d[i], _of(leaves, some[i]), is_last=True)
-                self._keep_nearest(i, found, is_met, some, accept, best)
+                yield from self._test_curved(o, d, some, accept, _of(leaves, some), best)
             on_planes = self._on_facets(flat, o[:, None], d[:, None])
             i, k = np.nonzero(_is_within(on_planes.u, on_planes.v, WIDER))
             self._keep_nearest(i, self._on_facets(flat[k], o[i], d[i]), np.ones(len(i), bool), some, accept, best)
             is_found = best.triangle >= 0
             hits.put(some[is_found], best.at(is_found))
+            yield 0
+
+    def _test_curved(
+        self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, best: Hits
+    ) -> Pauses[None]:
+        """Put into `best` the nearest true hits of rays (n, 3), of numbers (n,), on all curved faces they may meet."""
+        i, k = self.curved.may_meet(origins, directions)
+        # a ray that grazes can meet a large face twice, but not a small one
+        for u, v in STARTS if self.n_triangles < MANY_TRIANGLES else STARTS[:1]:
+            for first in range(0, len(i), CURVED_AT_ONCE):
+                j, faces = i[first : first + CURVED_AT_ONCE], k[first : first + CURVED_AT_ONCE]
+                at = np.full(len(j), u), np.full(len(j), v)
+                found, is_met = self._on_curved(faces, *at, origins[j], directions[j], _of(leaves, j), is_last=True)
+                self._keep_nearest(j, found, is_met, rays, accept, best)
+                yield 0
 
 
 def _is_within(u: Floats, v: Floats, slack: float = EDGE) -> Bools:

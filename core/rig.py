@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 WAVELENGTH = 587.6e-9  # m, the helium d line, at which indices of refraction are given
+FLAT = 1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
 PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
 MOST_CROSSING_ERROR = np.radians(10.0)
 
@@ -57,10 +59,26 @@ class Mesh:
     @property
     def bounds(self) -> Floats:
         """Lower and upper corner of the axis-aligned box (2, 3), m."""
+        used = self._used_vertices()
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def _used_vertices(self) -> Floats:
+        """Vertices (n, 3) at which a triangle has a corner, m."""
         is_used = np.zeros(len(self.vertices), bool)
         is_used[self.triangles] = True
-        used = self.vertices[is_used]
-        return np.stack([used.min(axis=0), used.max(axis=0)])
+        return self.vertices[is_used]
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Do all corners lie in one plane, but for rounding?"""
+        points = self._used_vertices()
+        points = points - points.mean(axis=0)
+
+        # without the threads of BLAS (core/products.py); the first axis is the one along which they spread least
+        _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
+        thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
+
+        return bool(thick <= FLAT * wide + 4 * self.rounding)
 
     def check(self, owner: str) -> None:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
@@ -160,6 +178,7 @@ class MirrorArray:
 
 # the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi 10.1016/j.cag.2021.02.007), and one of finer pitch
 PRESETS = {"ASKA3D-488": MirrorArray(), "ASKA3D-200": MirrorArray(pitch=0.3e-3, height=0.75e-3)}
+PRESET_SIDES = {"ASKA3D-488": 0.488, "ASKA3D-200": 0.2}  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,6 +363,12 @@ class Rig:
         for kind, group in (*kinds, ("display", self.displays)):
             for part in group:
                 part.mesh.check(f"The {kind} '{part.name}'")
+        for glass in self.glasses:
+            if glass.mesh.is_flat:
+                raise MeshError(
+                    f"The glass '{glass.name}' is no closed body, but flat: give it a thickness, as by a Solidify"
+                    " modifier, or set its role to None."
+                )
         for plate in self.plates:
             if plate.array is not None:
                 plate.array.check(f"The plate '{plate.name}'")

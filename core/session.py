@@ -6,43 +6,43 @@ no ray engine. Shares are made, painted and summed some at a time, so that there
 
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial, reduce
+from functools import cached_property, partial
 from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import Tessellation, rounding_error, tessellation
-from .display import display_pixel
+from .accuracy import Accuracy, measure
 from .errors import RigError
-from .memory import check_memory
-from .picture import Pyramid, Taps, ideal_image, picture_from_view
+from .memory import check_borders, check_memory
+from .picture import Pyramid, Taps, ideal_image, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
+from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
 from .shares import Coverage, ShareBatches
 from .simulation import PlateView, plate_view
 from .source_image import Painting, find_strokes
+from .steps import finish as finish  # also from here: scripts of 0.1 have it so
+from .steps import within
 from .trace import REASON_WORDS, Reason
 from .view_map import MapError, ViewMap
-
-Result = TypeVar("Result")
+from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18
+ROUNDING = 1e-12  # of the picture: less is no light
+MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
+TOO_FINE = "finer than a viewer pixel"
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
-ROUNDED = 0.1  # display px: where rounding may do more than this it is worth a remark
-COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
-BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
-UNDECIDED = 0.01  # share of the light whose way may be another one
 
 REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
-    Reason.LOST_INSIDE: "every ray is lost inside the glass: raise the limit of surfaces or change the glass",
+    Reason.LOST_INSIDE: "every ray is lost inside the glass: look for faces that cut each other",
     Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
     Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to the plate",
     Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
+    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the glass",
 }
 
 
@@ -55,11 +55,11 @@ class Solution:
     weight : (H, W) viewer px^2, sum of area * throughput^2 over the shares of each display pixel
     display_coverage, view_coverage : (H, W), (h, w), 0..1
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
-    misses : share of the picture as seen, by reason why it has no landing
+    misses : share of the picture as seen, by reason why it has no landing; with picture_coverage they make 1
     seconds : time by part of the work; n_rays : rays traced for this solve
     tessellation_error : about how far landings are from those of the surface that was meant, rms display px
     plate : brightness and blur by a plate's mirrors, None where it is ideal
-    used, left_out : what this rig needed and what it did not; notes : what the user should know
+    used, left_out : what this rig needed and what it did not; remarks : what the user should know
     """
 
     rig: Rig
@@ -77,7 +77,17 @@ class Solution:
     plate: PlateView | None
     used: tuple[str, ...]
     left_out: tuple[str, ...]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, one or two sentences each."""
+        return tuple(remark.told() for remark in self.remarks)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Those of the notes that tell of light that is lost or goes another way."""
+        return tuple(remark.told() for remark in self.remarks if remark.is_warning)
 
     @property
     def map_error(self) -> MapError:
@@ -97,24 +107,6 @@ class Solution:
         return _batches(self.view_map, self.shares.has_throughput, at_pixels=True)
 
 
-def finish(steps: Generator[float, None, Result]) -> Result:
-    """Run long work, such as a solve, to its end and return what it returns."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
-def within(work: Generator[float, None, Result], start: float, stop: float) -> Generator[float, None, Result]:
-    """Hand on the progress of one part of the work, from start to stop of the whole."""
-    while True:
-        try:
-            yield start + (stop - start) * next(work)
-        except StopIteration as done:
-            return done.value
-
-
 def without_glass(rig: Rig) -> Rig:
     """The same rig with glass that does not refract: what it paints is the plain, uncompensated picture."""
     return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
@@ -127,14 +119,10 @@ class _Optics:
     key: str
     plan: Plan
     view_map: ViewMap
-    tessellation: Tessellation
+    accuracy: Accuracy
     plate: PlateView | None
     shares: ShareBatches
     coverage: Coverage
-
-    @cached_property
-    def rounding_error(self) -> float:
-        return rounding_error(self.plan)
 
     @cached_property
     def view_coverage(self) -> Floats:
@@ -200,7 +188,7 @@ class Session:
             self._pyramid = Pyramid(picture.image)
         painting = yield from _paint(rig, optics, placed, self._pyramid, is_new, clock)
         if is_new:
-            _refuse_if_dark(optics.view_map, len(optics.shares))
+            _refuse_if_dark(optics)
             self._optics = optics
         source = painting.finished(optics.coverage.weight, settings.margin)
         clock.lap("painting")
@@ -221,11 +209,11 @@ class Session:
             *placed.covered,
             clock.seconds,
             optics.view_map.n_rays if is_new else 0,
-            optics.tessellation.error,
+            optics.accuracy.tessellation.error,
             optics.plate,
             optics.plan.used,
             optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            _notes(rig, optics, source),
+            remarks_on(rig, optics.plan, optics.accuracy, optics.view_map.error, placed.covered[1], source),
         )
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -238,13 +226,15 @@ class Session:
         """Trace the view map of a rig; yields progress 0..0.85."""
         plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.8)
         clock.lap("tracing")
-        mesh = yield from within(tessellation(plan), 0.8, 0.84)
+        check_borders(rig, settings, view_map)
+        is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
+        accuracy = yield from within(measure(plan, is_cut_off), 0.8, 0.84)
         clock.lap("tessellation error")
         plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
         coverage = Coverage(view_map.display_size, view_map.view_size)
-        return _Optics(key, plan, view_map, mesh, plate, _batches(view_map, settings.brightness), coverage)
+        return _Optics(key, plan, view_map, accuracy, plate, _batches(view_map, settings.brightness), coverage)
 
 
 def _paint(
@@ -272,65 +262,26 @@ def _paint(
     return painting
 
 
-def _notes(rig: Rig, optics: _Optics, source: NDArray[np.float32]) -> tuple[str, ...]:
-    """What the user should know of a solution."""
-    plan, mesh, error = optics.plan, optics.tessellation, optics.view_map.error
-    notes = [
-        f"The glass '{glass.name}' is not closed ({n} open edges): close it."
-        for glass, n in zip(rig.glasses, plan.n_open, strict=True)
-        if n
-    ]
-    for part, n in zip((*rig.glasses, *rig.mirrors), plan.n_contradicted, strict=True):
-        if n:
-            faces = f"{n} smooth triangle{'s' if n > 1 else ''} of '{part.name}'"
-            notes.append(
-                f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
-                " (Shade Smooth by Angle), or subdivide."
-            )
-    beyond = error.facet_limited + error.unresolved
-    if beyond > BEYOND:
-        notes.append(
-            f"{beyond:.1%} of what is seen is off by more than the tolerance, or lost,"
-            " where the view through the glass changes within a viewer pixel: raise the viewer's resolution, or use a"
-            " finer, smooth mesh."
-        )
-    if mesh.undecided > UNDECIDED:
-        notes.append(
-            f"{mesh.undecided:.0%} of the light meets gaps or overlaps of glass that are thinner than its mesh is"
-            " exact, and may go another way: use the same mesh for faces that touch, or move them apart."
-        )
-    if mesh.error > COARSE:
-        notes.append(
-            f"The mesh is coarse: up to about {mesh.error:.2g} display pixels of error. Subdivide the glass, or shade"
-            " it smooth where it is meant to be."
-        )
-    rounded, touching = optics.rounding_error, plan.merge_distance
-    if max(rounded, touching / display_pixel(rig.display)) > ROUNDED:
-        notes.append(
-            f"Blender rounds places: landings may be off by {rounded:.2g} display pixels, and glass nearer than"
-            f" {1e3 * touching:.2g} mm touches. Move the rig to the origin, and the origins of its objects to their"
-            " middles."
-        )
-    brightest = reduce(np.maximum, (source[..., channel] for channel in range(3)))  # rows of three are slow in numpy
-    bright = np.count_nonzero(brightest > 1 + 1e-6) / max(np.count_nonzero(brightest > 0), 1)
-    if bright > 0:
-        notes.append(
-            f"{bright:.1%} of the source image is brighter than a display's white and would be clipped:"
-            " lower the picture's brightness."
-        )
-    return tuple(notes)
-
-
 def _batches(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> ShareBatches:
     """The shares of a map's cells."""
     return ShareBatches(view_map.display_size, view_map.view_size, is_weighed, partial(view_map.pieces, at_pixels))
 
 
-def _refuse_if_dark(view_map: ViewMap, n_shares: int) -> None:
+def _refuse_if_dark(optics: _Optics) -> None:
     """Raise RigError when no ray arrives: a black source image is never what was meant."""
-    if n_shares:
+    if len(optics.shares):
         return
-    counts = np.bincount(view_map.reason.ravel(), minlength=len(Reason))
+
+    leaks = optics.accuracy.leaks
+    leaked = max(leaks)
+    if leaked > MOSTLY:
+        glass = optics.plan.rig.glasses[leaks.index(leaked)]
+        raise RigError(
+            f"The display stays dark: {percent(leaked)} of the picture's light goes through gaps in the glass"
+            f" '{glass.name}': close them."
+        )
+
+    counts = np.bincount(optics.view_map.reason.ravel(), minlength=len(Reason))
     counts[Reason.ARRIVED] = 0
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
@@ -338,9 +289,14 @@ def _refuse_if_dark(view_map: ViewMap, n_shares: int) -> None:
 
 
 def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[float, dict[str, float]]:
-    """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses."""
+    """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses: 1 in all.
+
+    What is missing in a pixel is put down to the reasons of the rays at its corners and within. Where all of these have
+    landed, it is beyond the display's edge, if one cell maps the pixel; else between branches finer than a pixel.
+    """
     w, h = view_map.view_size
     shown, unseen, lost = 0.0, 0.0, np.zeros(len(Reason))
+    within = _reasons_within(view_map)
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
         x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(first, min(first + rows, h)) + 0.5)
@@ -352,13 +308,29 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
         top = view_map.reason[first : first + rows + 1]
         by_corner = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]]).reshape(4, -1)[:, some]
         of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
-        of_reason[Reason.ARRIVED] = False
-        votes = of_reason.sum(axis=1)
+        votes = of_reason.sum(axis=1) + within[:, first * w + some]
+        votes[Reason.ARRIVED] = 0
+        at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (votes.sum(axis=0) == 0)
+        votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
     if shown == 0:
         raise RigError(
-            f"The viewer does not see the picture '{rig.picture.name}' straight:"
-            " move it into view, or use an image in the viewer's own pixels."
+            f"The viewer '{rig.viewer.name}' does not see the picture '{rig.picture.name}',"
+            f" {why_unseen(rig.picture, rig.viewer)}."
         )
     misses = {REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0}
+    between = float((unseen - lost.sum()) / shown)
+    if between > ROUNDING:
+        misses[TOO_FINE] = between
     return float(1 - unseen / shown), misses
+
+
+def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
+    """How many rays within each viewer pixel, not on its edges, ended for each reason: (reasons, pixels)."""
+    w, h = view_map.view_size
+    view = view_map.points.view
+    column, row = np.floor(view).astype(np.int64).T
+    is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
+    counts = np.zeros((len(Reason), w * h), np.uint16)
+    np.add.at(counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1)
+    return counts

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .optics import dot
 from .plan import Plan
 from .plate import PlatePath
 from .rig import Floats, Ints
@@ -75,7 +76,7 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
                     is_seen &= landings.plate_path == PlatePath.REFLECTED
                 colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
                 halves[k % 2][:, pixels[some[is_seen]]] += colours.T
-                bright = np.bincount(landings.plate_path[is_seen], colours @ LUMINANCE, len(PlatePath))
+                bright = np.bincount(landings.plate_path[is_seen], dot(colours, LUMINANCE), len(PlatePath))
                 by_pass[k] += bright / n
             yield (k * n + first + len(pixels)) / (passes * n)
     halves *= 2.0 / passes
@@ -160,5 +161,10 @@ def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generato
     is_known = real.plate_path == PlatePath.IMAGED
     for other in (real, *around):
         is_known &= other.branch == branch
-    is_known &= np.abs(j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]) > 0
-    return np.linalg.solve(j[is_known], (real.xy - xy)[is_known][:, :, None])[:, :, 0]
+    determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+    is_known &= np.abs(determinant) > 0
+
+    # the inverse of j times the way on the display
+    j, (dx, dy) = j[is_known], (real.xy - xy)[is_known].T
+    back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)
+    return back / determinant[is_known, None]

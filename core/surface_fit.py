@@ -31,6 +31,7 @@ from .curved import (
 )
 from .meshes import Edges, components
 from .optics import dot, normalise
+from .products import combine, solve_symmetric
 from .rig import Bools, Floats, Ints
 
 STEEPEST = np.cos(np.radians(40))  # corner normals further than this from the facet's contradict it
@@ -171,7 +172,7 @@ def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = _system(v, fields, some, pairs, slice(2, None))
         right = np.concatenate([z, *_gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
-        solved = np.linalg.solve(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
+        solved = solve_symmetric(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
         fields.coefficients[some, 2:] = solved[..., 0]
     return fields
 
@@ -190,7 +191,7 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
         slope = np.zeros((len(some), N_TERMS, 2))
         slope[:, [0, 1], [0, 1]] = 1.0
         # rows of the pseudo-inverse that give the slope; the matrix is symmetric
-        inverse = np.matmul(weighted, np.linalg.solve(matrix, slope))
+        inverse = np.matmul(weighted, solve_symmetric(matrix, slope))
         m = pairs.shape[1]
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
     normal = v.normal.copy()
@@ -286,8 +287,8 @@ def _is_whole(offsets: Floats, corners: Floats) -> Bools:
         shallow = 2 * _STEEPNESS * furthest * longest < 0.5 * np.sqrt((facet**2).sum(axis=0))
         doubtful = np.flatnonzero(is_whole & ~shallow)
         few = offsets[..., doubtful].reshape(N_NODES, -1)
-        by_u = (_DU_AT @ few).reshape(len(_DU_AT), 3, len(doubtful)) + e1[:, doubtful]
-        by_v = (_DV_AT @ few).reshape(len(_DV_AT), 3, len(doubtful)) + e2[:, doubtful]
+        by_u = combine(_DU_AT, few).reshape(len(_DU_AT), 3, len(doubtful)) + e1[:, doubtful]
+        by_v = combine(_DV_AT, few).reshape(len(_DV_AT), 3, len(doubtful)) + e2[:, doubtful]
         normal, facet = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1)), facet[:, None, doubtful]
         cosine = (normal * facet).sum(axis=0) / np.sqrt((normal**2).sum(axis=0) * (facet**2).sum(axis=0))
         is_whole[doubtful] = cosine.min(axis=0) > STEEPEST_INSIDE
@@ -349,7 +350,8 @@ def make_curved(
         some = slice(k, k + CHUNK)
         offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
         is_whole[some] = _is_whole(offsets, corners[chosen[some]])
-        coefficients[some] = np.tensordot(FROM_NODES, offsets, 1).transpose(2, 0, 1)
+        fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
+        coefficients[some] = fitted.transpose(2, 0, 1)
     if not is_whole.all():
         chosen, coefficients = chosen[is_whole], coefficients[is_whole]
     if not len(chosen):

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from .curved import CurvedFaces, grid
-from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals
+from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals, volume_of
 from .motion import Motion
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
@@ -28,12 +28,6 @@ def contains(corners: Floats, points: Floats) -> Bools:
         below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
         winding[k] = np.arctan2(top, below).sum() / (2 * np.pi)
     return np.abs(winding) > 0.5
-
-
-def volume_of(corners: Floats) -> float:
-    """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
-    a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
-    return float(dot(a, np.cross(b, c)).sum() / 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +188,7 @@ def holds(outer: Floats, inner: Floats) -> bool:
     if (np.linalg.norm(centres - middle, axis=1) > radius + size).all():
         return bool(contains(outer, inner[0, :1])[0])  # they do not come near each other
     at = inner.reshape(-1, 3)
-    found = at[[find(at @ way) for way in OUTWARD for find in (np.argmin, np.argmax)]]
+    found = at[[find(dot(at, way)) for way in OUTWARD for find in (np.argmin, np.argmax)]]
     return bool(contains(outer, found + INWARD * (middle - found)).all())
 
 

@@ -12,8 +12,10 @@ from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
 from .plan import Kind, Plan
 from .plate import ArrayFrame, PlatePath
-from .ray_engine import Hits, slab
+from .products import turn
+from .ray_engine import Accept, Hits, slab
 from .rig import Bools, Floats, Ints
+from .steps import Pauses, finish
 
 Words = NDArray[np.uint64]
 
@@ -39,6 +41,7 @@ class Reason(IntEnum):
     MISSED_PLATE = 3
     BLOCKED = 4
     MISSED_DISPLAY = 5
+    CUT_OFF = 6
 
 
 REASON_WORDS = {
@@ -47,6 +50,7 @@ REASON_WORDS = {
     Reason.MISSED_PLATE: "missed the plate",
     Reason.BLOCKED: "blocked",
     Reason.MISSED_DISPLAY: "missed the display",
+    Reason.CUT_OFF: "cut off by Max Events",
 }
 
 # numbers that make up a branch: any odd multiplier mixes; it is the golden ratio's 64 bits
@@ -61,7 +65,7 @@ class Landings:
     sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there is no landing;
     xy (n, 2) display pixels, x right and y down from the top left corner, NaN without a landing; positions and
     directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,); plate_path (n,) of
-    PlatePath
+    PlatePath; leak (n,) the part through whose gap a ray went in or out, -1 for none
 
     A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
     display's border can then be cut there exactly.
@@ -76,6 +80,7 @@ class Landings:
     throughput: Floats
     n_events: Ints
     plate_path: np.ndarray
+    leak: Ints
 
     @property
     def has_arrived(self) -> Bools:
@@ -107,12 +112,13 @@ def trace_all(plan: Plan, origins: Floats, directions: Floats, light: PlateLight
 class Step(NamedTuple):
     """What became of rays between two events: those that met something, where and on which patch; and the others.
 
-    rays (h,) and left (l,) indices; place (h, 3) and patch (h,) of what was met; start and direction (l, 3)
+    rays (h,) and left (l,) indices; place (h, 3), patch and triangle (h,) of what was met; start and direction (l, 3)
     """
 
     rays: Ints
     place: Floats
     patch: Ints
+    triangle: Ints
     left: Ints
     start: Floats
     direction: Floats
@@ -129,7 +135,7 @@ class _Rays:
         self.directions = np.array(directions, float)
         self.mask = np.zeros(n, np.uint64)
         self.cluster = np.zeros(n, np.int64)
-        self.reason = np.full(n, Reason.LOST_INSIDE, np.uint8)
+        self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # of those still under way in the end
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
@@ -139,6 +145,7 @@ class _Rays:
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
         self.light = light
         self.last_part = np.full(n, -1)
+        self.leak = np.full(n, -1)
         self.live = np.arange(n)
         self.course, self.is_recorded = course, is_recorded
         self.n_words = np.zeros(n, np.int64)
@@ -165,22 +172,27 @@ class _Rays:
         self.n_words[rays] += 1
 
 
-def courses(plan: Plan, origins: Floats, directions: Floats) -> Words:
+def courses(plan: Plan, origins: Floats, directions: Floats) -> Pauses[Words]:
     """What the branch of each ray (n, 3) was after each of its m events at the most: (n, m), for `trace` to compare."""
     rays = _Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
-    _follow(plan, rays)
+    yield from _following(plan, rays)
     return rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
 
 
-def trace(
+def trace(plan: Plan, origins: Floats, directions: Floats, light: PlateLight = "imaged") -> Landings:
+    """Landings of rays, traced at once; parameters as for `tracing`."""
+    return finish(tracing(plan, origins, directions, light=light))
+
+
+def tracing(
     plan: Plan,
     origins: Floats,
     directions: Floats,
     course: Words | None = None,
     steps: list[Step] | None = None,
     light: PlateLight = "imaged",
-) -> Landings:
-    """Follow rays backward from the viewer until each has landed on the display or is lost.
+) -> Pauses[Landings]:
+    """Follow rays backward from the viewer until each has landed on the display or is lost; pauses now and then.
 
     Parameters
     ----------
@@ -192,7 +204,7 @@ def trace(
         At ideal plates it is all the same.
     """
     rays = _Rays(origins, directions, course, False, light)
-    _follow(plan, rays, steps)
+    yield from _following(plan, rays, steps)
     rays.xy[rays.is_astray] = np.nan
     return Landings(
         np.arange(len(origins)),
@@ -204,23 +216,26 @@ def trace(
         rays.throughput,
         rays.n_events,
         rays.plate_path,
+        rays.leak,
     )
 
 
-def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
+def _following(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> Pauses[None]:
     for _ in range(plan.settings.max_events):
         if not len(rays.live):
             break
-        hits, by_layer = _first_hits(plan, rays)
+        hits, by_layer = yield from _first_hits(plan, rays)
         hit = hits.triangle >= 0
         left = rays.live[~hit]
         if not hit.all():
+            _leave_gaps(plan, rays, left)
             _end_without_hit(plan, rays, left)
             rays.live, hits, by_layer = rays.live[hit], hits.at(hit), [other.at(hit) for other in by_layer]
         rays.positions[rays.live] += hits.distance[:, None] * rays.directions[rays.live]
         rays.n_events[rays.live] += 1
+        _leave_gaps(plan, rays, rays.live, hits)
         if steps is not None:
-            where = rays.live, rays.positions[rays.live], plan.patch[hits.triangle]
+            where = rays.live, rays.positions[rays.live], plan.patch[hits.triangle], hits.triangle
             steps.append(Step(*where, left, rays.positions[left], rays.directions[left]))
         part = plan.part[hits.triangle]
         kind = plan.kind[part]
@@ -232,13 +247,54 @@ def _follow(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> None:
             if len(chosen):
                 meet(plan, rays, rays.live[chosen], hits.at(chosen), [other.at(chosen) for other in by_layer])
         rays.live = rays.live[(kind != Kind.BLOCKER) & (kind != Kind.DISPLAY) & ~rays.has_ended[rays.live]]
+        yield 0
 
 
-def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
+class _Sides:
+    """Which hits in a layer are true (decision 1): one enters a solid from outside and leaves it from inside.
+
+    Sheets are met from either side, but the one just left not again at once. `gap` and `gap_distance` (n,) tell of the
+    nearest face of an open solid that a ray came upon from the wrong side: it has gone in or out through a gap.
+    """
+
+    def __init__(self, plan: Plan, rays: _Rays) -> None:
+        self.plan = plan
+        live = rays.live
+        self.mask, self.cluster, self.last_part = rays.mask[live], rays.cluster[live], rays.last_part[live]
+        self.gap, self.gap_distance = np.full(len(live), -1), np.full(len(live), np.inf)
+
+    def of_layer(self, numbers: Ints, tolerance: float) -> Accept:
+        """The question for a layer whose triangles have these numbers in the plan."""
+        plan = self.plan
+
+        def accept(i: Ints, hits: Hits) -> tuple[Bools, Bools]:
+            # what touches may be a little behind; not so other faces of what was just met, however thin it is
+            t = hits.distance
+            part = plan.part[numbers[hits.triangle]]
+            bit = plan.bit[part]
+            is_solid = bit != 0
+            fits = hits.enters != (((self.mask[i] & bit) != 0) & (self.cluster[i] == plan.cluster[part]))
+            is_last = plan.sheet[part] == self.last_part[i]
+            is_new = (t > tolerance) | ~is_last & (t > -1e-3 * tolerance)
+            is_behind = is_solid & ~fits & (t > tolerance)
+            if plan.open_parts:
+                self._note_gaps(i, t, part, is_behind & ~plan.is_closed[part])
+            is_true = np.where(is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new)
+            return is_true, is_behind & plan.is_closed[part]
+
+        return accept
+
+    def _note_gaps(self, i: Ints, distance: Floats, part: Ints, is_gap: Bools) -> None:
+        nearer = np.flatnonzero(is_gap & (distance < self.gap_distance[i]))
+        nearer = nearer[np.argsort(-distance[nearer], kind="stable")]  # nearest last, so that it is the one that stays
+        self.gap[i[nearer]], self.gap_distance[i[nearer]] = part[nearer], distance[nearer]
+
+
+def _first_hits(plan: Plan, rays: _Rays) -> Pauses[tuple[Hits, list[Hits]]]:
     """First hits of the live rays, and those of each layer that are no further. Triangles are the plan's."""
     live = rays.live
     origins, directions = rays.positions[live], rays.directions[live]
-    mask, cluster, last_part = rays.mask[live], rays.cluster[live], rays.last_part[live]
+    sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
     per_layer = plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids
     nearest = np.full(len(live), np.inf)
@@ -246,25 +302,10 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
     order = sorted(enumerate(zip(*per_layer, strict=True)), key=lambda numbered: not numbered[1][0].has_engine)
     for number, (layer, numbers, closed_bits, bits) in order:
         tolerance = max(layer.tolerance, plan.merge_distance)
-
-        def accept(i: Ints, hits: Hits, numbers: Ints = numbers, tolerance: float = tolerance) -> tuple[Bools, Bools]:
-            """Solids: one enters from outside and leaves from inside. Sheets: not the one just left, at once.
-
-            What touches may be a little behind; not so other faces of what was just met, however thin it is.
-            """
-            t = hits.distance
-            part = plan.part[numbers[hits.triangle]]
-            bit = plan.bit[part]
-            is_solid = bit != 0
-            fits = hits.enters != (((mask[i] & bit) != 0) & (cluster[i] == plan.cluster[part]))
-            is_last = plan.sheet[part] == last_part[i]
-            is_new = (t > tolerance) | ~is_last & (t > -1e-3 * tolerance)
-            is_wrong = is_solid & plan.is_closed[part] & ~fits & (t > tolerance)
-            return np.where(is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new), is_wrong
-
-        leaves = None if layer.curved is None or bits is None else (mask & bits[cluster]) != 0
-        is_inside = (mask & closed_bits[cluster]) != 0
-        hits = layer.first_hits(origins, directions, is_inside, accept, leaves, nearest + tolerance)
+        leaves = None if layer.curved is None or bits is None else (sides.mask & bits[sides.cluster]) != 0
+        is_inside = (sides.mask & closed_bits[sides.cluster]) != 0
+        accept = sides.of_layer(numbers, tolerance)
+        hits = yield from layer.find_first_hits(origins, directions, is_inside, accept, leaves, nearest + tolerance)
         found = hits.triangle >= 0
         hits.triangle[found] = numbers[hits.triangle[found]]
         nearest = np.minimum(nearest, hits.distance)
@@ -276,7 +317,23 @@ def _first_hits(plan: Plan, rays: _Rays) -> tuple[Hits, list[Hits]]:
             first = first.or_where(nearer, hits)
     if plan.aside:
         _keep_clear(plan, origins, directions, first.distance)
+    came_in = sides.gap_distance < first.distance
+    rays.leak[live[came_in]] = sides.gap[came_in]
     return first, by_layer
+
+
+def _leave_gaps(plan: Plan, rays: _Rays, i: Ints, hits: Hits | None = None) -> None:
+    """Take rays out of open solids that they have left through a gap: beyond the box, or where they meet nothing."""
+    for number, box in plan.open_parts:
+        is_in = ((rays.mask[i] & plan.bit[number]) != 0) & (rays.cluster[i] == plan.cluster[number])
+        if hits is not None:
+            at, part = rays.positions[i], plan.part[hits.triangle]
+            is_beyond = ((at < box[0]) | (at > box[1])).any(axis=1)
+            is_beyond |= (plan.bit[part] != 0) & (plan.cluster[part] != plan.cluster[number])
+            is_in &= is_beyond & (part != number)
+        gone = i[is_in]
+        rays.mask[gone] &= ~plan.bit[number]
+        rays.leak[gone] = number
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
@@ -306,12 +363,18 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
 def _on_plane(plan: Plan, rays: _Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
     """Where rays meet the plane of a flat display: display px (n, 2), distance (n,) m, and do they meet its front?"""
     plane = plan.display_plane
-    slope = rays.directions[i] @ plane.normal
+    slope = dot(rays.directions[i], plane.normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = ((plane.corner - rays.positions[i]) @ plane.normal) / slope
+        t = dot(plane.corner - rays.positions[i], plane.normal) / slope
         at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
-        xy = at @ plane.pixels.T + plane.origin
+        xy = turn(plane.pixels, at) + plane.origin
     return xy, t, (slope < 0) & (t > 0)
+
+
+def _is_on_image(plan: Plan, xy: Floats) -> Bools:
+    """Are display pixels (n, 2) within the image, or on its edge but for rounding?"""
+    size = np.array([plan.rig.display.width, plan.rig.display.height])
+    return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
 
 
 def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
@@ -320,8 +383,7 @@ def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
     i = i[rays.n_events[i] < plan.settings.max_events]
     xy, t, is_front = _on_plane(plan, rays, i)
     with np.errstate(invalid="ignore"):
-        size = np.array([plan.rig.display.width, plan.rig.display.height])
-        hits = (t > 0) & ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
+        hits = (t > 0) & _is_on_image(plan, xy)
     rays.positions[i[hits]] += t[hits, None] * rays.directions[i[hits]]
     rays.n_events[i[hits]] += 1
     has_met_glass = rays.has_met_glass[i]
@@ -371,8 +433,9 @@ def _is_set(vectors: Floats) -> Bools:
 def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Cross or mirror at an interface; faces of other solids at the same place are crossed together with it."""
     part = plan.part[hits.triangle]
-    before = rays.mask[i]
-    rays.cluster[i] = plan.cluster[part]  # what a ray inside one cluster meets first is of the same
+    # what is inside one cluster meets no other, but where curved faces stand out of their facets' boxes, or out of gaps
+    before = np.where(rays.cluster[i] == plan.cluster[part], rays.mask[i], np.uint64(0))
+    rays.cluster[i] = plan.cluster[part]
     after = before ^ plan.bit[part]
     for other in by_layer:
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
@@ -383,7 +446,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
-        i, n1, n2, after, hits = i[bends], n1[bends], n2[bends], after[bends], hits.at(bends)
+        i, n1, n2, before, after, hits = i[bends], n1[bends], n2[bends], before[bends], after[bends], hits.at(bends)
     if not len(i):
         return
     directions = rays.directions[i]
@@ -397,7 +460,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     rays.directions[i] = normalise(out)
     # what is turned back may meet a sheet at this place again, but not other faces of the glass that are behind it
     rays.last_part[i[is_tir]] = plan.part[hits.triangle[is_tir]]
-    rays.mask[i] = np.where(is_tir, rays.mask[i], after)
+    rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
     rays.add_to_branch(i, plan.patch[hits.triangle], np.where(is_tir, _TIR, _PASS))
@@ -468,6 +531,8 @@ def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[H
     u, v = interpolate(plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v).T
     xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
     rays.xy[i] = np.where((reason == Reason.ARRIVED)[:, None], xy, np.nan)
+    is_beside = (reason == Reason.ARRIVED) & ~_is_on_image(plan, xy)  # the UV map leaves the image
+    rays.reason[i[is_beside]] = Reason.MISSED_DISPLAY
 
 
 _MEETINGS = {

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from . import interpolation
-from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_seen, trace_points
+from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_in_image, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
@@ -40,6 +40,7 @@ class MapError:
         both takes to the display: on pixels whose corners lie on one branch, where the map bends within a pixel, most
         often because of the mesh's facets; and on all others
     facet_error, unresolved_error : rms of those shares, as far as it is known, display px
+    cut_off : of `unresolved`, what is off because the ray there meets more surfaces than are allowed
     n_checked : rays
     """
 
@@ -49,6 +50,7 @@ class MapError:
     facet_error: float
     unresolved: float
     unresolved_error: float
+    cut_off: float
     n_checked: int
 
 
@@ -164,6 +166,11 @@ class ViewMap:
             found[rays[inside]] = at[inside]
         return found
 
+    @property
+    def is_one_cell(self) -> Bools:
+        """Viewer pixels (h, w) that lie in one cell, wholly."""
+        return self._owner != -1
+
     @cached_property
     def _owner(self) -> Ints:
         """Cell of each viewer pixel (h, w): a smooth one's number, -2 - that of a quad, -1 for neither."""
@@ -182,7 +189,7 @@ class ViewMap:
         return self.triangles[order], pixel[order]
 
 
-NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -196,7 +203,7 @@ def sample(plan: Plan) -> Generator[float, None, ViewMap]:
             return replace(end.value, n_rays=n_done)
         n_left = n_left or 4 * n  # how many there will be is not known, only that the first are a part of them
         n_done += n
-        yield n_done / (n_done + n_left)
+        yield n_done / max(n_done + n_left, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,13 +380,16 @@ class _Sampling:
         expected = view_map.display_from_view(at)
         seen = is_seen(expected, found.xy, self.display_size) & ((at >= 0) & (at <= self.view_size)).all(axis=1)
         off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
-        area, is_one = area[seen], is_one[seen]
+        both = is_in_image(expected, self.display_size) & is_in_image(found.xy, self.display_size)
+        off[~both[seen] & (off > self.tolerance)] = np.inf  # seen by one account only, however far away by the other
+        area, is_one, is_cut_off = area[seen], is_one[seen], found.reason[seen] == Reason.CUT_OFF
         whole = max(float(area.sum()), 1e-300)
         by_kind = []
         for kind in (is_one, ~is_one):
             above = kind & (off > self.tolerance)
             by_kind += [float(area[above].sum() / whole), _rms(off[above], area[above])]
-        return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, n_checked=len(at))
+        cut_off = float(area[~is_one & is_cut_off].sum() / whole)
+        return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, cut_off, n_checked=len(at))
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's pixels: those not traced have that of a node nearby."""

@@ -9,6 +9,7 @@ import numpy as np
 from .curved import grid
 from .errors import RigError
 from .meshes import areas_of
+from .optics import dot
 from .plan import Plan
 from .rig import Floats
 from .trace import trace_all
@@ -72,7 +73,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         landings = trace_all(plan, origins, directions)
         share = landings.has_arrived.reshape(len(positions), -1) @ area
-        light = np.where(landings.has_arrived, landings.throughput, 0.0).reshape(len(positions), -1) @ area
+        light = dot(np.where(landings.has_arrived, landings.throughput, 0.0).reshape(len(positions), -1), area)
         return np.minimum(share, 1.0), light / np.where(share > 0, share, 1.0)
 
     angles = np.linspace(-FARTHEST, FARTHEST, STEPS + 1)

@@ -5,11 +5,14 @@ import bpy
 from . import (
     add_rig,
     calibrate,
+    choose_picture,
     command_line,
     export,
+    fit_picture,
     keep_calibration,
     lattice_picture,
     live,
+    make_glass,
     plate_material,
     plate_preset,
     preview,
@@ -17,6 +20,7 @@ from . import (
     simulate,
     solve,
     visible_range,
+    watch,
     work,
 )
 
@@ -25,6 +29,10 @@ CLASSES = (
     plate_material.KIRIKO_OT_add_plate_material,
     plate_material.KIRIKO_OT_add_asset_library,
     plate_preset.KIRIKO_OT_plate_preset,
+    make_glass.KIRIKO_OT_make_glass,
+    choose_picture.KIRIKO_OT_choose_picture,
+    choose_picture.KIRIKO_OT_open_picture,
+    fit_picture.KIRIKO_OT_fit_picture,
     solve.KIRIKO_OT_solve,
     live.KIRIKO_OT_live,
     preview.KIRIKO_OT_preview,
@@ -44,12 +52,15 @@ def register() -> None:
     """Make the operators and the command known to Blender."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    live.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
+    watch.register()
 
 
 def unregister() -> None:
     """Take them back, end what is running, and drop what the session keeps."""
-    live.stop()
+    watch.unregister()
+    live.unregister()
     work.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())

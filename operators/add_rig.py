@@ -1,28 +1,28 @@
 """Add rig: plate, display, picture and viewer around the selected glass, or around a new ball."""
 
-from typing import Any
+from collections.abc import Generator
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
-from ..core import blender_shaders as shaders
-from ..core.blender_image import encoded_image
-from ..core.blender_objects import Workbench, resize_rectangle, world_bounds
-from ..core.blender_result import listed, percent
-from ..core.blender_scene import length_of_unit
-from ..core.errors import RigError
-from ..core.placement import Placement, lattice, place, reach_of_picture
-from ..core.plan import make_plan
+from ..core.blender_new_rig import Bench, glass_among, make_rig, read_bench
+from ..core.blender_scene import DEFAULT_IOR
+from ..core.blender_units import length_of_unit, length_text
+from ..core.blender_viewer import Frame, frame_of_render
+from ..core.errors import RigError, one_line
+from ..core.placement import Proposal, Wishes, propose, rig_of, viewer_of
+from ..core.session import within
+from ..core.spread import MOST, Spread, part_of_picture, spread_of
+from ..core.trace import REASON_WORDS, Reason
+from ..core.words import listed, number, percent, summary
 from . import work
 
-# The rig of Kiriko's reference (docs): what 0 means, for a glass up to LARGE wide; a larger one scales all of them
-DISTANCE, VIEWER_DISTANCE, PLATE_SIZE = 0.15, 1.0, 0.488  # m
-LARGE = 0.1  # m
-SURFACES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}  # what has faces once evaluated
-BALL_RADIUS = 0.025  # m
-PICTURE_SHARE = 0.6  # of the glass's smaller side, as the viewer sees it
-DISPLAY_LIMIT = 10  # times the picture
 ROOM = 1.01  # a display is a little larger than what was traced to its edge
+WIDE = 2  # times the picture: a display that is wider by itself is worth a sentence
+BESIDE = 0.5  # share of the picture: where more goes beside or through gaps in the glass, the display is no matter
+CUT = 0.01  # share of the picture that a limit of the display has to cost to be worth a sentence
+SMALLER = 0.7  # of a display's width: it has to save as much to be proposed
 
 
 def _length(name: str, description: str) -> bpy.props.FloatProperty:
@@ -31,19 +31,7 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
     )
 
 
-def _values(context: bpy.types.Context) -> list[tuple[Any, str, Any]]:
-    """All that is changed of what is there already, to be put back when something fails: owner, name, value."""
-    scene = context.scene
-    names = (
-        (scene, ("camera",)),
-        (scene.kiriko, ("viewer", "picture_source")),
-        (scene.render, ("resolution_x", "resolution_y", "resolution_percentage")),
-        *((thing.kiriko, ("role",)) for thing in context.selected_objects),
-    )
-    return [(owner, name, getattr(owner, name)) for owner, group in names for name in group]
-
-
-class KIRIKO_OT_add_rig(bpy.types.Operator):
+class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
     """Build plate, display, picture and viewer around the selected glass objects, or around a new ball of glass"""
 
     bl_idname = "kiriko.add_rig"
@@ -59,7 +47,7 @@ class KIRIKO_OT_add_rig(bpy.types.Operator):
         min=np.radians(5),
         max=np.radians(85),
     )
-    picture_size: _length("Picture", "Side of the picture; 0: six tenths of the glass")
+    picture_size: _length("Picture", "Side of the picture; 0: half of the glass")
     viewer_distance: _length(
         "Viewer Distance", "From the glass's centre to the viewer; 0: 1 m, or more for large glass"
     )
@@ -72,7 +60,7 @@ class KIRIKO_OT_add_rig(bpy.types.Operator):
     field: _length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
     viewer_resolution: bpy.props.IntProperty(
         name="Viewer Resolution",
-        description="Pixels a side of the scene's render; 0: leave it as it is",
+        description="Pixels a side of the viewer's image; 0: those of the scene's render",
         default=512,
         min=0,
         max=16384,
@@ -91,107 +79,110 @@ class KIRIKO_OT_add_rig(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first.")
-            return False
-        return True
+        return work.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        before = _values(context)
-        bench = None
-        with work.told(self):
-            try:
-                self._refuse_second(context.scene)
-                bench = Workbench(context.scene, "Kiriko Rig")
-                level, text = self._build(context, bench)
-            except BaseException:
-                if bench is not None:
-                    bench.clear()
-                for owner, name, value in before:
-                    setattr(owner, name, value)
-                raise
-            context.scene.kiriko.result.summary = text
-            self.report({level}, text)
-            return {"FINISHED"}
-        return {"CANCELLED"}
-
-    def _refuse_second(self, scene: bpy.types.Scene) -> None:
-        for role in ("DISPLAY", "PICTURE"):
-            found = work.parts(scene).get(role)
-            if found:
-                raise RigError(
-                    f"The scene has a {role.lower()} already ('{found[0].name}'): set its role to None first."
-                )
-
-    def _build(self, context: bpy.types.Context, bench: Workbench) -> tuple[str, str]:
-        """Make everything; returns how good and a sentence about it. All lengths in Blender units."""
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        unit = length_of_unit(scene)
-        glasses = [t for t in context.selected_objects if t.type in SURFACES and t.kiriko.role in {"NONE", "GLASS"}]
-        if not glasses:
-            glasses = [self._ball(scene, bench, BALL_RADIUS / unit)]
-        for glass in glasses:
-            glass.kiriko.role = "GLASS"
-        context.view_layer.update()
-        low, high = world_bounds(glasses, context.evaluated_depsgraph_get())
-        if not np.isfinite([low, high]).all() or not (high > low).any():
-            raise RigError(f"The glass '{glasses[0].name}' has no size: give it faces.")
-        corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, 3)
-        across = corners @ np.array([np.cos(self.azimuth), np.sin(self.azimuth), 0.0])
-        width, height = np.ptp(across), high[2] - low[2]
-        wide = max(width, height)
-        grow = max(1.0, wide * unit / LARGE) / unit
-        picture_size = self.picture_size or PICTURE_SHARE * (min(width, height) or wide)
-        viewer_distance = self.viewer_distance or VIEWER_DISTANCE * grow
-        placement = place((low + high) / 2, self.distance or DISTANCE * grow, self.tilt, viewer_distance, self.azimuth)
+        _refuse_second(scene)
+        bench = read_bench(context, scene, glass_among(context.selected_objects))
+        proposal = propose(bench.bounds, _wishes(self, length_of_unit(scene)))
+        side, pixels = self.viewer_resolution, tuple(self.display_resolution)
+        frame = Frame(side, side) if side else frame_of_render(scene.render)
+        yield 0.05
 
-        plate_size = self.plate_size or PLATE_SIZE * grow
-        plate = bench.rectangle("Kiriko Plate", placement.plate, plate_size, plate_size)
-        plate.kiriko.role, plate.display_type = "PLATE", "WIRE"
-        plate.data.materials.append(bench.material("Kiriko Ideal Plate", shaders.be_plate))
-        picture = bench.rectangle("Kiriko Picture", placement.picture, picture_size, picture_size)
-        picture.kiriko.role, scene.kiriko.picture_source = "PICTURE", "PLANE"
-        image = bench.keep(encoded_image("Kiriko Lattice", lattice()))
-        picture.data.materials.append(bench.material("Kiriko Picture", lambda m: shaders.show_picture(m, image)))
-        for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-            setattr(picture, f"visible_{kind}", False)  # a guide: in the artist's own renders the light itself is there
-        viewer = bench.camera("Kiriko Viewer", placement.viewer, viewer_distance, self.field or wide)
-        scene.kiriko.viewer = viewer
-        scene.camera = scene.camera or viewer
-        if self.viewer_resolution:
-            scene.render.resolution_x = scene.render.resolution_y = self.viewer_resolution
-            scene.render.resolution_percentage = 100
-        return self._display(context, bench, placement, picture_size)
+        viewer = viewer_of(proposal, frame.size, frame.aspect_x / frame.aspect_y)
+        plan = work.session().plan(rig_of(proposal, bench.rig, viewer, pixels), work.settings_of(scene))
+        yield 0.2
+        spread = yield from within(spread_of(plan, proposal.placement.display), 0.2, 1.0)
 
-    def _ball(self, scene: bpy.types.Scene, bench: Workbench, radius: float) -> bpy.types.Object:
-        at = np.eye(4)
-        at[:3, 3] = scene.cursor.location
-        ball = bench.ball("Kiriko Ball", at, radius)
-        ball.data.materials.append(bench.material("Kiriko Glass", lambda m: shaders.be_glass(m, 1.49, True)))
-        return ball
+        aspect, limit = pixels[0] / pixels[1], 0.0 if self.display_size else proposal.display
+        needed = ROOM * spread.width(aspect)
+        if needed and limit:
+            proposal = replace(proposal, display=min(needed, limit))
+        remarks = _on_materials(bench)
+        text = _on_display(scene, proposal, limit, spread, aspect)
+        make_rig(scene, bench, proposal, frame.size if side else None, pixels)
+        _tell(scene.kiriko.result, text, remarks)
+        self.level = "WARNING" if listed(spread.lost) or remarks else "INFO"
+        return one_line(" ".join([text, *remarks, *_on_camera(scene)]))
 
-    def _display(
-        self, context: bpy.types.Context, bench: Workbench, placement: Placement, picture: float
-    ) -> tuple[str, str]:
-        """Make the display as large as the light of the picture needs, within the limit."""
-        columns, rows = self.display_resolution
-        limit = self.display_size or self.max_display_size or DISPLAY_LIMIT * picture
-        display = bench.rectangle("Kiriko Display", placement.display, limit, limit * rows / columns)
-        display.kiriko.role = "DISPLAY"
-        display.kiriko.resolution = self.display_resolution
 
-        unit = length_of_unit(context.scene)
-        frame = placement.display.copy()
-        frame[:3, 3] *= unit
-        plan = make_plan(work.read(context).rig, work.settings_of(context.scene))
-        reach, lost = reach_of_picture(plan, frame)
-        reach /= unit
-        width = limit
-        if not self.display_size and reach.any():
-            width = min(limit, ROOM * 2 * max(reach[0], reach[1] * columns / rows))
-            resize_rectangle(display.data, width, width * rows / columns)
-        side = f"{1000 * width * unit:.4g} mm wide"
-        if not lost:
-            return "INFO", f"The display, {side}, takes all the light of the picture."
-        taken = percent(1 - sum(lost.values()))
-        return "WARNING", f"The display, {side}, takes {taken} of the picture: {listed(lost)}."
+def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
+    """The operator's properties, whose lengths are in Blender units."""
+    return Wishes(
+        distance=asked.distance * metres,
+        tilt=asked.tilt,
+        azimuth=asked.azimuth,
+        picture=asked.picture_size * metres,
+        viewer_distance=asked.viewer_distance * metres,
+        field=asked.field * metres,
+        plate=asked.plate_size * metres,
+        display=asked.display_size * metres,
+        max_display=asked.max_display_size * metres,
+    )
+
+
+def _refuse_second(scene: bpy.types.Scene) -> None:
+    for role in ("DISPLAY", "PICTURE"):
+        found = work.parts(scene).get(role)
+        if found:
+            raise RigError(
+                f"The scene has a {role.lower()} already ('{next(iter(found)).name}'): set its role to None first."
+            )
+
+
+def _on_display(scene: bpy.types.Scene, proposal: Proposal, limit: float, spread: Spread, aspect: float) -> str:
+    """How large the display is, how much of the picture it shows, and why it is as large as it is.
+
+    limit : m, of a display that is as wide as it has to be; 0 where its width was given
+    """
+    display = f"The display, {length_text(scene, proposal.display)} wide,"
+    text = f"{display} takes all the light of the picture."
+    if listed(spread.lost):
+        text = summary(1 - sum(spread.lost.values()), spread.lost, display)
+    if spread.leaked > BESIDE:
+        return f"{text} {percent(spread.leaked)} of the light goes through gaps in the glass: close them."
+    if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
+        return f"{text} The viewer sees most of the picture beside the glass: move it, or turn the glass."
+    is_cut = spread.beside_weight.sum() > CUT
+    if not limit or not (is_cut or proposal.display > WIDE * proposal.picture):
+        return text
+
+    times = proposal.display / proposal.picture
+    why = (
+        f"It is {number(times)} times as wide as the picture, because light of {spread.outermost(aspect)} spreads that"
+        " far"
+    )
+    remedies = ["make Picture smaller"]
+    if is_cut:
+        part = part_of_picture(spread.beside, spread.beside_weight)
+        why = f"Light of {part} lands outside Display Limit, {length_text(scene, limit)}"
+        remedies.append("raise Display Limit")
+    smaller = ROOM * spread.width(aspect, MOST)
+    if 0 < smaller < SMALLER * proposal.display:
+        share = percent(MOST * (1 - sum(spread.lost.values())))
+        remedies.append(f"set Display to {length_text(scene, smaller)}, which would show {share}")
+    return f"{text} {why}: {', '.join(remedies[:-1])}{' or ' if remedies[1:] else ''}{remedies[-1]}."
+
+
+def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> None:
+    """Write what the panel shows."""
+    result.summary, result.seen_summary = text, ""
+    result.notes = "\n".join(map(one_line, remarks))
+
+
+def _on_materials(bench: Bench) -> list[str]:
+    """A sentence on each glass whose material does not refract."""
+    return [
+        f"The material of '{thing.name}' does not refract, so that an index of {DEFAULT_IOR} is used:"
+        f" {'press Make It Glass' if thing.data else 'give its objects glass'}, or set Override IOR."
+        for thing in bench.opaque
+    ]
+
+
+def _on_camera(scene: bpy.types.Scene) -> list[str]:
+    """A sentence where the camera that Blender shows and renders is another than the viewer."""
+    camera, viewer = scene.camera, scene.kiriko.viewer
+    if camera == viewer:
+        return []
+    return [f"Numpad 0 goes on showing '{camera.name}': to look through '{viewer.name}', make it the scene's camera."]

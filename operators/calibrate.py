@@ -28,7 +28,7 @@ from ..core.picture import view_of_picture
 from ..core.rig import Floats, Rig
 from ..core.session import within
 from . import work
-from .export import absolute, use_bundled_modules
+from .export import RELATIVE_PATH, absolute, use_bundled_modules
 
 TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
 TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others are images
@@ -45,7 +45,7 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
         name="File",
         description="Photograph or CSV; empty: the one in the panel",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE_PATH},
     )
 
     @classmethod
@@ -113,7 +113,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         else keep_offset(scene, [*offset, amounts])
     )
     with kept:
-        text = f"{text} {write_solution(scene, work.read(context), solution)}"
+        text = f"{text} {write_solution(scene, work.read_to_solve(context), solution)}"
     ours.found = details
     return text
 
@@ -157,7 +157,7 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
     if abs(size[0] * viewer_size[1] - size[1] * viewer_size[0]) > max(size.max(), viewer_size.max()):
         raise ImageError(
             f"'{path.name}' has {size[0]:.0f} x {size[1]:.0f} pixels, the viewer {viewer_size[0]:.0f} x"
-            f" {viewer_size[1]:.0f}: give the scene's render the photograph's shape."
+            f" {viewer_size[1]:.0f}: give the viewer's resolution the photograph's shape."
         )
     return scale
 

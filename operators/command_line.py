@@ -217,7 +217,7 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, (path.name for path in files.values()), "add --overwrite")
     context = bpy.context
     scene = context.scene
-    reading = work.read(context)
+    reading = work.read_to_solve(context)
     yield f"solving '{Path(bpy.data.filepath).name}'"
     solution = yield from _progress(work.session().solve(reading.rig, work.settings_of(scene)))
     text = write_solution(scene, reading, solution)

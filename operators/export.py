@@ -6,9 +6,14 @@ from pathlib import Path
 import bpy
 
 from ..core import image_io
-from ..core.blender_image import pixels_from_image
+from ..core.blender_image import pixels_from_image, save_png
 from ..core.errors import ImageError
-from . import work
+from . import watch, work
+
+# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
+RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
+OLD, ALL_THE_SAME = "Export the old image?", "Export All the Same"
 
 
 def use_bundled_modules() -> None:
@@ -39,7 +44,16 @@ def target(path: str, form: str) -> Path:
     full = absolute(path)
     if (image_io.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
         full = full / "source"
-    return image_io.named_for(full, form)
+    return image_io.named_for(full, form, bpy.path.extensions_image)
+
+
+def unwritable(form: str) -> list[str]:
+    """The reason why a format cannot be exported, where there is one."""
+    why = image_io.why_not(form, WITHOUT_OPENIMAGEIO)
+    if why:
+        use_bundled_modules()
+        why = image_io.why_not(form, WITHOUT_OPENIMAGEIO)
+    return [why] if why else []
 
 
 class KIRIKO_OT_export(bpy.types.Operator):
@@ -53,46 +67,102 @@ class KIRIKO_OT_export(bpy.types.Operator):
         name="File",
         description="Where to write; empty: the path in the panel",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
-        name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE"}
+        name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE", "HIDDEN"}
     )
+    allow_stale: bpy.props.BoolProperty(
+        name="Allow Stale",
+        description="Export the image although the scene has changed since it was solved",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+    # what the file dialogue asks an operator for: show names that are taken in red, and only images
+    check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{suffix}" for suffix in sorted(image_io.SUFFIXES)), options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+    is_in_dialogue = is_to_ask = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.unsolved(context.scene))
+        return work.can_run(cls, work.unsolved(context.scene) + unwritable(context.scene.kiriko.export_format))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
-        if not bpy.data.filepath and (self.filepath or ours.export_path or "//").startswith("//"):
-            self.filepath = str(image_io.named_for("source", ours.export_format))
-            context.window_manager.fileselect_add(self)  # the path is relative to a file that was never saved: ask
-            return {"RUNNING_MODAL"}
+        ask = context.window_manager.invoke_confirm
         with work.told(self):
-            path = target(self.filepath or ours.export_path, image_io.format_for(self.filepath, ours.export_format))
-            if image_io.is_there(path) and not (self.overwrite or ours.export_overwrite):
-                self.overwrite = True  # only an answer of yes leads to execute
-                return context.window_manager.invoke_confirm(
-                    self, event, title="Replace the file?", message=str(path), confirm_text="Replace"
-                )
+            is_stale = not self.allow_stale and watch.has_changed(context)
+            # the path is relative to a file that was never saved
+            is_nowhere = not bpy.data.filepath and (self.filepath or ours.export_path or "//").startswith("//")
+            if is_nowhere and is_stale:
+                self.is_to_ask = self.allow_stale = True
+                return ask(self, event, title=OLD, message=watch.CHANGED, confirm_text=ALL_THE_SAME)
+            if is_nowhere:
+                name = Path(self.filepath or ours.export_path).name or "source"
+                self.filepath = str(image_io.named_for(name, self._form(context), bpy.path.extensions_image))
+                self.is_in_dialogue = True
+                context.window_manager.fileselect_add(self)
+                return {"RUNNING_MODAL"}
+            path = target(self.filepath or ours.export_path, self._form(context))
+            is_taken = image_io.is_there(path) and not (self.overwrite or ours.export_overwrite)
+            # only an answer of yes leads to execute
+            self.overwrite |= is_taken
+            self.allow_stale |= is_stale
+            if is_stale:
+                taken = f" The file '{path}' is replaced." if is_taken else ""
+                return ask(self, event, title=OLD, message=f"{watch.CHANGED}{taken}", confirm_text=ALL_THE_SAME)
+            if is_taken:
+                return ask(self, event, title="Replace the file?", message=str(path), confirm_text="Replace")
             return self.execute(context)
         return {"CANCELLED"}
 
+    def check(self, context: bpy.types.Context) -> bool:
+        """Called by the file dialogue: complete the name as it will be written, so that one that is taken is red."""
+        if not Path(self.filepath).name:
+            return False
+        named = str(image_io.named_for(self.filepath, self._form(context), bpy.path.extensions_image))
+        is_other = named != self.filepath
+        self.filepath = named
+        return is_other
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko
+        if self.is_to_ask:
+            return self._ask_where()
         with work.told(self):
+            if not self.allow_stale and watch.has_changed(context):
+                raise ImageError(f"{watch.CHANGED.rstrip('.')}, or export the old image with allow_stale=True.")
             details = json.loads(ours.result.details or "{}")
             size = details.get("display_size_m")
             use_bundled_modules()
-            form = image_io.format_for(self.filepath, ours.export_format)
+            form = self._form(context)
+            path = target(self.filepath or ours.export_path, form)
+            # the dialogue showed this very name in red; another one, with a suffix, it did not
+            is_shown = self.is_in_dialogue and str(path) == self.filepath
             written = image_io.write(
-                target(self.filepath or ours.export_path, form),
+                path,
                 pixels_from_image(ours.result.source)[..., :3],
                 form,
                 size=tuple(size) if size else None,
-                overwrite=self.overwrite or ours.export_overwrite,
+                overwrite=self.overwrite or ours.export_overwrite or is_shown,
+                save_png=save_png,
             )
+            if self.is_in_dialogue:
+                ours.export_path, ours.export_format = str(written), form
             self.report({"INFO"}, f"Wrote '{written}'.")
             return {"FINISHED"}
         return {"CANCELLED"}
+
+    def _form(self, context: bpy.types.Context) -> str:
+        return image_io.format_for(self.filepath, context.scene.kiriko.export_format)
+
+    def _ask_where(self) -> set[str]:
+        """The old image is wanted: begin again, with that answer. What a dialogue runs cannot open another itself."""
+        try:
+            bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True)
+            return {"FINISHED"}
+        except RuntimeError as error:  # what it told
+            self.report({"ERROR"}, " ".join(str(error).split()).removeprefix("Error: "))
+            return {"CANCELLED"}

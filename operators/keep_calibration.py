@@ -5,7 +5,7 @@ import json
 import bpy
 
 from ..core.blender_calibration import put_into_scene
-from . import work
+from . import watch, work
 
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
@@ -29,7 +29,11 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
         with work.told(self):
             reading = work.read(context)
             reading.rig.check()
+            is_current = not watch.has_changed(context)
             with put_into_scene(context.scene, reading, lambda: work.read(context)):
+                result = context.scene.kiriko.result
+                if result.solved_for and is_current:  # it is the same rig as before, written another way
+                    result.solved_for = work.scene_now(context).as_text()
                 self.report({"INFO"}, f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.")
             return {"FINISHED"}
         return {"CANCELLED"}

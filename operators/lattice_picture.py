@@ -3,11 +3,23 @@
 import bpy
 
 from ..core.blender_image import encoded_image
+from ..core.blender_plane import plane_size
+from ..core.errors import RigError
 from ..core.lattice import Lattice
 from . import work
 
 NAME = "Kiriko Calibration"
 SIDE = 2048  # px
+
+
+def _pixels(context: bpy.types.Context, picture: bpy.types.Object) -> tuple[int, int]:
+    """Pixels of a lattice that has the shape of its plane, so that its dots are round."""
+    try:
+        width, height = plane_size(context, picture)
+    except RigError:
+        return SIDE, SIDE
+    longer = max(width, height)
+    return max(1, round(SIDE * width / longer)), max(1, round(SIDE * height / longer))
 
 
 class KIRIKO_OT_lattice_picture(bpy.types.Operator):
@@ -26,12 +38,13 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, ours = context.scene, context.scene.kiriko.calibration
         with work.told(self):
-            lattice = Lattice(ours.columns, ours.rows, ours.margin)
-            image = encoded_image(NAME, lattice.image(SIDE, SIDE, ours.style.lower()))
+            lattice, style = Lattice(ours.columns, ours.rows, ours.margin), ours.style.lower()
             if scene.kiriko.picture_source == "IMAGE":
+                image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
                 scene.kiriko.picture_image, where = image, "the scene's picture"
             else:
-                picture = work.parts(scene)["PICTURE"][0]
+                picture = next(iter(work.parts(scene)["PICTURE"]))
+                image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
                 picture.kiriko.image, where = image, f"'{picture.name}'"
             text = f"The lattice is in {where}: solve, show it on the display, and photograph what is seen."
             self.report({"INFO"}, text)

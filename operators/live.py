@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..core.blender_result import OURS, pack_source, update_solution, update_source
 from ..core.blender_scene import Kept, Reading
+from ..core.blender_viewer import frame_of
 from ..core.errors import KirikoError
 from ..core.plan import Settings, fingerprint
 from ..core.rig import Rig
@@ -82,8 +83,9 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
 def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     """All that Kiriko's own settings say, cheaply: Blender does not tell when a script changes them."""
     ours = scene.kiriko
+    camera = ours.viewer or scene.camera
     objects = [
-        (thing.session_uid, o.role, o.use_ior, o.ior, o.priority, o.surface, *o.resolution, uid(o.image))
+        (thing.session_uid, o.role, o.use_ior, o.ior, o.priority, o.surface, *o.resolution, uid(o.image), mirrors_of(o))
         for things in work.parts(scene).values()
         for thing in things
         for o in (thing.kiriko,)
@@ -91,9 +93,19 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     return (
         work.settings_of(scene),
         *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
+        None if camera is None else frame_of(camera, scene.render),
         ours.picture_source,
+        ours.calibration.offset,
         tuple(sorted(objects)),
     )
+
+
+def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
+    """What an object's settings say of a plate's mirrors, where it is one that has them."""
+    if ours.role != "PLATE" or ours.plate.model == "IDEAL":
+        return ()
+    p = ours.plate
+    return p.model, p.pitch, p.height, p.ior, p.reflectance, p.crossing_error, p.fresnel, *p.phase
 
 
 def uid(block: bpy.types.ID | None) -> int:
@@ -207,9 +219,10 @@ class Live:
         optics = fingerprint(replace(reading.rig, pictures=()), replace(settings, margin=0))
         # the pixels are the same array as long as they are the same numbers (see Kept), and kept alive by the reading
         key = (optics, settings.margin, fingerprint(reading.rig.picture.mesh), id(reading.rig.picture.image))
-        self._reading = reading
         if key == self._key:
+            self._reading = replace(reading, solved_for=self._reading.solved_for)
             return
+        self._reading = replace(reading, solved_for=work.scene_now(context, self.kept).as_text())
         self._drop()
         self._key = key
         self._work = self._update(context.scene.session_uid, settings, optics)
@@ -335,8 +348,7 @@ def start(scene: bpy.types.Scene) -> Live:
     """Follow a scene from now on."""
     stop()
     _lives.append(Live(scene))
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
+    work.listen(HANDLERS)
     bpy.app.timers.register(tick, first_interval=PAUSE)
     return _lives[0]
 
@@ -349,10 +361,7 @@ def stop(last_words: str = "") -> None:
     live = _lives.pop()
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)
-    for name, handler in HANDLERS:
-        handlers = getattr(bpy.app.handlers, name)
-        if handler in handlers:
-            handlers.remove(handler)
+    work.stop_listening(HANDLERS)
     live.close()
     pack_if_needed(live)
     redraw()
@@ -382,18 +391,10 @@ def tick() -> float | None:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    """Blender evaluated a change or another frame; whether it counts shows when the scene is read."""
     for live in _lives:
         live.kept.notice(depsgraph.updates, live.ours)
         live.touch()
-
-
-@persistent
-def on_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Another frame: what is animated may stand elsewhere, and an image sequence go on."""
-    on_update(scene, depsgraph)
-    for live in _lives:
-        live.kept.notice_frame()
 
 
 @persistent
@@ -412,20 +413,33 @@ def on_save(*_: object) -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file takes the place of all that was followed, so nothing need be packed."""
+    """Another file takes the place of all that was followed, so nothing need be packed.
+
+    What was said of the file before is of no use in the next.
+    """
     for live in _lives:
         live.is_unpacked = False
-    stop("Live stopped: another file was loaded.")
+    stop("Live stopped: another file was loaded." if _lives else "")
+
+
+def register() -> None:
+    """From now on forget with each file what was said of the one before."""
+    bpy.app.handlers.load_pre.append(on_load)
+
+
+def unregister() -> None:
+    """Stop, and hear of no file any more."""
+    stop()
+    bpy.app.handlers.load_pre.remove(on_load)
 
 
 # @persistent, so that it is `stop` that removes them, and not the file that is loaded
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_frame),
+    ("frame_change_post", on_update),  # what is animated may stand elsewhere
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("save_pre", on_save),
-    ("load_pre", on_load),
 )
 
 

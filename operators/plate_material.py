@@ -119,6 +119,12 @@ def library_path() -> str:
     return ""
 
 
+def libraries_page() -> str:
+    """The page of the preferences that has the asset libraries; up to 4.5 they are among the file paths."""
+    pages = bpy.types.Preferences.bl_rna.properties["active_section"].enum_items
+    return pages.get("ASSETS", pages["FILE_PATHS"]).name
+
+
 class KIRIKO_OT_add_asset_library(bpy.types.Operator):
     """Add Kiriko's materials to the asset libraries of your preferences, to drag them from the asset browser"""
 
@@ -135,5 +141,5 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
             return {"CANCELLED"}
         library = context.preferences.filepaths.asset_libraries.new(name="Kiriko", directory=str(FOLDER))
         context.preferences.is_dirty = True
-        self.report({"INFO"}, f"The asset library '{library.name}' is in Preferences > File Paths: {FOLDER}.")
+        self.report({"INFO"}, f"The asset library '{library.name}' is in Preferences > {libraries_page()}: {FOLDER}.")
         return {"FINISHED"}

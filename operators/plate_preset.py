@@ -1,13 +1,16 @@
-"""Plate preset: set the active plate's mirrors to those of a plate that can be bought."""
+"""Plate preset: make the active plate one that can be bought, its mirrors and its size."""
 
 import bpy
 
-from ..core.rig import PRESETS
+from ..core.blender_resize import give_side
+from ..core.blender_units import length_of_unit, length_text
+from ..core.errors import RigError
+from ..core.rig import PRESET_SIDES, PRESETS
 from . import work
 
 
 class KIRIKO_OT_plate_preset(bpy.types.Operator):
-    """Set the mirrors of the active plate to those of a plate that can be bought"""
+    """Make the active plate one that can be bought: its mirrors, and its size about the plate's middle"""
 
     bl_idname = "kiriko.plate_preset"
     bl_label = "Plate Preset"
@@ -15,23 +18,49 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
 
     preset: bpy.props.EnumProperty(
         name="Preset",
-        description="The plate whose mirrors the active one gets",
+        description="The plate whose mirrors and size the active one gets",
         items=[
-            (name, name, f"Two crossed layers, {1e3 * array.pitch:g} mm from mirror to mirror")
+            (
+                name,
+                name,
+                f"Two crossed layers, {1e3 * array.pitch:g} mm from mirror to mirror,"
+                f" {1e3 * PRESET_SIDES[name]:g} mm a side",
+            )
             for name, array in PRESETS.items()
         ],
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_plate = context.active_object is not None and context.active_object.kiriko.role == "PLATE"
-        return work.can_run(cls, [] if is_plate else ["Select a plate: an object whose role is Plate"])
+        thing, reasons = context.active_object, []
+        if thing is None or thing.kiriko.role != "PLATE":
+            reasons.append("Select a plate: an object whose role is Plate")
+        elif not thing.is_editable:
+            reasons.append("The plate is linked from another file: choose its preset there")
+        return work.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        array, ours = PRESETS[self.preset], context.active_object.kiriko.plate
-        ours.model = array.layout.upper()
-        ours.pitch = 1e3 * array.pitch
-        ours.height = array.height / array.pitch
-        ours.ior, ours.reflectance = array.ior, array.reflectance
-        ours.crossing_error, ours.fresnel, ours.phase = array.crossing_error, array.has_fresnel, array.phase
-        return {"FINISHED"}
+        plate, side = context.active_object, PRESET_SIDES[self.preset]
+        length = length_text(context.scene, side)
+        with work.told(self):
+            try:
+                give_side(context, plate, side / length_of_unit(context.scene))
+            except RigError as why:
+                level = "WARNING"
+                text = f"'{plate.name}' has the mirrors of {self.preset} now, but not its size of {length}: {why}."
+            else:
+                level = "INFO"
+                text = f"'{plate.name}' has the mirrors of {self.preset} now, and its size: {length} a side."
+            _set_mirrors(plate, self.preset)
+            self.report({level}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def _set_mirrors(plate: bpy.types.Object, preset: str) -> None:
+    array, ours = PRESETS[preset], plate.kiriko.plate
+    ours.model = array.layout.upper()
+    ours.pitch = 1e3 * array.pitch
+    ours.height = array.height / array.pitch
+    ours.ior, ours.reflectance = array.ior, array.reflectance
+    ours.crossing_error, ours.fresnel, ours.phase = array.crossing_error, array.has_fresnel, array.phase

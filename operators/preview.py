@@ -5,11 +5,12 @@ from pathlib import Path
 import bpy
 
 from ..core import image_io
+from ..core.blender_image import save_png
 from ..core.blender_preview import Preview
 from ..core.blender_result import replace_image
 from ..core.errors import ImageError, RigError
-from . import work
-from .export import target, use_bundled_modules
+from . import watch, work
+from .export import RELATIVE_PATH, target, use_bundled_modules
 
 NAME = "Kiriko Preview"
 
@@ -30,7 +31,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     )
     percentage: bpy.props.IntProperty(
         name="Resolution",
-        description="Size of the preview, of the viewer's",
+        description="Size of the preview, of the viewer's image",
         subtype="PERCENTAGE",
         default=100,
         min=1,
@@ -56,7 +57,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         name="File",
         description="Write the preview there too (.png or .exr)",
         subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE"}
@@ -117,12 +118,13 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         left, right, bottom, top = self.border
         if left >= right or bottom >= top:
             raise RigError("The preview's border is empty: left has to be less than right, and bottom less than top.")
+        self._remarks = [watch.CHANGED] if watch.has_changed(context) else []
         whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
         return Preview(
             scene,
             work.read(context),
             scene.kiriko.result.source,
-            percentage=max(1, scene.render.resolution_percentage * self.percentage // 100),
+            percentage=self.percentage,
             border=None if whole else tuple(self.border),
             samples=self.samples,
             fresnel=self.reflections,
@@ -146,7 +148,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if self.filepath:
             use_bundled_modules()
             form = image_io.format_for(self.filepath, "PNG8")
-            image_io.write(self._file(), pixels[..., :3], form, title=NAME, overwrite=self.overwrite)
+            image_io.write(self._file(), pixels[..., :3], form, title=NAME, overwrite=self.overwrite, save_png=save_png)
         result = context.scene.kiriko.result
         result.preview = image = replace_image(result.preview, NAME, pixels)
         for window in context.window_manager.windows:
@@ -154,7 +156,8 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 space = area.spaces.active
                 if area.type == "IMAGE_EDITOR" and space.image and space.image.type == "RENDER_RESULT":
                     space.image = image
-        if preview.notes:
-            self.report({"WARNING"}, " ".join(preview.notes))
+        remarks = self._remarks + preview.notes
+        if remarks:
+            self.report({"WARNING"}, " ".join(remarks))
         else:
             self.report({"INFO"}, f"The image '{image.name}' shows what the viewer sees.")

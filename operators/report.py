@@ -19,7 +19,7 @@ from ..core.session import finish
 from ..core.simulation import plate_view
 from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
-from .export import absolute, use_bundled_modules
+from .export import RELATIVE_PATH, absolute, use_bundled_modules
 
 __all__ = ["measured", "names", "table", "write"]
 
@@ -101,7 +101,7 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
         name="Folder",
         description="Where to write; empty: the folder in the panel",
         subtype="DIR_PATH",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite", description="Replace a report that is there already", options={"SKIP_SAVE"}

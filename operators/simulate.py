@@ -6,11 +6,12 @@ import bpy
 import numpy as np
 
 from ..core.blender_image import pixels_from_image
-from ..core.blender_result import percent, replace_image
+from ..core.blender_result import replace_image
 from ..core.errors import RigError
 from ..core.plate import STRAY_PATHS, PlatePath
 from ..core.simulation import Simulation, simulate
-from . import work
+from ..core.words import number, percent
+from . import watch, work
 
 NAME = "Kiriko Seen"
 
@@ -37,6 +38,7 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         rig, source = work.read(context).rig, scene.kiriko.result.source
+        is_changed = watch.has_changed(context)
         rig.check()
         if tuple(source.size) != (rig.display.width, rig.display.height):
             raise RigError(
@@ -47,8 +49,13 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
         found = yield from simulate(plan, shown, self.samples)
-        scene.kiriko.result.seen = image = replace_image(scene.kiriko.result.seen, NAME, found.image)
-        return f"The image '{image.name}' shows what the viewer sees{told(found)}."
+        result = scene.kiriko.result
+        result.seen = image = replace_image(result.seen, NAME, found.image)
+        result.seen_summary = f"The image '{image.name}' shows what the viewer sees{told(found)}."
+        if not is_changed:
+            return result.seen_summary
+        self.level = "WARNING"
+        return f"{result.seen_summary} {watch.CHANGED}"
 
 
 def told(found: Simulation) -> str:
@@ -63,4 +70,4 @@ def told(found: Simulation) -> str:
         error = np.linalg.norm([found.luminance_error[path] for path in paths])
         if light > 0:
             words.append(f"{percent(light / whole)} (+- {percent(float(error) / whole)}) of it {word}")
-    return "".join(f", {text}" for text in (*words, f"noise {found.error:.2g} of white"))
+    return "".join(f", {text}" for text in (*words, f"noise {number(found.error)} of white"))

@@ -21,7 +21,7 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        reading = work.read(context)
+        reading = work.read_to_solve(context)
         yield 0.0
         solution = yield from work.session().solve(reading.rig, work.settings_of(scene))
         return write_solution(scene, reading, solution)

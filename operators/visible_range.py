@@ -6,10 +6,10 @@ import bpy
 import numpy as np
 
 from ..core.blender_objects import grid_object
-from ..core.blender_result import percent
 from ..core.blender_scene import length_of_unit
 from ..core.errors import RigError
 from ..core.visible_range import FARTHEST, visible_range
+from ..core.words import percent
 from . import work
 
 NAME = "Kiriko Visible Range"

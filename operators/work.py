@@ -1,17 +1,23 @@
 """What the operators share: reading the scene, the session, and work that takes its time."""
 
 import traceback
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 
-from ..core import blender_scene
+from ..core import blender_scene, blender_solved_for
+from ..core.blender_visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
 from ..core.plan import Settings
 from ..core.session import Session, finish
+from ..core.solved_for import SolvedFor
+from .looking import only_looks
+
+Result = TypeVar("Result")
 
 TICK = 0.02  # s between two turns of work in the interface
 TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
@@ -26,6 +32,10 @@ NEEDED = {
     "PICTURE": "No picture: set a textured plane's role to Picture, or choose an image",
     "VIEWER": "No viewer: choose a camera",
 }
+NO_IMAGE = "No picture: choose an image, or set Picture to Plane"
+
+
+MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
 def session() -> Session:
@@ -43,6 +53,20 @@ def forget() -> None:
     _sessions.clear()
 
 
+def listen(handlers: Iterable[tuple[str, Callable]]) -> None:
+    """Have Blender call functions, by the names of their lists in bpy.app.handlers."""
+    for name, handler in handlers:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def stop_listening(handlers: Iterable[tuple[str, Callable]]) -> None:
+    """Take them back, those that are still there."""
+    for name, handler in handlers:
+        listening = getattr(bpy.app.handlers, name)
+        if handler in listening:
+            listening.remove(handler)
+
+
 def is_busy() -> bool:
     """Is one of the operators at work, or a render, so that nothing else may touch session and results?"""
     return bool(_running) or bpy.app.is_job_running("RENDER")
@@ -52,6 +76,20 @@ def read(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> 
     """The scene, evaluated as it is now, as blender_scene.Reading."""
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
+
+
+def read_to_solve(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> Any:
+    """The same, and with it what the result will be solved for."""
+    kept = kept or blender_scene.Kept()
+    reading = read(context, kept)
+    return replace(reading, solved_for=scene_now(context, kept).as_text())
+
+
+def scene_now(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> SolvedFor:
+    """What a solve of the scene as it is now would be for."""
+    context.view_layer.update()
+    scene = context.scene
+    return blender_solved_for.scene_now(context.evaluated_depsgraph_get(), scene, settings_of(scene), kept)
 
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
@@ -66,37 +104,60 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
     )
 
 
-def parts(scene: bpy.types.Scene) -> dict[str, list[bpy.types.Object]]:
-    """Objects of the scene by role, those in instanced collections too."""
-    found: dict[str, list[bpy.types.Object]] = {}
-    seen = set()
-    todo = list(scene.objects)
+def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
+    """Objects of the scene by role, those in instanced collections too, each with what it is hidden by, '' if shown."""
+    found: dict[str, dict[bpy.types.Object, str]] = {}
+    shown = Shown(scene, layer_of(scene))
+    seen: set[tuple[bpy.types.Object, bool]] = set()
+    todo = [(thing, True, "") for thing in scene.objects]
     while todo:
-        thing = todo.pop()
-        if thing in seen:
+        thing, is_itself, by = todo.pop()
+        if thing.kiriko.role == "NONE" and thing.instance_collection is None:
             continue
-        seen.add(thing)
+        by = by or (shown.hidden_by(thing) if is_itself else instance_hidden_by(thing))
+        if (thing, not by) in seen:
+            continue
+        seen.add((thing, not by))
         if thing.kiriko.role != "NONE":
-            found.setdefault(thing.kiriko.role, []).append(thing)
+            things = found.setdefault(thing.kiriko.role, {})
+            things[thing] = by and things.get(thing, by)  # shown once is shown
         if thing.instance_collection is not None:
-            todo.extend(thing.instance_collection.all_objects)
+            todo.extend((other, False, by) for other in thing.instance_collection.all_objects)
     return found
 
 
+def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The view layer in which a scene is worked on."""
+    return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
+
+
 def missing(scene: bpy.types.Scene) -> list[str]:
-    """One phrase for each part that the rig still lacks."""
-    found = set(parts(scene))
-    if scene.kiriko.viewer or scene.camera:
-        found.add("VIEWER")
-    if scene.kiriko.picture_source == "IMAGE" and scene.kiriko.picture_image:
-        found.add("PICTURE")
-    return [phrase for part, phrase in NEEDED.items() if part not in found]
+    """One phrase for each part that the rig still lacks, or that is hidden."""
+    return list(_missing(scene).values())
+
+
+def _missing(scene: bpy.types.Scene) -> dict[str, str]:
+    """What the rig lacks, by role, and a phrase on each."""
+    found, ours = parts(scene), scene.kiriko
+    there = {role for role, things in found.items() if not all(things.values())}
+    if ours.viewer or scene.camera:
+        there.add("VIEWER")
+    lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
+    lacks |= {r: blender_scene.hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
+    if ours.picture_source == "IMAGE":
+        lacks.pop("PICTURE", None)
+        if ours.picture_image is None:
+            lacks["IMAGE"] = NO_IMAGE
+    return lacks
 
 
 def lacking(scene: bpy.types.Scene) -> list[str]:
-    """Of what is missing, what no object in the whole file can be: modifiers may instance what is not in the scene."""
-    roles = {thing.kiriko.role for thing in bpy.data.objects}
-    return [phrase for phrase in missing(scene) if not any(NEEDED[r] == phrase for r in roles if r in NEEDED)]
+    """Of what is missing, what cannot be there all the same: modifiers may instance objects from anywhere in a file."""
+    lacks = _missing(scene)
+    if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
+        elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
+        lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
+    return list(lacks.values())
 
 
 def unsolved(scene: bpy.types.Scene) -> list[str]:
@@ -150,18 +211,39 @@ def told(operator: bpy.types.Operator) -> Iterator[None]:
         operator.report({"ERROR"}, sentence(error, operator.bl_label))
 
 
+def _at_pointer(context: bpy.types.Context, steps: Generator[float, None, Result]) -> Generator[float, None, Result]:
+    """Hand on the progress of work, and show it at the mouse pointer where there is one: nothing else is drawn."""
+    if bpy.app.background or context.window is None:
+        return (yield from steps)
+    manager = context.window_manager
+    manager.progress_begin(0, 100)
+    try:
+        while True:
+            progress = next(steps)
+            manager.progress_update(round(100 * progress))
+            yield progress
+    except StopIteration as done:
+        return done.value
+    finally:
+        manager.progress_end()
+
+
 class LongWork:
     """Mix-in for an operator whose work is a generator: stepped with Esc in the interface, drained elsewhere.
 
     `steps` yields progress 0..1 and returns the sentence to report; it changes nothing before its last step.
+    level : of the report at the end, which `steps` may raise
     """
+
+    level = "INFO"
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with told(self):
-            self.report({"INFO"}, finish(self.steps(context)))
+            text = finish(_at_pointer(context, self.steps(context)))
+            self.report({self.level}, text)
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -184,7 +266,7 @@ class LongWork:
             return {"CANCELLED"}
         if event.type != "TIMER":
             # no other key or button may change what is being worked on
-            return {"PASS_THROUGH"} if event.type in {"MOUSEMOVE", "WINDOW_DEACTIVATE"} else {"RUNNING_MODAL"}
+            return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
         end = perf_counter() + TURN
         outcome = {"CANCELLED"}
         with told(self):
@@ -195,7 +277,7 @@ class LongWork:
                 self._show(context, progress)
                 return {"PASS_THROUGH"}
             except StopIteration as done:
-                self.report({"INFO"}, done.value)
+                self.report({self.level}, done.value)
                 outcome = {"FINISHED"}
         self._end(context)
         return outcome

@@ -7,6 +7,7 @@ from . import add_menu, calibration, export, preferences, result, rig, settings,
 __all__ = ["settings"]
 
 CLASSES = (
+    rig.VIEW3D_MT_kiriko_images,
     rig.VIEW3D_PT_kiriko_rig,
     solve.VIEW3D_PT_kiriko_solve,
     solve.VIEW3D_PT_kiriko_preview,

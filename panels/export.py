@@ -2,7 +2,9 @@
 
 import bpy
 
-from .words import Sidebar
+from ..operators import watch
+from ..operators.export import unwritable
+from .words import Sidebar, sentence
 
 
 class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
@@ -17,7 +19,11 @@ class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
         ours = context.scene.kiriko
         layout.prop(ours, "export_path")
         layout.prop(ours, "export_format")
+        for reason in unwritable(ours.export_format):
+            sentence(layout, context, f"{reason}.", icon="ERROR")
         layout.prop(ours, "export_overwrite")
+        if ours.result.source is not None and watch.is_told_changed(context.scene):
+            sentence(layout, context, watch.CHANGED, icon="ERROR")
         layout.operator("kiriko.export", icon="EXPORT")
 
 

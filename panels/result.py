@@ -4,7 +4,9 @@ import json
 
 import bpy
 
-from .words import Sidebar, pixels, sentence
+from ..core.words import number, percent, pixels
+from ..operators import watch
+from .words import Sidebar, sentence
 
 
 class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
@@ -18,16 +20,24 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         if not result.summary:
             layout.label(text="Not solved yet.")
             return
+        if watch.is_told_changed(context.scene):
+            sentence(layout, context, watch.CHANGED, icon="ERROR")
         sentence(layout, context, result.summary)
         if result.is_coarse:
             sentence(layout, context, "The image is a coarse one of Live: let it finish, or solve.", icon="ERROR")
+        details = json.loads(result.details or "{}")
         if result.source is not None:
-            layout.progress(factor=result.coverage, text=f"{result.coverage:.1%} of the picture")
+            # not the property, which is rounded: the sentence above tells the same number
+            coverage = details.get("picture_coverage", result.coverage)
+            layout.progress(factor=result.coverage, text=f"{percent(coverage)} of the picture")
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
-        if result.details:
-            self.draw_cost(layout, context, json.loads(result.details))
+        if result.seen is not None and result.seen_summary:
+            sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
+        if details:
+            self.draw_cost(layout, context, details)
+        warnings = details.get("warnings", ())  # a result of an earlier version has none
         for note in result.notes.splitlines():
-            sentence(layout, context, note, icon="INFO")
+            sentence(layout, context, note, icon="ERROR" if note in warnings else "INFO")
 
     def draw_cost(self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
         """The error beside the time it took, and what another tolerance would take."""
@@ -42,24 +52,24 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         plate = details.get("plate")
         if plate:
             sentence(layout, context, plate_words(plate), icon="MESH_GRID")
-        sentence(layout, context, f"Solved in {details['total_seconds']:.2g} s", icon="TIME")
+        sentence(layout, context, f"Solved in {number(details['total_seconds'])} s", icon="TIME")
         cost = details["cost"]
         for name in ("half", "twice"):
             if name in cost:
                 other = cost[name]
-                text = f"Tolerance {other['tolerance']:.3g} px: about {other['seconds']:.2g} s"
+                text = f"Tolerance {other['tolerance']:.3g} px: about {number(other['seconds'])} s"
                 sentence(layout, context, text, icon="BLANK1")
 
 
 def plate_words(plate: dict) -> str:
     """Brightness and blur by a plate's mirrors, with their standard errors."""
     words = (
-        f"Plate: {plate['brightness']:.1%} (+- {plate['brightness_error']:.1%}) of the light,"
-        f" {plate['least']:.0%} to {plate['most']:.0%}"
+        f"Plate: {percent(plate['brightness'])} (+- {percent(plate['brightness_error'])}) of the light,"
+        f" {percent(plate['least'])} to {percent(plate['most'])}"
     )
     if plate["blur"] is None:
         return words
-    return f"{words}; blur {plate['blur']:.2g} (+- {plate['blur_error'] or 0:.1g}) viewer px"
+    return f"{words}; blur {number(plate['blur'])} (+- {plate['blur_error'] or 0:.1g}) viewer px"
 
 
 class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
@@ -86,6 +96,6 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
         column.label(text=f"Rays: {details['rays']}")
         if details.get("tessellation_error"):
-            column.label(text=f"Tessellation: about {details['tessellation_error']:.3f} px")
+            column.label(text=f"Tessellation: {pixels(details['tessellation_error'])}")
         sentence(layout, context, f"Used: {', '.join(details['used'])}.")
         sentence(layout, context, f"Left out: {', '.join(details['left_out'])}.")

@@ -2,9 +2,34 @@
 
 import bpy
 
+from ..core.blender_bodies import bodiless
+from ..core.blender_picture import UNREADABLE
+from ..core.blender_plane import image_of
+from ..core.blender_scene import DEFAULT_IOR
+from ..core.blender_viewer import frame_of, frame_of_render
 from ..operators import work
+from ..operators.make_glass import can_be_given
 from .settings import ROLES
 from .words import Sidebar, sentence
+
+
+class VIEW3D_MT_kiriko_images(bpy.types.Menu):
+    """Images of the file, to be chosen as the picture."""
+
+    bl_idname = "VIEW3D_MT_kiriko_images"
+    bl_label = "Image"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        result = context.scene.kiriko.result
+        made = {result.source, result.seen, result.preview}
+        for image in bpy.data.images:
+            if image.type not in UNREADABLE and image not in made:
+                choice = self.layout.operator(
+                    "kiriko.choose_picture", text=image.name, icon_value=self.layout.icon(image), translate=False
+                )
+                choice.image, choice.library = image.name, "" if image.library is None else image.library.filepath
+        self.layout.separator()
+        self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 
 
 class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
@@ -18,20 +43,67 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         layout.use_property_decorate = False
         layout.operator("kiriko.add_rig", icon="ADD")
         if context.active_object is not None:
-            self._draw_object(layout.box(), context.active_object)
+            self._draw_object(layout.box(), context, context.active_object)
         ours = context.scene.kiriko
         column = layout.column()
         column.prop(ours, "viewer")
+        self._draw_viewer(column, context)
         column.prop(ours, "picture_source")
         if ours.picture_source == "IMAGE":
             column.template_ID(ours, "picture_image", open="image.open")
         self._draw_parts(layout.column(align=True), context)
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
 
-    def _draw_object(self, box: bpy.types.UILayout, thing: bpy.types.Object) -> None:
+    def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        """The viewer's pixels, and whether Blender shows what it sees."""
+        scene = context.scene
+        viewer = scene.kiriko.viewer or scene.camera
+        if viewer is None:
+            return
+        if viewer != context.active_object:  # whose settings stand above
+            self._draw_resolution(column, context, viewer)
+        if scene.camera != viewer:
+            shown = "no camera" if scene.camera is None else f"'{scene.camera.name}'"
+            sentence(column, context, f"Numpad 0 shows {shown}, not '{viewer.name}'.", icon="INFO")
+            switch = column.operator("wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA")
+            switch.data_path, switch.value = "scene.camera", viewer.name
+            return
+        shown = frame_of_render(scene.render)
+        if not frame_of(viewer, scene.render).has_shape_of(shown):
+            text = f"Numpad 0 shows it in the shape of the render, {shown.size[0]} x {shown.size[1]} px."
+            sentence(column, context, text, icon="INFO")
+
+    def _draw_resolution(
+        self, layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object
+    ) -> None:
+        ours = camera.kiriko
+        layout.prop(ours, "use_resolution")
+        if ours.use_resolution:
+            layout.prop(ours, "resolution")
+        else:
+            width, height = frame_of(camera, context.scene.render).size
+            layout.label(text=f"As the render: {width} x {height} px", icon="BLANK1")
+
+    def _draw_object(self, box: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object) -> None:
         ours = thing.kiriko
         box.label(text=thing.name, icon="OBJECT_DATA")
+        if thing.type == "CAMERA":
+            self._draw_resolution(box, context, thing)
+        why = bodiless(thing)
+        if why and ours.role == "NONE":
+            if thing.type != "CAMERA":
+                sentence(box, context, f"{why[:1].upper()}{why[1:]}, and can be no part of the rig.", icon="INFO")
+            return
         box.prop(ours, "role")
+        if why:
+            sentence(box, context, f"{why[:1].upper()}{why[1:]}: set the role to None.", icon="ERROR")
+            return
+        if ours.role == "GLASS" and thing.data is not None and min(thing.dimensions) == 0:
+            text = "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
+            sentence(box, context, text, icon="ERROR")
+        if ours.role == "GLASS" and can_be_given(thing) and not ours.use_ior:
+            sentence(box, context, f"Its material does not refract: an index of {DEFAULT_IOR} is used.", icon="ERROR")
+            box.operator("kiriko.make_glass", icon="MATSPHERE")
         if ours.role == "GLASS":
             row = box.row(heading="Override IOR")
             row.prop(ours, "use_ior", text="")
@@ -46,7 +118,20 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         elif ours.role == "DISPLAY":
             box.prop(ours, "resolution")
         elif ours.role == "PICTURE":
-            box.template_ID(ours, "image", open="image.open")
+            self._draw_picture(box, thing)
+
+    def _draw_picture(self, box: bpy.types.UILayout, picture: bpy.types.Object) -> None:
+        """The image that is solved, wherever it was chosen; choosing another here fits the plane to it."""
+        image = image_of(picture)
+        line = box.split(factor=0.4)  # as Blender splits properties, of which this is none
+        label = line.row()
+        label.alignment = "RIGHT"
+        label.label(text="Image")
+        row = line.row(align=True)
+        name = "Choose Image" if image is None else image.name
+        row.menu(VIEW3D_MT_kiriko_images.bl_idname, text=name, icon="IMAGE_DATA")
+        row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
+        box.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
 
     def _draw_plate(self, box: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
         box.prop(plate, "model")
@@ -64,7 +149,16 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         found = work.parts(context.scene)
         for role, name, _, icon, _ in ROLES:
-            if role in found:
-                column.label(text=f"{name}: {', '.join(thing.name for thing in found[role])}", icon=icon)
+            if role == "PICTURE" and context.scene.kiriko.picture_source == "IMAGE":
+                continue  # the plane is not used, and the image stands above
+            things = found.get(role, {})
+            shown = [thing.name for thing, by in things.items() if not by]
+            if shown:
+                column.label(text=f"{name}: {', '.join(shown)}", icon=icon)
+            hidden = [thing.name for thing, by in things.items() if by]
+            if hidden:
+                row = column.row()
+                row.active = False
+                row.label(text=f"{name}, hidden: {', '.join(hidden)}", icon="HIDE_ON")
         for phrase in work.missing(context.scene):
             sentence(column, context, f"{phrase}.", icon="ERROR")

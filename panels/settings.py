@@ -14,8 +14,10 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core.blender_plane import show
 from ..core.misalignment import TOLERANCES
 from ..core.rig import MOST_CROSSING_ERROR, PRESETS
+from ..operators.export import RELATIVE_PATH
 
 ROLES = (
     ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
@@ -56,13 +58,18 @@ KEPT = (
     ("SCENE", "In the Scene", "Move the objects, and set what they are made of, as fitted"),
     ("NONE", "Not at All", "Only tell what was found"),
 )
-# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
-RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
 
 def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
     """Only cameras can be the viewer."""
     return candidate.type == "CAMERA"
+
+
+def show_image(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    """What is chosen as the picture is shown by the plane, too. The plane's size is left to whoever chooses."""
+    ours.is_image_shown = False
+    if ours.image is not None and ours.role == "PICTURE":
+        ours.is_image_shown = show(ours.id_data, ours.image)
 
 
 class KirikoPlate(bpy.types.PropertyGroup):
@@ -180,18 +187,25 @@ class KirikoObject(bpy.types.PropertyGroup):
         items=SURFACES,
         default="SMOOTH",
     )
+    use_resolution: BoolProperty(
+        name="Own Resolution",
+        description="The viewer has these pixels, which are square, and not those of the scene's render, whose shape"
+        " the camera's frame in the viewport keeps",
+        default=False,
+    )
     resolution: IntVectorProperty(
         name="Resolution",
-        description="Width and height of the display in pixels: the size of the source image",
+        description="Width and height in pixels: of the display, and so of the source image, or of the viewer's image",
         size=2,
         default=(1024, 1024),
         min=1,
         max=32768,
     )
-    image: PointerProperty(
-        name="Image",
-        description="Shown as the picture instead of the image texture in the plane's material",
-        type=bpy.types.Image,
+    # image: see `register`
+    is_image_shown: BoolProperty(
+        name="Image Is Shown",
+        description="The plane's own material shows the image that was chosen, and tells the picture from then on",
+        options={"HIDDEN"},
     )
 
 
@@ -206,9 +220,15 @@ class KirikoResult(bpy.types.PropertyGroup):
     is_coarse: BoolProperty(
         name="Coarse", description="The source image is a first, coarse one of Live, whose final one is still to come"
     )
+    solved_for: StringProperty(
+        name="Solved For", description="What tells the scene that was solved from others, as JSON; empty: not known"
+    )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
     seen: PointerProperty(
         name="Seen Image", description="What the viewer sees, as last simulated", type=bpy.types.Image
+    )
+    seen_summary: StringProperty(
+        name="Seen", description="What the last simulation of this result found, in one sentence"
     )
     preview: PointerProperty(
         name="Preview", description="What the viewer sees, as last rendered by Cycles", type=bpy.types.Image
@@ -428,6 +448,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has been unregistered;
     # a property that is added and taken away by hand does not.
+    KirikoObject.image = PointerProperty(
+        name="Image",
+        description="The picture, which the plane's material shows, too",
+        type=bpy.types.Image,
+        update=show_image,
+    )
     KirikoScene.viewer = PointerProperty(
         name="Viewer",
         description="Camera from which the picture shall look undistorted; the scene's camera when empty",
@@ -447,5 +473,6 @@ def unregister() -> None:
     del bpy.types.Scene.kiriko
     del bpy.types.Object.kiriko
     del KirikoScene.viewer
+    del KirikoObject.image
     for cls in reversed(classes):
         bpy.utils.unregister_class(cls)

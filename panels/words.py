@@ -24,8 +24,3 @@ def sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, 
     column.scale_y = 0.8
     for n, line in enumerate(textwrap.wrap(text, columns)):
         column.label(text=line, icon=icon if n == 0 else ("NONE" if icon == "NONE" else "BLANK1"))
-
-
-def pixels(error: float) -> str:
-    """An error in display pixels as people read it."""
-    return f"about {error:.2g} px" if error >= 1e-3 else "under 0.001 px"

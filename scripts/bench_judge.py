@@ -20,7 +20,8 @@ from reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quad
 
 from kiriko.core.plan import Plan, Settings, make_plan
 from kiriko.core.rig import Mesh
-from kiriko.core.trace import CHUNK, Reason, _follow, _Rays
+from kiriko.core.steps import finish
+from kiriko.core.trace import CHUNK, Reason, _following, _Rays
 
 Floats = NDArray[np.float64]
 
@@ -129,7 +130,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
         if is_inside:
             rays.mask[:] = plan.bit[0]
             rays.has_met_glass[:] = True
-        _follow(plan, rays)
+        finish(_following(plan, rays))
         lost = (rays.reason == Reason.LOST_INSIDE) & (is_straight | (rays.n_events < plan.settings.max_events))
         odd = is_straight & ~lost & (rays.n_events % 2 != is_inside)
         missed = certain[some] & (rays.n_events == 0)

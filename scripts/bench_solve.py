@@ -68,7 +68,7 @@ def measure(name: str, runs: int) -> dict[str, object]:
         "rays": solution.n_rays,
         "shares": len(solution.shares),
         "peak": peak(),
-        "told": before + sum(estimated(a_rig, settings).values()) / 1e6,
+        "told": before + sum(estimated(a_rig, settings, solution.view_map).values()) / 1e6,
     }
 
 

@@ -125,7 +125,7 @@ def run(name: str, out: Path) -> list[str]:
     before, after = in_cycles["before"], in_cycles["after"]
     return [
         name,
-        f"{solution.picture_coverage:.2%}",
+        f"{100 * solution.picture_coverage:.2f} %",
         f"{before.mean:.2f} px ({before.n_seen} dots)",
         f"{after.mean:.3f} px ({after.n_seen} dots)",
         f"{solve_seconds:.2f}",

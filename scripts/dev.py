@@ -6,10 +6,11 @@ import argparse
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 from environments import (
     BENCH,
+    MUTANTS,
+    ONE_THREAD,
     PYTHONS,
     ROOT,
     ToolError,
@@ -21,6 +22,7 @@ from environments import (
     run,
     set_up,
 )
+from script_help import show_options
 from suite import run_suite
 
 
@@ -54,6 +56,7 @@ def fuzz(arguments: argparse.Namespace) -> None:
 
 def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
+    answer_help(script, rest)
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
         folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"  # with the tests' rigs
@@ -69,8 +72,7 @@ def bench(arguments: argparse.Namespace) -> None:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Measure Kiriko beside Mitsuba and the splat (further options go to scripts/bench_side_by_side.py)."""
-    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
-    run_with_tests("bench_side_by_side.py", arguments.rest, set_up(BENCH, newest_blender()[1]), **one_thread)
+    run_with_tests("bench_side_by_side.py", arguments.rest, BENCH, **ONE_THREAD)
 
 
 def surface(arguments: argparse.Namespace) -> None:
@@ -95,7 +97,7 @@ def rules(arguments: argparse.Namespace) -> None:
 
 def plate(arguments: argparse.Namespace) -> None:
     """Measure the closed form of the mirror array against a mesh (further options go to scripts/bench_plate.py)."""
-    run_with_tests("bench_plate.py", arguments.rest, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    run_with_tests("bench_plate.py", arguments.rest, **ONE_THREAD)
 
 
 def misalignment(arguments: argparse.Namespace) -> None:
@@ -113,6 +115,11 @@ def judge(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_judge.py", arguments.rest)
 
 
+def mutants(arguments: argparse.Namespace) -> None:
+    """Make small mutants of core and list those that no test notices (further options go to scripts/mutants.py)."""
+    run_with_tests("mutants.py", arguments.rest, MUTANTS)
+
+
 def live(arguments: argparse.Namespace) -> None:
     """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
     run_in_blender("bench_live.py", arguments.rest)
@@ -123,12 +130,20 @@ def lab(arguments: argparse.Namespace) -> None:
     run_in_blender("bench_lab.py", arguments.rest)
 
 
-def run_with_tests(script: str, rest: list[str], interpreter: Path | None = None, **extra: str) -> None:
+def run_with_tests(script: str, rest: list[str], environment: str | None = None, **extra: str) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
-    interpreter = interpreter or set_up(*newest_blender())
+    answer_help(script, rest)
+    newest, python = newest_blender()
+    interpreter = set_up(environment or newest, python)
     path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))
     variables = clean_environment(PYTHONPATH=path, **extra)
     sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
+
+
+def answer_help(script: str, rest: list[str]) -> None:
+    """Let the script's own parser answer, where help is asked for, before anything is set up."""
+    if {"-h", "--help"} & set(rest):
+        show_options(script)
 
 
 def test(arguments: argparse.Namespace) -> None:
@@ -146,6 +161,9 @@ def build(arguments: argparse.Namespace) -> None:
     run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
 
 
+OWN = test, lint, build, setup  # verbs whose options are read here; the others hand theirs on to a script
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
@@ -161,6 +179,7 @@ def main() -> None:
         misalignment,
         extremes,
         judge,
+        mutants,
         live,
         lab,
         surface,
@@ -171,12 +190,14 @@ def main() -> None:
         build,
         setup,
     ):
-        verbs.add_parser(verb.__name__, help=verb.__doc__).set_defaults(call=verb)
+        is_own = verb in OWN
+        said = verb.__doc__ if is_own else None
+        verbs.add_parser(verb.__name__, help=verb.__doc__, description=said, add_help=is_own).set_defaults(call=verb)
     options = verbs.choices["test"]
     options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
     options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
     arguments, rest = parser.parse_known_args()
-    if rest and arguments.verb in {"test", "lint", "build", "setup"}:
+    if rest and arguments.call in OWN:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
     try:

@@ -22,11 +22,15 @@ WINDOWS = os.name == "nt"
 # Environment -> Python. Each has its pins in requirements-<name>.txt. The ones with Blender: newest first.
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
-# Without Blender, for any Python that has one, and set up only when `dev.py compare` asks for it.
+# Without Blender, for any Python that has one, and set up only when `dev.py compare` and `dev.py mutants` ask for them.
 BENCH = "bench"
+MUTANTS = "mutants"
 
 # What Blender needs and a bare Debian or Ubuntu lacks; without the last two EEVEE aborts the process.
 LIBRARIES = "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1 libgl1-mesa-dri"
+
+# numpy's linear algebra, for processes that run side by side: threads that wait for each other hold all of them up.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 
 LEAST_LLVM = 17  # Dr.Jit takes 15 and 16 too, and with them aborts the process on some processors
 MISSING_LLVM = (

@@ -14,6 +14,7 @@ from typing import TypeVar
 import bmesh
 import bpy
 import numpy as np
+from fuzz_shapes import BROUGHT, fitting, mesh_of
 from mathutils import Euler, Matrix
 
 from kiriko.core.blender_shaders import show_picture
@@ -76,16 +77,6 @@ def add(data: bpy.types.ID | None, matrix: Floats | Matrix, role: str = "NONE") 
 # Meshes
 
 
-def from_bmesh(make: str, **sizes: object) -> bpy.types.Mesh:
-    """A mesh of a bmesh primitive."""
-    mesh, shape = bpy.data.meshes.new("Shape"), bmesh.new()
-    name = f"create_{make}"  # bmesh.ops keeps the address of the name only: it has to live until the call is over
-    getattr(bmesh.ops, name)(shape, **sizes)
-    shape.to_mesh(mesh)
-    shape.free()
-    return mesh
-
-
 def hull(dice: Dice) -> bpy.types.Mesh:
     """The convex hull of a few random points: flat faces at any angle."""
     mesh, shape = bpy.data.meshes.new("Hull"), bmesh.new()
@@ -111,15 +102,15 @@ def torus(dice: Dice) -> bpy.types.Mesh:
 
 
 SHAPES: tuple[Callable[[Dice], bpy.types.Mesh], ...] = (
-    lambda dice: from_bmesh("cube", size=1.0),
-    lambda dice: from_bmesh(
+    lambda dice: mesh_of("cube", size=1.0),
+    lambda dice: mesh_of(
         "uvsphere", u_segments=int(dice.rng.integers(3, 24)), v_segments=int(dice.rng.integers(3, 12)), radius=0.5
     ),
-    lambda dice: from_bmesh("icosphere", subdivisions=int(dice.rng.integers(1, 4)), radius=0.5),
-    lambda dice: from_bmesh(
+    lambda dice: mesh_of("icosphere", subdivisions=int(dice.rng.integers(1, 4)), radius=0.5),
+    lambda dice: mesh_of(
         "cone", cap_ends=True, segments=int(dice.rng.integers(3, 40)), radius1=0.5, radius2=0.5, depth=1.0
     ),
-    lambda dice: from_bmesh(
+    lambda dice: mesh_of(
         "cone", cap_ends=True, segments=int(dice.rng.integers(3, 24)), radius1=0.5, radius2=0.0, depth=1.0
     ),
     hull,
@@ -215,7 +206,7 @@ def hollow(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
 def glass_mesh(dice: Dice) -> bpy.types.Mesh:
     """A shape about one unit across."""
     # Suzanne, open and cut by her own eyes, is slow
-    mesh = from_bmesh("monkey", matrix=Matrix.Scale(0.4, 4)) if dice.chance(0.02) else dice.pick(SHAPES)(dice)
+    mesh = mesh_of("monkey", matrix=Matrix.Scale(0.4, 4)) if dice.chance(0.02) else dice.pick(SHAPES)(dice)
     if dice.chance(0.15):
         mesh = hollow(dice, mesh)
     if dice.wild(0.3, "broken glass"):
@@ -265,6 +256,33 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
         if dice.wild(0.15, f"{role} with strange UV"):
             uv = strange_uv(dice, uv)
         layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
+    return mesh
+
+
+def folded(dice: Dice) -> bpy.types.Mesh:
+    """A display of two panels that meet at an angle, with or without a gap between their halves of the image."""
+    angle, gap = dice.rng.uniform(0.2, 1.5), dice.pick((0.0, 0.1))
+    x = np.array([-0.5, 0.0, 0.0, 0.5 * np.cos(angle)])
+    points = np.array([(a, y, z) for y in (-0.5, 0.5) for a, z in zip(x, (0, 0, 0, 0.5 * np.sin(angle)), strict=True)])
+    is_one = dice.chance(0.5)  # do the panels share the vertices of the edge at which they meet?
+    mesh = from_arrays(points, [[0, 1, 5, 4], [1 if is_one else 2, 3, 7, 5 if is_one else 6]])
+    across = np.array([0, 0.5 - gap / 2, 0.5 - gap / 2, 0, 0.5 + gap / 2, 1, 1, 0.5 + gap / 2])
+    up = np.tile([0, 0, 1, 1], 2)
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.stack([across, up], axis=1).astype(np.float32).ravel())
+    return mesh
+
+
+def rolled(dice: Dice) -> bpy.types.Mesh:
+    """A display bent to a part of a cylinder, hollow or bulging; its UV map goes evenly around it."""
+    turn, n = dice.pick((1, -1)) * dice.rng.uniform(0.2, 2.5), int(dice.rng.integers(2, 12))
+    u = np.linspace(0, 1, n + 1)
+    angle = turn * (u - 0.5)
+    points = np.concatenate([np.stack([np.sin(angle), 0 * u + y, 1 - np.cos(angle)], axis=1) for y in (0, 0)])
+    points[:, [0, 2]] /= turn
+    points[: n + 1, 1], points[n + 1 :, 1] = -0.5, 0.5
+    mesh = from_arrays(points, [[k, k + 1, n + k + 2, n + k + 1] for k in range(n)])
+    uv = [(u[k + i], j) for k in range(n) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
     return mesh
 
 
@@ -340,8 +358,23 @@ def glass_material(dice: Dice) -> bpy.types.Material | None:
     return material
 
 
+def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
+    """Glass of a kind that artists bring: a text, a curve, a body of modifiers."""
+    kind = dice.pick(sorted(BROUGHT))
+    dice.told.append(kind)
+    thing = BROUGHT[kind](dice.rng)
+    turn = dice.turn() if dice.chance(0.5) else Matrix()
+    thing.matrix_world = Matrix.Translation(centre.tolist()) @ Matrix.Scale(size, 4) @ turn @ fitting(thing)
+    ours = thing.kiriko
+    ours.role, ours.use_ior, ours.ior = "GLASS", True, dice.rng.uniform(1.3, 1.9)
+    ours.surface = dice.pick(("SMOOTH", "FACETS"))
+    return thing
+
+
 def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     """A glass object about `size` wide, near the centre."""
+    if dice.chance(0.25):
+        return add_brought_glass(dice, centre, size)
     aspect = dice.rng.uniform(0.6, 1.4, 3)
     if dice.chance(0.1):
         aspect[dice.rng.integers(3)] = dice.log(1e-4, 0.3)  # a panel, or a lens
@@ -454,7 +487,8 @@ def add_display(dice: Dice, frame: Floats, size: float) -> None:
         width, height = dice.pick(((1, 1), (1, 96), (96, 1)))
     across = (2 if dice.is_tame else dice.log(0.5, 20)) * size
     at = scaled(displaced(dice, frame, size, "display"), (across, across * height / width, across))
-    thing = add(rectangle(dice, "display"), at, "DISPLAY")
+    make = dice.pick((folded, rolled)) if dice.chance(0.2) else (lambda dice: rectangle(dice, "display"))
+    thing = add(make(dice), at, "DISPLAY")
     thing.kiriko.resolution = (width, height)
     if dice.chance(0.3):
         thing.data.materials.append(bpy.data.materials.new("Screen"))
@@ -468,6 +502,8 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     lens.sensor_fit = dice.pick(("AUTO", "AUTO", "HORIZONTAL", "VERTICAL"))
     if dice.chance(0.15):
         lens.type, lens.ortho_scale = "ORTHO", 1.2 * size
+    if dice.chance(0.15):
+        lens.shift_x, lens.shift_y = dice.rng.normal(0, 0.05, 2)
     if dice.wild(0.03, "panoramic viewer"):
         lens.type = "PANO"
     if dice.wild(0.1, "odd lens"):
@@ -483,6 +519,8 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     scene.camera = thing
     if dice.chance(0.5):
         scene.kiriko.viewer = thing
+    if dice.chance(0.3):
+        thing.kiriko.use_resolution, thing.kiriko.resolution = True, (dice.pixels(), dice.pixels())
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = dice.pixels(), dice.pixels(), 100
     if dice.wild(0.08, "odd frame"):
@@ -542,8 +580,12 @@ def make_rig(rng: np.random.Generator) -> Dice:
     if not dice.wild(0.03, "no glass"):
         n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
         glasses = [add_glass(dice, centre, size * dice.rng.uniform(0.3, 1.3)) for _ in range(n_glasses)]
-        if dice.wild(0.1, "instances"):
+        if dice.chance(0.05) or dice.wild(0.1, "instances"):
             add_instances(dice, glasses[0], size)
+        if dice.chance(0.06):
+            dice.told.append("glass behind the plate")
+            behind = stand.plate[:3, 3] + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
+            add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
     if not dice.wild(0.03, "no plate"):
         add_plate(dice, stand.plate, size)
     if not dice.wild(0.03, "no display"):

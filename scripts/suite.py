@@ -1,20 +1,30 @@
-"""The steps of `dev.py test`: runs them two at a time and adds up their results."""
+"""The steps of `dev.py test`: runs them two at a time and adds up their results.
+
+A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when nothing was added to
+its log for `STILL_MINUTES`. Tests write a dot each, and their stack when one takes longer than `STACK_AFTER_S`, so
+that the log of a step that was stopped says where it stood.
+"""
 
 from __future__ import annotations
 
+import heapq
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from environments import BLENDERS, PYTHONS, ROOT, ToolError, clean_environment, find_python, set_up
+from environments import BLENDERS, ONE_THREAD, PYTHONS, ROOT, ToolError, clean_environment, find_python, set_up
 
 LOGS = ROOT / "out" / "test"
 AT_ONCE = 2
-MINUTES = 20  # a step that takes longer hangs
+STILL_MINUTES = 15.0  # a step that prints nothing for so long hangs; the slowest test takes a tenth of it
+STACK_AFTER_S = 300
+LOOK_EVERY_S = 1.0
+SLOWEST = 25  # tests that each log names
+SLOWEST_OF_ALL = 8  # tests named at the end
 
 
 @dataclass(frozen=True)
@@ -37,18 +47,33 @@ class Result:
     remark: str = ""
 
 
-def steps(tools: str) -> list[Step]:
-    """All steps, in the order in which they start; `tools` is the environment for what needs any Blender."""
-    pytest = ("-m", "pytest", "-q", "--color=no")
+@dataclass(frozen=True, order=True)
+class Timed:
+    """How long a test took in a step."""
+
+    seconds: float
+    step: str
+    test: str
+
+
+def steps(tools: str, newest: str) -> list[Step]:
+    """All steps, in the order in which they start.
+
+    `tools` is the environment for what needs any Blender; `newest` that in which no test is left out.
+    """
+    told = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
+    pytest = ("-m", "pytest", "-q", "--color=no", *told)
+    older = (*pytest, "-m", "not newest_only")
     blenders = {name: name.removeprefix("bpy-") for name in BLENDERS}
+    by_name = {name: pytest if name == newest else older for name in BLENDERS}
     return [
         Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
         Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
         Step("package", tools, ("scripts/package.py",)),
         Step("scripts", tools, (*pytest, "tests/scripts")),
-        Step("core-oldest-numpy", "core", (*pytest, "tests/core")),
-        Step("core-newest-numpy", "bpy-5.2.3", (*pytest, "tests/core")),
-        *(Step(f"blender-{short}", name, (*pytest, "tests/blender")) for name, short in blenders.items()),
+        Step("core-newest-numpy", newest, (*pytest, "tests/core")),
+        *(Step(f"blender-{short}", name, (*by_name[name], "tests/blender")) for name, short in blenders.items()),
+        Step("core-oldest-numpy", "core", (*older, "tests/core")),
         *(Step(f"install-{short}", name, (*pytest, "tests/package"), "package") for name, short in blenders.items()),
     ]
 
@@ -65,12 +90,15 @@ def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
 
 def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
     """Set up what the steps need, run them, print the results; whether all is well."""
-    todo = chosen(steps(tools), prefixes)
+    newest = next(name for name, version in BLENDERS.items() if find_python(version))
+    todo = chosen(steps(tools, newest), prefixes)
     interpreters: dict[str, Path] = {}
     for name in dict.fromkeys(step.environment for step in todo):
         if python := find_python(PYTHONS[name]):
             interpreters[name] = set_up(name, python)
+    started = time.monotonic()
     results = run_steps([step for step in todo if step.environment in interpreters], interpreters)
+    print_slowest([step.name for step in todo], time.monotonic() - started)
     for step in todo:
         if step.environment not in interpreters:
             remark = f"no Python {PYTHONS[step.environment]} was found"
@@ -94,27 +122,27 @@ def run_steps(todo: Sequence[Step], interpreters: dict[str, Path]) -> dict[str, 
 
 def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Result:
     """Run a step; its output goes to a log, which is shown when the step fails."""
-    if before and before.result().failed:
-        return Result(failed=1, remark=f"not run, since {step.after} failed")
     log, report = LOGS / f"{step.name}.log", LOGS / f"{step.name}.xml"
     report.unlink(missing_ok=True)
+    if before and before.result().failed:
+        return Result(failed=1, remark=f"not run, since {step.after} failed")
     counted = [f"--junit-xml={report}"] if "pytest" in step.arguments else []
     started = time.monotonic()
     with log.open("w", encoding="utf-8") as output:
-        try:
-            code = subprocess.run(
-                [interpreter, *step.arguments, *counted],
-                cwd=ROOT,
-                env=clean_environment(),
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                timeout=MINUTES * 60,
-            ).returncode
-        except subprocess.TimeoutExpired:
-            code = f"none, stopped after {MINUTES} minutes"
+        process = subprocess.Popen(
+            [interpreter, *step.arguments, *counted],
+            cwd=ROOT,
+            env=clean_environment(**ONE_THREAD),  # steps that run side by side want no second thread each
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
+        code = wait_while_it_prints(process, log)
     result = count(report) if report.exists() else Result(passed=int(code == 0))
-    if code and not result.failed:
+    if code is None:
+        hung = f"stopped, since it printed nothing for {STILL_MINUTES:g} minutes"
+        result = Result(result.passed, max(result.failed, 1), result.skipped, hung)
+    elif code and not result.failed:
         # Blender may crash after the last test.
         result = Result(result.passed, 1, result.skipped, f"exit code {code}")
     text = log.read_text(encoding="utf-8", errors="replace")
@@ -124,6 +152,22 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
     return result
 
 
+def wait_while_it_prints(process: subprocess.Popen[bytes], log: Path) -> int | None:
+    """Exit code of a process that prints into a log; None where the log stood still and the process was stopped."""
+    size, grown = 0, time.monotonic()
+    while True:
+        try:
+            return process.wait(timeout=LOOK_EVERY_S)
+        except subprocess.TimeoutExpired:
+            before, size = size, log.stat().st_size
+        if size != before:
+            grown = time.monotonic()
+        elif time.monotonic() - grown > 60 * STILL_MINUTES:
+            process.kill()
+            process.wait()
+            return None
+
+
 def count(report: Path) -> Result:
     """Numbers of tests in a report of pytest."""
     total = dict.fromkeys(("tests", "failures", "errors", "skipped"), 0)
@@ -131,6 +175,23 @@ def count(report: Path) -> Result:
         total = {name: number + int(suite.get(name, 0)) for name, number in total.items()}
     failed = total["failures"] + total["errors"]
     return Result(total["tests"] - failed - total["skipped"], failed, total["skipped"])
+
+
+def timed(step: str) -> Iterator[Timed]:
+    """The tests in a step's report of pytest, if it wrote one."""
+    report = LOGS / f"{step}.xml"
+    if report.exists():
+        for test in ElementTree.parse(report).iter("testcase"):
+            name = f"{test.get('classname', '').rpartition('.')[2]}::{test.get('name')}"
+            yield Timed(float(test.get("time", 0)), step, name)
+
+
+def print_slowest(names: Sequence[str], seconds: float) -> None:
+    """Print the tests that took longest in these steps, which took so many seconds together."""
+    slowest = heapq.nlargest(SLOWEST_OF_ALL, (test for name in names for test in timed(name)))
+    print(f"{seconds / 60:.1f} minutes" + (", the slowest tests:" if slowest else ""))
+    for test in slowest:
+        print(f"{test.seconds:8.1f} s  {test.step:<20} {test.test}")
 
 
 def print_results(results: dict[str, Result]) -> bool:

@@ -2,13 +2,14 @@
 
 import importlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType, SimpleNamespace
 
 # Before anything named bl_ext, and after tests/conftest.py has set the profile.
 import bpy
 import pytest
+from panel_layout import Layout
 
 EXTENSION = "bl_ext.user_default.kiriko"
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -37,3 +38,23 @@ def scene(blender: ModuleType) -> bpy.types.Scene:
 def kiriko(blender: ModuleType) -> ModuleType:
     """The package as Blender has it, not the one tests of core import."""
     return importlib.import_module(EXTENSION)
+
+
+@pytest.fixture
+def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
+    """Draws a panel by its module and name; returns what it drew."""
+
+    def draw(
+        module: str, name: str, active: bpy.types.Object | None = None, of: bpy.types.Scene | None = None
+    ) -> Layout:
+        panel = getattr(importlib.import_module(f"{kiriko.__name__}.panels.{module}"), name)
+        functions = {name: thing for name, thing in vars(panel).items() if isinstance(thing, FunctionType)}
+        stand_in = type("Panel", (), functions)()
+        stand_in.layout = Layout()
+        # without a window there is neither a region nor a scale
+        wide, system = SimpleNamespace(width=300), SimpleNamespace(ui_scale=1.0)
+        preferences = SimpleNamespace(system=system)
+        stand_in.draw(SimpleNamespace(scene=of or scene, active_object=active, preferences=preferences, region=wide))
+        return stand_in.layout
+
+    return draw

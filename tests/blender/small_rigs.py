@@ -39,7 +39,8 @@ def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Objec
     """A rig around a cube; the objects by role."""
     glass = cube()
     glass.kiriko.use_ior, glass.kiriko.ior = True, ior
-    bpy.ops.kiriko.add_rig(**{"viewer_resolution": 64, "display_resolution": (64, 64), "field": 0.04, **options})
+    small = {"viewer_resolution": 64, "display_resolution": (64, 64), "field": 0.04, "picture_size": 0.03}
+    bpy.ops.kiriko.add_rig(**{**small, **options})
     return {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
 
 

@@ -95,6 +95,7 @@ def test_ball(kiriko, scene, lattice):
     assert before.mean > 20  # it is a strong lens
 
 
+@pytest.mark.newest_only(reason="it adds a closed form to ball and cube, by which Cycles is held in each version")
 def test_slab(kiriko, scene, lattice):
     """A slab turned by 25 degrees: plain dots where the slab formula puts them to 1 px, compensated ones as wanted."""
     add_glass((0.2, 0.03, 0.2), 25)

@@ -1,7 +1,13 @@
+import importlib
+import re
+from types import ModuleType
+
+import bmesh
 import bpy
 import numpy as np
 import pytest
-from small_rigs import SIDE, cube, inventory, small_rig
+from closed_forms import landing, through_ball
+from small_rigs import SIDE, cube, inventory, new_object, primitive, small_rig
 
 SINGLE = 1e-6  # m; Blender keeps positions in float32, here of up to 1 m
 
@@ -65,18 +71,267 @@ def test_limit_of_the_display_is_kept_and_its_loss_reported(scene: bpy.types.Sce
 
 
 def test_default_rig_is_the_reference_ball(scene: bpy.types.Scene) -> None:
-    """With nothing selected it is the ball of docs: 25 mm, D = 150 mm, picture 30 mm, 50 mm of field at 1 m."""
+    """With nothing selected it is the ball of docs: 25 mm, D = 150 mm, 50 mm of field at 1 m, 25 mm of picture."""
     bpy.ops.kiriko.add_rig()
     rig = {thing.kiriko.role: thing for thing in scene.objects}
     viewer = scene.kiriko.viewer
     assert len(rig["GLASS"].data.polygons) == 20480
     assert rig["GLASS"].dimensions.x == pytest.approx(0.05, abs=1e-4)
-    assert rig["PICTURE"].dimensions.x == pytest.approx(0.03, abs=1e-4)
+    assert rig["PICTURE"].dimensions.x == pytest.approx(0.025, abs=1e-4)
     assert tuple(rig["PLATE"].matrix_world.translation) == pytest.approx((0, 0.15, 0), abs=SINGLE)
     assert tuple(viewer.matrix_world.translation) == pytest.approx((0, -1, 0), abs=SINGLE)
     assert 2 * np.tan(viewer.data.angle / 2) == pytest.approx(0.05, abs=1e-4)
-    # optics.md: the light of the picture's corner lands 30.2 mm from the display's centre
-    assert rig["DISPLAY"].dimensions.x / 2 * np.sqrt(2) == pytest.approx(1.01 * 0.0302, abs=5e-4)
+    assert viewer.data.display_size < 0.1  # as small as the rig: Home still frames it
+
+
+def test_display_ends_where_the_light_of_the_corners_lands(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """By the closed form of a ball and a plate, the picture's corners land at the display's, a hundredth further in."""
+    bpy.ops.kiriko.add_rig()
+    rig = importlib.import_module(f"{kiriko.__name__}.core.blender_scene").read(bpy.context, scene).rig
+    corners = rig.picture.mesh.vertices
+    directions = corners - rig.viewer.position
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    leave = through_ball(np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49)
+    xy = np.abs(landing(rig, *leave) - 256)
+    assert xy.max() == pytest.approx(256 / 1.01, rel=2e-3)  # the grid of rays has the corners
+
+
+@pytest.mark.parametrize(("radius", "ior"), [(0.004, 1.52), (0.025, None), (0.3, 1.6)])
+def test_the_first_rig_is_perfect(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, radius: float, ior: float | None
+) -> None:
+    """Around a ball of any size all the light of the picture arrives, which is no warning, and Solve finds the same."""
+    if ior is not None:
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=radius)
+        bpy.ops.object.shade_smooth()
+        ours = bpy.context.object.kiriko
+        ours.use_ior, ours.ior = True, ior
+    bpy.ops.kiriko.add_rig()
+    assert re.search("Info: .* takes all the light of the picture", capfd.readouterr().out)
+    assert scene.kiriko.result.notes == ""
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.summary == "The display shows 100 % of the picture."
+
+
+def test_add_rig_and_solve_tell_the_same_share(scene: bpy.types.Scene) -> None:
+    """In one format, from rays over the picture and from cells of the view map: within a tenth of a per cent."""
+    bpy.ops.kiriko.add_rig(picture_size=0.03)
+    told = [scene.kiriko.result.summary]
+    bpy.ops.kiriko.solve()
+    told.append(scene.kiriko.result.summary)
+    found = [re.search(r"shows ([\d.]+) % of the picture; ([\d.]+) % missed the plate\.", text) for text in told]
+    shares = np.array([numbers.groups() for numbers in found], float)
+    assert 99 < shares[0, 0] < 100
+    assert np.abs(shares[0] - shares[1]).max() <= 0.1 + 1e-9
+
+
+def test_the_scenes_render_and_camera_stay(scene: bpy.types.Scene) -> None:
+    """Add Rig leaves size and camera of the scene's render; the viewer has pixels of its own."""
+    mine = new_object(bpy.data.cameras.new("mine"))
+    scene.camera, scene.render.resolution_percentage, scene.render.pixel_aspect_x = mine, 50, 2.0
+    small_rig(viewer_resolution=48)
+    render = scene.render
+    assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (1920, 1080, 50)
+    assert scene.camera == mine
+    viewer = scene.kiriko.viewer
+    assert (viewer.kiriko.use_resolution, *viewer.kiriko.resolution) == (True, 48, 48)
+
+
+def test_a_viewer_without_pixels_of_its_own_has_those_of_the_render(scene: bpy.types.Scene) -> None:
+    """Viewer Resolution 0; the display is sized for the viewer's frame, and the viewer becomes the scene's camera."""
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 160, 90, 50
+    small_rig(viewer_resolution=0)
+    viewer = scene.kiriko.viewer
+    assert not viewer.kiriko.use_resolution
+    assert scene.camera == viewer
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.coverage > 0.999
+
+
+def test_the_camera_that_blender_goes_on_showing_is_told(scene: bpy.types.Scene, capfd: pytest.CaptureFixture) -> None:
+    """Where the scene has a camera the report names it, and what to do; where it has none there is nothing to tell."""
+    small_rig()
+    assert "Numpad" not in capfd.readouterr().out
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.camera = new_object(bpy.data.cameras.new("mine"))
+    small_rig()
+    assert "Numpad 0 goes on showing 'thing': to look through 'Kiriko Viewer', make it" in capfd.readouterr().out
+
+
+def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
+    """It names the part of the picture whose light spreads so far, and a smaller display, which keeps its promise."""
+    bpy.ops.kiriko.add_rig(picture_size=0.035)
+    text = scene.kiriko.result.summary
+    found = re.search(
+        r"light of the picture's upper side spreads that far: .* set Display to ([\d.]+) m, which would show (\d+) %",
+        text,
+    )
+    width, share = float(found.group(1)), float(found.group(2))
+    display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
+    assert width < 0.5 * display.dimensions.x
+    display.scale *= width / display.dimensions.x
+    bpy.ops.kiriko.solve()
+    assert 100 * scene.kiriko.result.coverage == pytest.approx(share, abs=1.5)
+
+
+def test_a_display_at_its_limit_says_so(scene: bpy.types.Scene) -> None:
+    """With what to do about it; a width that was given is the artist's own affair."""
+    small_rig(max_display_size=0.025)
+    assert (
+        "lands outside Display Limit, 0.025 m: make Picture smaller or raise Display Limit."
+        in scene.kiriko.result.summary
+    )
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    small_rig(display_size=0.025)
+    assert bpy.context.scene.kiriko.result.summary.endswith("missed the display.")
+
+
+def in_collection(*things: bpy.types.Object) -> bpy.types.Object:
+    """A selected instance of a collection of these objects, which are nowhere else; turned and moved."""
+    collection = bpy.data.collections.new("Glasses")
+    for thing in things:
+        collection.objects.link(thing)
+        bpy.context.scene.collection.objects.unlink(thing)
+    empty = new_object(None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    empty.location, empty.rotation_euler = (0.3, 0.1, 0.2), (0.0, 0.0, 0.3)
+    empty.select_set(True)
+    return empty
+
+
+def test_a_collection_instance_is_the_glass(scene: bpy.types.Scene) -> None:
+    """The rig stands around what the instance shows, which solves and is previewed as the same objects in the scene."""
+    thing = cube()
+    thing.kiriko.use_ior = True
+    instance = in_collection(thing)
+    instance.kiriko.use_ior = True
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    assert (instance.kiriko.role, thing.kiriko.role) == ("GLASS", "NONE")
+    rig = {thing.kiriko.role: thing for thing in scene.objects}
+    assert tuple(rig["PICTURE"].matrix_world.translation) == pytest.approx((0.3, 0.1, 0.2), abs=1e-6)
+    assert not [thing for thing in scene.objects if thing.name.startswith("Kiriko Ball")]
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.coverage > 0.999
+    assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
+    width = rig["DISPLAY"].dimensions.x
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    cube(turn=0.3).kiriko.use_ior = True
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    assert bpy.data.objects["Kiriko Display"].dimensions.x == pytest.approx(width, rel=1e-5)
+
+
+def flat(kind: str) -> bpy.types.Object:
+    """A selected object that is no body."""
+    if kind == "plane":
+        thing = new_object(primitive("grid", x_segments=3, y_segments=3, size=0.02))
+        thing.rotation_euler = (0.4, 0.3, 0.2)
+    elif kind == "text":
+        thing = new_object(bpy.data.curves.new("text", "FONT"))
+        thing.data.body = "Kiriko"
+    else:
+        thing = in_collection(flat("plane"))
+    thing.select_set(True)
+    return thing
+
+
+@pytest.mark.parametrize("kind", ["plane", "text", "instance"])
+def test_what_is_flat_is_refused_as_glass(scene: bpy.types.Scene, kind: str) -> None:
+    """It is named, and what to do; nothing is made, no role is set. With a thickness it is glass."""
+    thing = flat(kind)
+    before = inventory()
+    with pytest.raises(RuntimeError, match=f"'{thing.name}' is no closed body, but flat"):
+        bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    assert inventory() == before
+    assert thing.kiriko.role == "NONE"
+    if kind == "plane":
+        thing.modifiers.new("thick", "SOLIDIFY").thickness = 0.002
+        assert bpy.ops.kiriko.add_rig(viewer_resolution=64) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("kind", ["camera", "light", "empty", "lattice", "armature"])
+def test_what_has_no_surface_is_refused_as_glass(scene: bpy.types.Scene, kind: str) -> None:
+    """It is named where nothing else is selected, and left aside where there is glass."""
+    data = {
+        "camera": lambda: bpy.data.cameras.new("c"),
+        "light": lambda: bpy.data.lights.new("l", "SUN"),
+        "lattice": lambda: bpy.data.lattices.new("g"),
+        "armature": lambda: bpy.data.armatures.new("a"),
+    }
+    thing = new_object(data[kind]() if kind in data else None)
+    thing.select_set(True)
+    before = inventory()
+    with pytest.raises(
+        RuntimeError, match=f"'thing' cannot be glass, for an? {kind} has no surface: select your glass"
+    ):
+        bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    assert inventory() == before
+    glass = cube()
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=64) == {"FINISHED"}
+    assert (thing.kiriko.role, glass.kiriko.role) == ("NONE", "GLASS")
+
+
+def test_a_role_without_a_surface_is_refused_when_it_is_solved(scene: bpy.types.Scene) -> None:
+    """A script may give a camera any role; the sentence says why it is none."""
+    small_rig()
+    scene.kiriko.viewer.kiriko.role = "GLASS"
+    with pytest.raises(RuntimeError, match="'Kiriko Viewer' has the role Glass, but a camera has no surface: set"):
+        bpy.ops.kiriko.solve()
+
+
+def test_opaque_glass_is_told_at_once(scene: bpy.types.Scene, capfd: pytest.CaptureFixture) -> None:
+    """A grey material is a warning with what to do; Make It Glass does it, and can be undone."""
+    thing = cube()
+    thing.data.materials.append(bpy.data.materials.new("Grey"))
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    assert re.search(
+        "Warning: .* The material of 'Cube' does not refract, .* press Make It Glass", capfd.readouterr().out
+    )
+    assert "does not refract" in scene.kiriko.result.notes
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.kiriko.make_glass()
+    bpy.ops.ed.undo_push(message="Make It Glass")
+    bpy.ops.kiriko.solve()
+    assert "refract" not in bpy.context.scene.kiriko.result.notes
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["Cube"].material_slots[0].material.name == "Grey"
+
+
+def test_hidden_glass_is_refused(scene: bpy.types.Scene) -> None:
+    """What renders do not show would not be followed: nothing is made around it."""
+    thing = cube()
+    thing.hide_render = True
+    before = inventory()
+    with pytest.raises(
+        RuntimeError, match="'Cube' is hidden in renders by its camera symbol and cannot be glass: show it"
+    ):
+        bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    assert inventory() == before
+
+
+def test_redo_with_other_values_starts_from_before(scene: bpy.types.Scene) -> None:
+    """As the box at the lower left does it: undo, then the operator again; there is one rig, the second."""
+    cube()
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, picture_size=0.02)
+    bpy.ops.ed.undo_push(message="Add Rig")
+    bpy.ops.ed.undo()
+    bpy.data.objects["Cube"].select_set(True)
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, picture_size=0.01)
+    pictures = [thing for thing in bpy.context.scene.objects if thing.kiriko.role == "PICTURE"]
+    assert [thing.dimensions.x for thing in pictures] == pytest.approx([0.01])
+
+
+def test_an_open_body_is_glass(scene: bpy.types.Scene) -> None:
+    """Half a ball without a lid is not flat: it is followed as drawn, and its rig is made."""
+    mesh, shape = bpy.data.meshes.new("bowl"), bmesh.new()
+    bmesh.ops.create_uvsphere(shape, u_segments=32, v_segments=16, radius=0.03)
+    bmesh.ops.delete(shape, geom=[v for v in shape.verts if v.co.z > 1e-3], context="VERTS")
+    shape.to_mesh(mesh)
+    shape.free()
+    new_object(mesh).select_set(True)
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=64) == {"FINISHED"}
 
 
 def test_rig_follows_the_unit_scale(scene: bpy.types.Scene) -> None:
@@ -85,7 +340,7 @@ def test_rig_follows_the_unit_scale(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.add_rig()
     rig = {thing.kiriko.role: thing for thing in scene.objects}
     assert rig["GLASS"].dimensions.x == pytest.approx(50, abs=0.1)
-    assert rig["DISPLAY"].dimensions.x == pytest.approx(43.2, abs=0.5)
+    assert rig["DISPLAY"].dimensions.x == pytest.approx(29.9, abs=0.5)
     assert tuple(rig["PLATE"].matrix_world.translation) == pytest.approx((0, 150, 0), abs=1e-3)
 
 
@@ -134,9 +389,8 @@ def test_second_rig_is_refused_and_changes_nothing(scene: bpy.types.Scene) -> No
 
 
 def test_failure_leaves_nothing_behind(scene: bpy.types.Scene) -> None:
-    """A viewer inside the glass is refused in one sentence; objects, roles and render size are as before."""
+    """A viewer inside the glass is refused in one sentence; objects and roles are as before."""
     glass = cube()
-    size = scene.render.resolution_x, scene.render.resolution_y
     before = inventory()
     with pytest.raises(RuntimeError, match="inside the glass 'Cube'"):
         bpy.ops.kiriko.add_rig(viewer_distance=0.01)
@@ -144,4 +398,39 @@ def test_failure_leaves_nothing_behind(scene: bpy.types.Scene) -> None:
     assert glass.kiriko.role == "NONE"
     assert scene.kiriko.viewer is None
     assert scene.camera is None
-    assert (scene.render.resolution_x, scene.render.resolution_y) == size
+
+
+def test_a_picture_beside_the_glass_is_told_to_be_moved(scene: bpy.types.Scene) -> None:
+    """Seen through the hole of a ring; nothing is said of the display's size then."""
+    bpy.ops.mesh.primitive_torus_add(major_radius=0.04, minor_radius=0.005, rotation=(np.pi / 2, 0, 0))
+    bpy.ops.kiriko.add_rig(picture_size=0.03, viewer_resolution=64)
+    text = scene.kiriko.result.summary
+    assert "The viewer sees most of the picture beside the glass: move it, or turn the glass." in text
+    assert "times as wide" not in text
+
+
+def test_glass_without_its_front_is_told_of_its_gap(scene: bpy.types.Scene) -> None:
+    """At Add Rig and at Solve."""
+    glass = cube()
+    mesh = bmesh.new()
+    mesh.from_mesh(glass.data)
+    mesh.faces.ensure_lookup_table()
+    bmesh.ops.delete(mesh, geom=[face for face in mesh.faces if face.normal.y < -0.9], context="FACES_ONLY")
+    mesh.to_mesh(glass.data)
+    mesh.free()
+    bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    assert "100 % of the light goes through gaps in the glass: close them." in scene.kiriko.result.summary
+    with pytest.raises(RuntimeError, match="100 % of the picture's light goes through gaps in the glass 'Cube'"):
+        bpy.ops.kiriko.solve()
+
+
+def test_make_it_glass_takes_back_what_was_told(scene: bpy.types.Scene) -> None:
+    """The note on the material goes, others stay."""
+    glass = cube()
+    bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    result = scene.kiriko.result
+    assert "press Make It Glass" in result.notes
+    result.notes += "\nAnother one."
+    bpy.context.view_layer.objects.active = glass
+    bpy.ops.kiriko.make_glass()
+    assert result.notes == "Another one."

@@ -176,6 +176,7 @@ def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -
         bpy.ops.kiriko.calibrate(filepath=path)
 
 
+@pytest.mark.newest_only(reason="both fits and their sum are core's; that an offset is kept is told in each version")
 def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
     """A second photograph is of what the first calibration made: its amounts come on top."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))

@@ -1,11 +1,13 @@
 import importlib
+import sys
+import warnings
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
 import pytest
-from small_rigs import pixels, small_rig
+from small_rigs import inventory, pixels, small_rig
 
 # half of the steps a format has between 0 and 1; half floats have 11 bits
 STEP = {"PNG8": 0.5 / 255, "PNG16": 0.5 / 65535, "TIFF16": 0.5 / 65535, "EXR_HALF": 2.0**-11, "EXR_FLOAT": 0.0}
@@ -102,9 +104,121 @@ def test_a_name_that_no_file_can_have_is_one_sentence(solved: bpy.types.Scene, t
 
 
 def test_the_suffix_of_an_explicit_path_chooses_the_format(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    """With PNG in the panel, source.exr is written as EXR, and a name without suffix as the panel says."""
+    """With PNG in the panel, source.exr is written as EXR, all else as the panel says, under the name Blender gives it.
+
+    Where the suffix is that of an image of another kind it is replaced, and any other stays, with the right one after.
+    """
     solved.kiriko.export_format = "PNG16"
-    for name in ("a.exr", "b", "c.tif", "d.png"):
+    for name in ("a.exr", "b", "c.tif", "d.png", "e.JPG", "f.1", "g.png.webp"):
         assert bpy.ops.kiriko.export(filepath=str(tmp_path / name)) == {"FINISHED"}
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.exr", "b.png", "c.tif", "d.png"]
+    names = ["a.exr", "b.png", "c.tif", "d.png", "e.png", "f.1.png", "g.png.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == names
     assert (tmp_path / "a.exr").read_bytes()[:4] == b"v/1\x01"
+
+
+@pytest.mark.parametrize("form", ["PNG8", "PNG16"])
+def test_png_is_written_without_openimageio(
+    solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By Blender: every pixel is the same as by OpenImageIO, the number of channels too; no datablock is left over."""
+    numbers = np.random.default_rng(2).uniform(-0.1, 1.1, (32, 64, 3)).astype(np.float32)
+    # every number of 8 bit, and the halves between two, where ways of rounding differ
+    numbers[:4].reshape(-1)[:511] = ((np.arange(511) / 510 + 0.055) / 1.055) ** 2.4
+    importlib.import_module(f"{io.__package__}.blender_image").set_pixels(solved.kiriko.result.source, numbers)
+    solved.kiriko.export_format = form
+    before = inventory()
+    bpy.ops.kiriko.export(filepath=str(tmp_path / "with.png"))
+    with monkeypatch.context() as missing:
+        missing.setitem(sys.modules, "OpenImageIO", None)
+        assert bpy.ops.kiriko.export(filepath=str(tmp_path / "without.png")) == {"FINISHED"}
+    assert inventory() == before
+    expected, found = ((tmp_path / name).read_bytes() for name in ("with.png", "without.png"))
+    assert expected[16:26] == found[16:26]  # of the header: width, height, bits, kind of colour
+    assert np.array_equal(io.read(tmp_path / "with.png")[0], io.read(tmp_path / "without.png")[0])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["with.png", "without.png"]
+
+
+@pytest.mark.parametrize("form", ["TIFF16", "EXR_HALF", "EXR_FLOAT"])
+def test_what_cannot_be_written_is_grey_with_the_reason(
+    solved: bpy.types.Scene, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without OpenImageIO the button says what is missing before anything is done; with PNG it can be pressed."""
+    monkeypatch.setitem(sys.modules, "OpenImageIO", None)
+    solved.kiriko.export_format = form
+    assert not bpy.ops.kiriko.export.poll()
+    with pytest.raises(RuntimeError, match=r"no OpenImageIO, which writes .*: choose \.png"):
+        bpy.ops.kiriko.export(filepath=str(tmp_path / "a"))
+    solved.kiriko.export_format = "PNG8"
+    assert bpy.ops.kiriko.export.poll()
+    with pytest.raises(RuntimeError, match="OpenImageIO"):
+        bpy.ops.kiriko.export(filepath=str(tmp_path / "a.exr"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_png_that_cannot_be_saved_is_one_sentence(
+    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without OpenImageIO, too, a file is whole or is not there."""
+    monkeypatch.setitem(sys.modules, "OpenImageIO", None)
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender_image")
+    for fault in (lambda *a: None, lambda image, path, *a: path.write_bytes(b"half")):
+        monkeypatch.setattr(module, "_save_as_it_is", fault)
+        with pytest.raises(RuntimeError, match="is not whole after writing") as caught:
+            bpy.ops.kiriko.export(filepath=str(tmp_path / "a.png"))
+        assert "Traceback" not in str(caught.value)
+        assert not list(tmp_path.iterdir())
+
+
+def test_paths_beside_the_blend_bring_no_warning(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    """The README's example, and the paths of the other operators, may begin with // in every version."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        bpy.ops.kiriko.export(filepath="//source.exr")
+        bpy.ops.kiriko.preview(filepath="//preview.png", samples=1, percentage=10)
+        bpy.ops.kiriko.report(directory="//report", seconds=0.0)
+        with pytest.raises(RuntimeError, match=r"measured\.csv"):
+            bpy.ops.kiriko.calibrate(filepath="//measured.csv")
+    assert (tmp_path / "source.exr").exists()
+    assert (tmp_path / "preview.png").exists()
+    assert (tmp_path / "report" / "report.csv").exists()
+
+
+class Chosen(SimpleNamespace):
+    """Stands for the operator within the file dialogue, which needs a window."""
+
+    bl_label, is_in_dialogue, is_to_ask, overwrite, allow_stale = "Export", True, False, False, False
+
+    def __init__(self, cls: type, filepath: str) -> None:
+        super().__init__(filepath=filepath, told=[])
+        self.report = lambda level, text: self.told.append((level, text))
+        self._form = lambda context: cls._form(self, context)
+
+
+def test_the_dialogue_completes_the_name_and_the_panel_follows(
+    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType
+) -> None:
+    """So a name that is taken is red before it is chosen, and then replaced; a name that was not shown is not."""
+    cls = importlib.import_module(f"{kiriko.__name__}.operators.export").KIRIKO_OT_export
+    for typed, named in (("a", "a.png"), ("a.jpg", "a.png"), ("a.exr", "a.exr"), ("a.b", "a.b.png")):
+        chosen = Chosen(cls, str(tmp_path / typed))
+        assert cls.check(chosen, bpy.context) == (typed != named)
+        assert chosen.filepath == str(tmp_path / named)
+        assert not cls.check(chosen, bpy.context)
+    (tmp_path / "a.png").write_bytes(b"mine")
+    hidden = Chosen(cls, str(tmp_path / "a"))
+    assert cls.execute(hidden, bpy.context) == {"CANCELLED"}
+    assert "exists already" in hidden.told[0][1]
+    assert solved.kiriko.export_path == "//source.png"
+    for name, form in (("a.png", "PNG8"), ("a.exr", "EXR_FLOAT")):
+        assert cls.execute(Chosen(cls, str(tmp_path / name)), bpy.context) == {"FINISHED"}
+        assert (solved.kiriko.export_path, solved.kiriko.export_format) == (str(tmp_path / name), form)
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_dialogue_asks_nothing_beside_the_panel(blender: ModuleType) -> None:
+    """Names that are taken are red, others than images are not listed, and there is no second Overwrite."""
+    properties = bpy.ops.kiriko.export.get_rna_type().properties
+    assert [p.identifier for p in properties if not p.is_hidden and p.identifier != "rna_type"] == ["filepath"]
+    assert properties["check_existing"].default is True
+    assert properties["filter_glob"].default == "*.exr;*.png;*.tif;*.tiff"

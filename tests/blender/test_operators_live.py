@@ -148,13 +148,20 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
 
 @pytest.mark.parametrize(
     ("owner", "name", "value"),
-    [("GLASS", "ior", 1.6), ("DISPLAY", "resolution", (48, 48)), ("SCENE", "brightness", True)],
+    [
+        ("GLASS", "ior", 1.6),
+        ("DISPLAY", "resolution", (48, 48)),
+        ("SCENE", "brightness", True),
+        ("VIEWER", "resolution", (48, 32)),
+        ("VIEWER", "use_resolution", False),
+    ],
 )
 def test_settings_count_without_an_event(live: ModuleType, owner: str, name: str, value: object) -> None:
     """A script that changes one of Kiriko's settings wakes no handler, and is followed all the same."""
     rig = follow(live)
-    before = shown()
-    setattr((bpy.context.scene if owner == "SCENE" else rig[owner]).kiriko, name, value)
+    bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 50
+    before, scene = shown(), bpy.context.scene
+    setattr({**rig, "SCENE": scene, "VIEWER": scene.kiriko.viewer}[owner].kiriko, name, value)
     settle(live)
     assert not np.array_equal(shown(), before)
     assert is_rounding(shown() - plain(live))
@@ -330,6 +337,18 @@ def test_file_load_stops_it(live: ModuleType, n_turns: int) -> None:
     assert traces(live) == []
     assert "another file" in live.status()[0]
     assert live.tick() is None
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert live.status() == ("", False)
+
+
+def test_what_was_said_goes_when_it_starts_again(live: ModuleType) -> None:
+    """The sentence on why it stopped stands until it starts, or until the next file."""
+    follow(live)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    follow(live)
+    assert "another file" not in live.status()[0]
+    live.stop()
+    assert live.status() == ("", False)
 
 
 def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:

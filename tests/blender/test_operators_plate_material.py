@@ -189,12 +189,17 @@ def test_missing_file_is_told(scene: bpy.types.Scene, kiriko: object, monkeypatc
     assert "Kiriko" not in bpy.context.preferences.filepaths.asset_libraries
 
 
-def test_asset_library_is_added_once_and_only_when_asked(scene: bpy.types.Scene, kiriko: object) -> None:
+def test_asset_library_is_added_once_and_only_when_asked(
+    scene: bpy.types.Scene, kiriko: object, capfd: pytest.CaptureFixture
+) -> None:
     """It is not there before; the button adds the folder and is grey from then on; the folder has the materials."""
     libraries = bpy.context.preferences.filepaths.asset_libraries
     assert kiriko.operators.plate_material.library_path() == ""
     n_before = len(libraries)
+    capfd.readouterr()
     assert bpy.ops.kiriko.add_asset_library() == {"FINISHED"}
+    page = "Asset Libraries" if bpy.app.version >= (5, 2, 0) else "File Paths"
+    assert f"is in Preferences > {page}: " in capfd.readouterr().out
     assert len(libraries) == n_before + 1
     assert Path(libraries["Kiriko"].path).resolve() == BLEND.parent
     with pytest.raises(RuntimeError, match="already"):

@@ -88,6 +88,22 @@ def test_cycles_agrees_on_a_turned_cube(core: SimpleNamespace) -> None:
     assert_agree(core)
 
 
+def test_the_preview_has_the_viewers_own_pixels(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+    """Cycles renders the frame that is solved, and a percentage of it, whatever shape the scene's render has."""
+    small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
+    scene.render.resolution_percentage, scene.render.pixel_aspect_x = 50, 2.0
+    scene.kiriko.viewer.kiriko.resolution = (48, 32)
+    assert_agree(core, share=0.4)
+    reading, source = core.blender_scene.read(bpy.context), np.ones((64, 64, 3), np.float32)
+    assert maps(core)[0].shape[:2] == (32, 48)
+    half = core.blender_preview.render_preview(scene, reading, source, percentage=50, samples=1)
+    assert half.shape[:2] == (16, 24)
+    scene.kiriko.viewer.kiriko.use_resolution = False
+    reading = core.blender_scene.read(bpy.context)
+    half = core.blender_preview.render_preview(scene, reading, source, percentage=10, samples=1)
+    assert half.shape[:2] == (54, 96)  # of the half of 1920 x 1080
+
+
 def test_cycles_agrees_on_a_smooth_ball(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
     """Through smooth-shaded faces, too; towards its rim a ball's lever on a normal's error grows without bound."""
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3)

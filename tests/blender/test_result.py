@@ -1,5 +1,6 @@
 import importlib
 import json
+import re
 from types import ModuleType
 
 import bpy
@@ -11,24 +12,6 @@ from small_rigs import new_object, pixels, primitive, small_rig
 @pytest.fixture
 def result(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
     return importlib.import_module(f"{kiriko.__name__}.core.blender_result")
-
-
-@pytest.mark.parametrize(
-    ("share", "text"),
-    [
-        *((0.0, "0 %"), (1.0, "100 %"), (1e-9, "0 %"), (1 - 1e-9, "100 %"), (0.5, "50 %")),
-        *((0.004, "0.4 %"), (0.9996, "99.96 %"), (1e-5, "under 0.01 %"), (1 - 1e-5, "over 99.99 %")),
-    ],
-)
-def test_a_share_reads_as_nothing_or_all_only_when_it_is(result: ModuleType, share: float, text: str) -> None:
-    """0 % and 100 % are exact to rounding; a share close to them gets more digits."""
-    assert result.percent(share) == text
-
-
-def test_summary_names_the_losses_largest_first(result: ModuleType) -> None:
-    """One sentence: what is shown, then what is lost and why."""
-    text = result.summary(0.9, {"blocked": 0.02, "missed the plate": 0.08, "lost inside the glass": 0.0})
-    assert text == "The display shows 90 % of the picture; 8 % missed the plate, 2 % blocked."
 
 
 def test_image_keeps_every_number(result: ModuleType) -> None:
@@ -82,3 +65,15 @@ def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> 
         found.append(error())
         bpy.data.objects.remove(ball)
     assert found[0] > 2 * found[1] > 4 * found[2] > 0
+
+
+def test_lengths_in_notes_are_in_the_scenes_unit(scene: bpy.types.Scene) -> None:
+    """A rig 10 km away, in which glass nearer than some inches touches."""
+    parts = small_rig()
+    for part in parts.values():
+        part.location.x += 1e4
+    scene.unit_settings.system, scene.unit_settings.length_unit = "IMPERIAL", "INCHES"
+    bpy.ops.kiriko.solve()
+    (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Blender rounds places" in note)
+    (inches,) = re.findall(r"glass nearer than ([0-9.]+) in touches", note)
+    assert 0.01 < float(inches) < 1

@@ -317,9 +317,9 @@ def test_mesh_in_edit_mode(read: Callable[[], Any]) -> None:
 
 
 def test_triangles_without_area(read: Callable[[], Any]) -> None:
-    """Triangles on a line or a point are left out and counted; the others keep their normals and places."""
+    """Triangles on a line are left out and counted; the others keep their normals and places."""
     data = bpy.data.meshes.new("slivers")
-    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0), (0, 1, 0)]
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0), (0.5, 0.5, 0)]
     data.from_pydata(points, [], [(0, 1, 2), (0, 1, 3), (2, 4, 1)])
     data.polygons.foreach_set("use_smooth", np.ones(3, bool))
     glass = add(data, "GLASS", "shard")
@@ -340,11 +340,21 @@ def test_flattened_to_nothing(read: Callable[[], Any], errors: ModuleType) -> No
         glass.mesh.check(f"The glass '{glass.name}'")
 
 
-@pytest.mark.parametrize("data", [None, "mesh", "curve"])
-def test_empty_glass_is_named(read: Callable[[], Any], errors: ModuleType, data: str | None) -> None:
+def test_what_has_no_surface_is_no_glass(read: Callable[[], Any], errors: ModuleType) -> None:
+    """An empty, a light and a camera with a role are refused by name, with the reason."""
+    data = (None, bpy.data.lights.new("l", "POINT"), bpy.data.cameras.new("c"))
+    for block, word in zip(data, ("an empty", "a light", "a camera"), strict=True):
+        thing = add(block, "GLASS", "hollow")
+        with pytest.raises(errors.RigError, match=f"'hollow' has the role Glass, but {word} has no surface: set"):
+            read()
+        bpy.data.objects.remove(thing)
+
+
+@pytest.mark.parametrize("data", ["mesh", "curve"])
+def test_empty_glass_is_named(read: Callable[[], Any], errors: ModuleType, data: str) -> None:
     """An object without faces keeps its role and name, so that the check can say which it is."""
     kinds = {"mesh": bpy.data.meshes.new("m"), "curve": bpy.data.curves.new("c", "CURVE")}
-    add(kinds.get(data), "GLASS", "hollow")
+    add(kinds[data], "GLASS", "hollow")
     (glass,) = read().rig.glasses
     assert glass.name == "hollow"
     with pytest.raises(errors.MeshError, match="no faces"):

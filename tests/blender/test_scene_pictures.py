@@ -282,7 +282,7 @@ def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
         corners = {(-1, -1): (1, 0), (1, -1): (1, 1), (1, 1): (0, 1), (-1, 1): (0, 0)}
         wanted = np.array([corners[tuple(np.sign(v[:2]).astype(int))] for v in mesh.vertices], float)
         assert np.array_equal(mesh.uv, wanted[mesh.triangles])
-        assert reading.notes == ()
+        assert ["squeezed to 44 % of its width" in note for note in reading.notes] == [True]
 
 
 def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
@@ -338,8 +338,13 @@ def test_pictures_without_pixels(
     plane = add_plane(None)
     render(scene, tmp_path)
     plane.kiriko.image = bpy.data.images["Render Result"]
-    with pytest.raises(errors.ImageError, match="save it to a file"):
+    words = r"'Render Result' cannot be the picture 'poster', for .* save it there \(Image > Save As\), and choose that"
+    with pytest.raises(errors.ImageError, match=words):
         read()
+    scene.kiriko.picture_source, scene.kiriko.picture_image = "IMAGE", plane.kiriko.image
+    with pytest.raises(errors.ImageError, match="'Render Result' cannot be the scene's picture, for"):
+        read()
+    scene.kiriko.picture_source = "PLANE"
     plane.kiriko.image = log = generated("log")
     log.colorspace_settings.name = "Filmic Log"
     with pytest.raises(errors.ImageError, match="colour space Filmic Log"):
@@ -352,6 +357,22 @@ def test_pictures_without_pixels(
         read()
 
 
+@pytest.mark.parametrize(("source", "kind"), [("SEQUENCE", "an image sequence"), ("MOVIE", "a movie")])
+def test_moving_pictures_are_refused(
+    read: Callable[[], Any], errors: ModuleType, tmp_path: Path, source: str, kind: str
+) -> None:
+    """A sequence or movie whose file is there is not called missing: one frame's file is asked for."""
+    write(random_pixels(), tmp_path / "art001.png")
+    image = bpy.data.images.load(str(tmp_path / "art001.png"))
+    image.source = source
+    add_plane(texture_material(image))
+    words = f"'art001.png' of the picture 'poster' is {kind}, and moving pictures are not read yet: choose one frame's"
+    with pytest.raises(errors.ImageError, match=words):
+        read()
+    image.source = "FILE"
+    assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
+
+
 def test_a_picture_that_would_not_fit_is_refused(
     read: Callable[[], Any], kiriko: ModuleType, errors: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -360,7 +381,7 @@ def test_a_picture_that_would_not_fit_is_refused(
     add_plane(None).kiriko.image = generated()
     needed = 16.0 * SIZE[0] * SIZE[1]
     monkeypatch.setattr(memory, "available", lambda: needed - 1)
-    words = r"of the picture 'poster' would take about 6.1e-06 GB .* are free: .* smaller one \(24 x 16 pixels"
+    words = r"of the picture 'poster' would take about 0\.0000061 GB .* are free: .* smaller one \(24 x 16 pixels"
     with pytest.raises(errors.RigError, match=words):
         read()
     monkeypatch.setattr(memory, "available", lambda: needed)

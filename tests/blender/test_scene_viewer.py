@@ -270,3 +270,35 @@ def test_depth_of_field_is_noted(scene: bpy.types.Scene, kiriko: ModuleType) -> 
     module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
     add_camera(scene).data.dof.use_dof = True
     assert "The viewer 'eye' has depth of field: solved as a pinhole." in module.read(bpy.context, scene).notes
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_a_viewer_with_pixels_of_its_own(read: Callable[[], Any], scene: bpy.types.Scene, kind: str) -> None:
+    """Whatever the scene's render has, it is read as from a render of those pixels, which are square."""
+    camera = add_camera(scene, kind)
+    camera.kiriko.use_resolution, camera.kiriko.resolution = True, (50, 70)
+    viewer = read()
+    camera.kiriko.use_resolution = False
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 50, 70, 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    plain = read()
+    assert (viewer.width, viewer.height) == (plain.width, plain.height) == (50, 70)
+    assert viewer.window == plain.window
+
+
+def test_without_pixels_of_its_own_the_render_counts(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+    """A file of version 0.1 knows of none: a resolution that is set but not used changes nothing."""
+    camera = add_camera(scene)
+    plain = read()
+    assert not camera.kiriko.use_resolution
+    camera.kiriko.resolution = (7, 9)
+    assert (
+        (read().width, read().height, read().window)
+        == (plain.width, plain.height, plain.window)
+        == (
+            96,
+            64,
+            plain.window,
+        )
+    )

@@ -61,11 +61,14 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
 
     glass = make()
     glass.kiriko.use_ior = True
-    assert bpy.ops.kiriko.add_rig(viewer_resolution=192, display_resolution=(256, 256)) == {"FINISHED"}
+    size = 0.6 * min(glass.dimensions[::2])
+    options = {"viewer_resolution": 96, "display_resolution": (256, 256), "picture_size": size}
+    options["display_size"] = 10 * size  # light spreads so far
+    assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert 0 < scene.kiriko.result.coverage <= 1
     assert np.isfinite(np.array(scene.kiriko.result.source.pixels)).all()
-    x, y = np.meshgrid(np.arange(192) + 0.5, np.arange(192) + 0.5)
+    x, y = np.meshgrid(np.arange(96) + 0.5, np.arange(96) + 0.5)
     for glass.kiriko.surface, share in (("FACETS", 0.99), ("SMOOTH", 0.9)):
         reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
         rig = reading.rig
@@ -86,12 +89,12 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
 def test_previews(kiriko, scene, make):
     """The operator renders the solved rig; where core sees the picture's dots there is light."""
     make().kiriko.use_ior = True
-    assert bpy.ops.kiriko.add_rig(viewer_resolution=128, display_size=0.1) == {"FINISHED"}
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_size=0.1) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert bpy.ops.kiriko.preview(samples=16) == {"FINISHED"}
     image = bpy.data.images["Kiriko Preview"]
-    assert tuple(image.size) == (128, 128)
-    shown = np.array(image.pixels).reshape(128, 128, 4)[::-1, :, 0]
+    assert tuple(image.size) == (96, 96)
+    shown = np.array(image.pixels).reshape(96, 96, 4)[::-1, :, 0]
     work = kiriko.operators.work
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
     seen = kiriko.core.session.finish(steps).seen()[..., 0]
@@ -100,6 +103,7 @@ def test_previews(kiriko, scene, make):
     assert np.median(shown[dots] / seen[dots]) > 0.6  # two to six surfaces, each takes 4 % of the light or more
 
 
+@pytest.mark.newest_only(reason="her mesh is the same in all, the map is core's")
 def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     """Held to a ray through each pixel's middle, as tests/core/test_view_map.py holds other glass.
 

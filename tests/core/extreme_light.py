@@ -38,7 +38,8 @@ from kiriko.core.optics import dot, refract
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.session import Solution
-from kiriko.core.trace import Reason, trace
+from kiriko.core.steps import finish
+from kiriko.core.trace import Reason, tracing
 
 
 @case("indices", "index exactly 1")
@@ -113,7 +114,7 @@ def ball_of_two(quick: bool) -> Rows:
     a_rig = ball_rig(quick, ior=2.0, projection="orthographic", field=0.02)
     o, d = rays_of(a_rig)
     steps = []
-    trace(make_plan(a_rig, Settings()), o, d, steps=steps)
+    finish(tracing(make_plan(a_rig, Settings()), o, d, steps=steps))
     b = np.hypot(o[:, 0], o[:, 2])
     # the chord turns the exit point to 2 a' - a off the axis, which begins with the third power of b
     angle = 2 * np.arcsin(b / 0.025 / 2) - np.arcsin(b / 0.025)

@@ -112,6 +112,20 @@ def barrel(radius, height, bulge, segments=128, rings=64):
     )
 
 
+def lathed(radius, height, segments=32):
+    """A closed body about z, smooth all over with mean normals, of rings; it begins and ends on the axis."""
+    a = 2 * np.pi * np.arange(segments) / segments
+    points = np.stack(
+        np.broadcast_arrays(radius[:, None] * np.cos(a), radius[:, None] * np.sin(a), height[:, None]), -1
+    )
+    index = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    index[[0, -1]] = index[[0, -1], :1]
+    triangles = split_quads(np.concatenate([index, index[:, :1]], axis=1))[:, ::-1]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    flat = np.zeros((len(triangles), 3, 3))
+    return mean_normals(Mesh(points.reshape(-1, 3), triangles, flat, np.ones(len(triangles), bool)))
+
+
 def bottle(wall=0.004):
     """A hollow vessel of 0.1 m, thicker in the middle than at its ends."""
     outer, inner = barrel(0.022, 0.1, 0.003), barrel(0.022 - wall, 0.1 - 2 * wall, 0.002)

@@ -10,6 +10,7 @@ from kiriko.core import ray_engine
 from kiriko.core.plan import Kept, Plan, Settings, make_plan
 from kiriko.core.reach import out_of_sight
 from kiriko.core.rig import Glass, Rig
+from kiriko.core.steps import Pauses
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,10 @@ class Always:
     def __getattr__(self, name: str) -> object:
         return getattr(self._layer, name)
 
-    def first_hits(self, *arguments: object) -> ray_engine.Hits:
+    def find_first_hits(self, *arguments: object) -> Pauses[ray_engine.Hits]:
         few, ray_engine.FEW_TRIANGLES = ray_engine.FEW_TRIANGLES, 0
         try:
-            return self._layer.first_hits(*arguments)
+            return (yield from self._layer.find_first_hits(*arguments))
         finally:
             ray_engine.FEW_TRIANGLES = few
 

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import unit
+from marks import CASES, ORDER
 from reference_rigs import cube_rig, icosphere, mean_normals, rig, split_quads, torus, uv_ellipsoid, wavy_slab
 
-from kiriko.core.curved import grid
+from kiriko.core.accuracy import _Parabolic
+from kiriko.core.curved import POWERS, grid
 from kiriko.core.meshes import find_edges
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.ray_engine import Hits, Layer
 from kiriko.core.rig import Mesh
+from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, tessellate
 from kiriko.core.trace import Reason, trace_all
 
@@ -200,6 +203,7 @@ def rms(x):
 # How exact
 
 
+@ORDER
 @normals_kinds
 @pytest.mark.parametrize("name", ANALYTIC)
 def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_normals):
@@ -328,6 +332,7 @@ def aimed(mesh, n, seed=1):
     return start, unit(np.concatenate([targets, random.uniform(-reach, reach, (n, 3))]) - start)
 
 
+@CASES
 @pytest.mark.parametrize("ior", [1.0, 1.49])
 @normals_kinds
 @closed
@@ -351,6 +356,7 @@ def entering(i, hits):
     return hits.enters & (hits.distance > 1e-7), np.zeros(len(i), bool)
 
 
+@CASES
 @pytest.mark.parametrize("name", ["ball 1280", "ball 32 x 16", "lens", "cylinder 32 x 4", "cylinder 8 x 1"])
 def test_every_ray_from_inside_meets_the_surface(name):
     """From two points inside convex glass, at all targets and 20 000 random ways."""
@@ -378,7 +384,7 @@ def test_rescued_rays_meet_what_others_meet(name):
     found = layer.first_hits(o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
     for way in (layer._rescue, layer._test_in_float64):
         other = Hits.none(len(o), surface.curved)
-        way(o, d, np.arange(len(o)), entering, np.zeros(len(o), bool), other)
+        finish(way(o, d, np.arange(len(o)), entering, np.zeros(len(o), bool), other))
         assert np.array_equal(other.triangle, found.triangle)
         hit = found.triangle >= 0
         np.testing.assert_allclose(other.distance[hit], found.distance[hit], rtol=0, atol=1e-12)
@@ -813,3 +819,41 @@ def test_an_open_sheet_is_met_from_both_sides():
         np.testing.assert_allclose(
             unit(np.where(hits.normal.any(axis=1)[:, None], hits.normal, hits.facing)), unit(at), atol=1e-4
         )
+
+
+def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
+    """On a small scalene triangle of a sphere: the middles of its sides stand on the sphere, to the fourth order."""
+    random = np.random.default_rng(2)
+    corners = unit(np.array([0.3, -0.2, 1.0]) + 0.02 * random.normal(size=(3, 3)))
+    none = np.full((1, 3), -1)
+    empty = np.empty((0, len(POWERS), 3))
+    faces = _Parabolic(
+        corners[None], np.zeros(1, np.int64), empty, none, none, none[:, 0], empty, none, np.empty((0, 3)),
+        corner_normals=corners[None],
+    )  # fmt: skip
+    (terms,) = np.moveaxis(faces._paraboloids(np.zeros(1, np.int64)), 2, 0)
+    for u, v in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
+        at = corners[0] + sum(u**a * v**b * term for (a, b), term in zip(POWERS, terms, strict=True))
+        flat = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
+        sag = 1 - np.linalg.norm(flat)
+        assert abs(np.linalg.norm(at) - 1) < 1e-3 * sag
+
+
+@pytest.mark.parametrize(("angle", "n"), [(10.0, 1), (0.3, 1), (0.1, 2), (0.06, 3), (1e-6, 8)])
+def test_edges_are_cut_into_no_more_parts_than_their_turn_needs(angle, n):
+    """Those of a ball of 1280 faces turn by a seventh of a radian, and less."""
+    curved = make_surface(icosphere(1.0, 3)).curved
+    assert curved.parts(angle, 8) == n
+
+
+def test_a_point_that_was_found_on_a_curved_face_is_on_it():
+    """Also where its coordinates lie just beyond an edge, on every curved face; not so on flat ones."""
+    ball, faces = icosphere(1.0, 1), np.arange(80)
+    is_smooth = faces % 3 > 0
+    surface = make_surface(replace(ball, is_smooth=is_smooth))
+    hits = Hits(np.ones(80), faces, np.full(80, -1e-3), np.full(80, 0.5), np.ones(80, bool))
+    layer = Layer(surface.corners, surface.curved)
+    is_curved = surface.curved.row >= 0
+    assert 0 < is_curved.sum() < 80
+    assert np.array_equal(layer._is_on_face(hits), is_curved)
+    assert layer._is_on_face(replace(hits, u=np.full(80, 0.2))).all()

@@ -79,6 +79,52 @@ def test_a_box_of_panels_is_two_islands_and_no_cell_joins_them():
     assert columns.max() >= 510
 
 
+def l_display(bend):
+    """Two panels that share the edge at x = 0, the right one raised by `bend`; UV 0 to 0.4 and 0.6 to 1."""
+    middle, width, height = np.array([0, 0.15, -0.15]), 0.025, 0.05
+    right = np.array([np.cos(bend), 0, np.sin(bend)])
+    edges = middle + np.array([[-width, 0, 0], [0, 0, 0], width * right])
+    up = np.array([0, height / 2, 0])
+    vertices = np.concatenate([edges - up, edges + up])  # 0 1 2 along y = -h / 2, 3 4 5 along y = h / 2
+    quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+    uv = np.concatenate([QUAD_UV * [0.4, 1], QUAD_UV * [0.4, 1] + [0.6, 0]])
+    return Mesh(vertices, quads[:, QUAD].reshape(-1, 3), uv=uv)
+
+
+def test_a_seam_on_an_edge_that_panels_share_is_a_border():
+    """Each viewer pixel's light lies on the panels, by the closed form of both planes, and none in the gap in UV.
+
+    A cell across the seam would draw the light of a pixel's width through all of the gap between the panels.
+    """
+    bend, size = np.radians(30), 512
+    mesh = l_display(bend)
+    assert len(np.unique(uv_islands(mesh))) == 2
+    base = rig(box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06)
+    solution = solve(with_display(base, mesh))
+
+    gap = slice(int(np.ceil(0.4 * size)), int(0.6 * size))
+    assert solution.display_coverage[:, gap].max() == 0
+    assert solution.display_coverage[:, 5:200].mean() > 0.95
+
+    # on which panel the light of each pixel's middle lands, and how far along it
+    x, y = np.meshgrid(np.arange(128) + 0.5, np.arange(128) + 0.5)
+    o, d = base.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+    p, i = closed_forms.through_slab(o, d, np.array([0, 1.0, 0]), np.array([0, -0.01, 0]), 0.02, 1.49)
+    n = np.array([0, 1, -1]) / 2**0.5
+    p = p + ((np.array([0, 0.15, 0]) - p) @ n / (i @ n))[:, None] * i
+    i = -i + 2 * (i @ n)[:, None] * n
+    expected = np.full((len(o), 2), np.nan)
+    for first, along in ((0.0, np.array([1.0, 0, 0])), (0.6, np.array([np.cos(bend), 0, np.sin(bend)]))):
+        normal = np.cross(along, [0, 1.0, 0])
+        q = p + ((np.array([0, 0.15, -0.15]) - p) @ normal / (i @ normal))[:, None] * i - [0, 0.15, -0.15]
+        u, v = q @ along / 0.025 + (first == 0), q[:, 1] / 0.05 + 0.5
+        on = (np.abs(u - 0.5) < 0.5) & (np.abs(v - 0.5) < 0.5)
+        expected[on] = np.stack([(first + 0.4 * u) * size, (1 - v) * size], axis=1)[on]
+    landings = trace_all(make_plan(with_display(base, mesh), Settings()), o, d)
+    np.testing.assert_array_equal(landings.has_arrived, np.isfinite(expected[:, 0]))
+    np.testing.assert_allclose(landings.xy[landings.has_arrived], expected[landings.has_arrived], atol=1e-9)
+
+
 def test_only_a_whole_flat_rectangle_counts_as_one():
     """Its plane gives the pixels of its corners; half an image, a bent or a split one has no plane."""
     whole = rig(box([0.01] * 3)).display

@@ -19,6 +19,7 @@ from explain_paper import (
     suspects,
     taken_for_ideal,
 )
+from marks import FITS
 from reference_rigs import cube_rig
 
 from kiriko.core.rig import MirrorArray
@@ -116,6 +117,7 @@ def test_to_take_mirrors_for_an_ideal_plate_moves_all_alike(experiment):
     assert moved[1] == pytest.approx(moved[0], rel=0.05)  # the half cube stays where the mirrors image
 
 
+@FITS
 def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
     """dx stays though dy moves, or nothing does: glass that is shifted, all that moves up and down."""
     upright = ("viewer: turn about right", "viewer: shift up", "plate: shift up", "display: shift away")
@@ -128,6 +130,7 @@ def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
     assert {ability(one / 3) for one in moved[len(upright) :]} == {"nothing"}
 
 
+@FITS
 def test_no_one_bench_moves_the_first_photograph_further_than_the_last(experiment, named):
     """Turns and shifts move both alike, so that 28.5 px are left of the paper's, whatever their amounts."""
     names = COMMON, "display: shift right", "viewer: shift right", "plate: turn about up", "glass: turn about up"
@@ -152,6 +155,7 @@ def test_dots_are_lost_where_the_cube_ends(experiment, named):
     assert lost[0].reshape(7, 7)[:, 6].all()
 
 
+@FITS
 def test_a_bench_that_was_touched_explains_the_paper(experiment, named):
     """Of few suspects the smallest two are found: the camera, and the camera once more before the first photograph."""
     mine = [named[name] for name in (COMMON, "display: shift right", "glass: turn about up", "photograph: scale")]

@@ -105,3 +105,73 @@ def test_a_symbolic_link_stays_and_what_it_points_to_is_new(tmp_path: Path, is_s
     assert link.is_symlink()
     assert contents(far) == {"z": "new"}
     assert contents(near) == dict.fromkeys(NAMES if is_set else NAMES[1:2], "new")
+
+
+LINEAR = (0.0, 0.002, 0.0031308, 0.18, 0.5, 0.99, 1.0, 7.0, -1.0)
+ENCODED = {  # by the two branches of IEC 61966-2-1, in decimals, times what the type can count to
+    "uint8": (0, 7, 10, 118, 188, 254, 255, 255, 0),
+    "uint16": (0, 1693, 2651, 30235, 48192, 65246, 65535, 65535, 0),
+}
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # ITU-R BT.709, items 1.3 and 1.4: red, green, blue, D65
+
+
+@pytest.mark.parametrize("form", image_io.FORMATS)
+def test_a_file_holds_the_numbers_its_format_asks_for(tmp_path: Path, form: str) -> None:
+    """Integers are sRGB-encoded, clipped and rounded; floats are linear light as they were. OpenImageIO reads them."""
+    oiio = pytest.importorskip("OpenImageIO")
+    pixels = np.repeat(np.array(LINEAR, np.float32)[None, :, None], 3, axis=2)
+    image = oiio.ImageBuf(str(image_io.write(tmp_path / "a", pixels, form)))
+    number = str(image.spec().format)
+    assert number == {"PNG8": "uint8", "EXR_HALF": "half", "EXR_FLOAT": "float"}.get(form, "uint16")
+    if number in ENCODED:
+        found = np.asarray(image.get_pixels(getattr(oiio, number.upper())))
+        assert found.reshape(-1, 3).tolist() == [[k] * 3 for k in ENCODED[number]]
+    else:
+        found = np.asarray(image.get_pixels(oiio.FLOAT)).reshape(-1, 3)
+        assert np.array_equal(found, pixels[0].astype(np.float16 if number == "half" else np.float32))
+        told = image.spec().getattribute("chromaticities")
+        assert told == pytest.approx(REC709, rel=1e-6)
+
+
+def test_a_file_tells_how_large_its_image_is(tmp_path: Path) -> None:
+    """80 pixels over 50.8 mm are 40 to the inch; 20 over 25.4 mm are 20 to the inch."""
+    pytest.importorskip("OpenImageIO")
+    _, about = image_io.read(image_io.write(tmp_path / "a", np.zeros((20, 80, 3)), "TIFF16", size=(0.0508, 0.0254)))
+    assert (about["XResolution"], about["YResolution"]) == (pytest.approx(40), pytest.approx(20))
+    assert about["ImageDescription"] == "Kiriko source image; sRGB; kiriko:width_mm=50.8; kiriko:height_mm=25.4"
+
+
+@pytest.mark.parametrize(
+    ("given", "form", "name"),
+    [
+        ("a", "PNG8", "a.png"),
+        ("a.png", "PNG16", "a.png"),
+        ("a.PNG", "PNG8", "a.PNG"),
+        ("a.exr", "PNG8", "a.png"),
+        ("a.b", "EXR_HALF", "a.b.exr"),
+        ("a.tiff", "TIFF16", "a.tiff"),
+        ("a.tif", "EXR_FLOAT", "a.exr"),
+        ("a.jpg", "PNG8", "a.png"),
+        ("a.doc", "PNG8", "a.doc.png"),
+    ],
+)
+def test_a_name_gets_the_suffix_of_its_format(given: str, form: str, name: str) -> None:
+    """In place of that of another image, else behind what is there."""
+    assert image_io.named_for(Path("some.where") / given, form, {".jpg"}) == Path("some.where") / name
+
+
+@pytest.mark.parametrize(
+    ("given", "form", "meant"),
+    [
+        ("a.exr", "PNG8", "EXR_FLOAT"),
+        ("a.exr", "EXR_HALF", "EXR_HALF"),
+        ("a.png", "PNG16", "PNG16"),
+        ("a.png", "EXR_HALF", "PNG8"),
+        ("a.TIFF", "PNG8", "TIFF16"),
+        ("a.jpg", "PNG16", "PNG16"),
+        ("a", "EXR_HALF", "EXR_HALF"),
+    ],
+)
+def test_a_suffix_asks_for_a_format(given: str, form: str, meant: str) -> None:
+    """The one that is chosen where it fits, else the plainest."""
+    assert image_io.format_for(given, form) == meant

@@ -6,11 +6,14 @@ The marks: 1e-12 where k > 1e-6, 4 eps / sqrt k below, and never the wrong class
 import judge
 import numpy as np
 import pytest
+from marks import CASES
 from reference_rigs import rig
 
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.trace import Reason, trace_all
+
+pytestmark = CASES
 
 CASES = {
     judge.judge_refraction: 3000,

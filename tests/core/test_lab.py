@@ -5,10 +5,13 @@ from dataclasses import replace
 import bench_lab as lab
 import numpy as np
 import pytest
+from marks import ORDER
 from reference_rigs import box, rig
 
 from kiriko.core.placement import lattice
 from kiriko.core.rig import PRESETS, MirrorArray
+
+pytestmark = ORDER
 
 ASKA = PRESETS["ASKA3D-488"]
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import CASES
 from reference_rigs import ball_rig, cube_rig, rig, wavy_slab
 from work import solve
 
 from kiriko.core.errors import ImageError
-from kiriko.core.lattice import Lattice, check, check_way, find_points, match, read_points
+from kiriko.core.lattice import Lattice, _distinct, _grey, check, check_way, find_points, match, read_points
 from kiriko.core.misalignment import Bench
 from kiriko.core.plan import Settings
 from kiriko.core.rig import MirrorArray
@@ -155,6 +156,7 @@ def test_points_are_found_to_a_part_of_a_pixel(style):
     assert rms(found - true) < (0.03 if style == "dots" else 0.05)
 
 
+@CASES
 @pytest.mark.parametrize(("spacing", "radius"), [(14, 0.18), (40, 0.2), (110, 0.27)])
 def test_dots_of_5_to_60_pixels_are_found(spacing, radius):
     size = (8 * spacing + 3, 8 * spacing)
@@ -239,6 +241,7 @@ def test_a_photograph_of_a_few_pixels_is_refused():
 # Told apart
 
 
+@CASES
 @pytest.mark.parametrize("seed", range(25))
 def test_points_are_told_apart(seed):
     """Shuffled, shifted, scaled, turned and bent, some inner ones missing, a few extra: each is what it was."""
@@ -282,6 +285,30 @@ def test_what_cannot_be_told_apart_is_said():
         match(GRID * 300, GRID * np.nan, SEVEN)
     with pytest.raises(ImageError):
         match(random.uniform(-300, 300, (49, 2)), GRID * 300, SEVEN)
+
+
+def test_three_points_without_a_place_are_left_out_and_four_are_refused():
+    """Of nine dots, with more that go on as the lattice does."""
+    three, index = Lattice(3, 3, 0.1), N.reshape(7, 7)
+    nine, beyond = GRID[index[:3, :3].ravel()] * 300, GRID[index[:4, 3]] * 300
+    for n in (1, 2, 3):
+        found = match(np.concatenate([nine, beyond[:n]]), nine, three)
+        assert np.array_equal(found, nine)
+    with pytest.raises(ImageError, match="4 of 13 points have no place in the lattice of 3 x 3"):
+        match(np.concatenate([nine, beyond]), nine, three)
+
+
+def test_of_dots_in_one_place_the_strongest_is_found():
+    """Also where it is the smaller one, and the other's middle is beside it but within the larger one."""
+    small, large, apart = [50.0, 50, 2, 9], [52.5, 50, 2.9, 5], [54.0, 50, 2.9, 5]
+    assert _distinct(np.array([small, large])).tolist() == [small[:3]]
+    assert _distinct(np.array([small, apart])).tolist() == [small[:3], apart[:3]]
+
+
+def test_a_photograph_may_be_as_small_as_it_is_told():
+    with pytest.raises(ImageError, match="is too small to find points in"):
+        _grey(np.zeros((23, 60)))
+    assert _grey(np.zeros((24, 60))).shape == (24, 60)
 
 
 # Read
@@ -433,6 +460,7 @@ def test_points_of_another_lattice_are_refused():
     check(np.where((N < 3)[:, None], GRID, np.nan), SEVEN)
 
 
+@CASES
 def test_a_lattice_seen_through_the_cube_is_measured():
     """The drawn lattice, solved for, seen by core and found in the image: where Bench has it, to 0.1 px."""
     image = np.concatenate([SEVEN.image(1024, 1024), np.ones((1024, 1024, 1), np.float32)], axis=2)

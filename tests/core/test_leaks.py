@@ -6,6 +6,7 @@ Embree's robust mode alone loses 0.2 to 0.9 % of them. `dev.py extremes` asks al
 import numpy as np
 import pytest
 from bench_judge import SHAPES, START, aims_at, leak_cases, leaks_of
+from marks import CASES
 from reference_rigs import icosphere, rig
 
 from kiriko.core.meshes import find_edges
@@ -14,6 +15,8 @@ from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Mesh
 from kiriko.core.surfaces import contains
 from kiriko.core.trace import Reason, trace_all
+
+pytestmark = CASES
 
 EVERY = {0: 1, 1: 16}  # of the targets of the smaller and larger meshes
 
@@ -37,7 +40,7 @@ def test_no_ray_at_a_vertex_or_edge_escapes(size):
 
 def test_without_its_rescue_the_ray_engine_leaks(monkeypatch):
     """The test can fail: Embree's own answer loses rays at vertices and edges."""
-    monkeypatch.setattr(Layer, "_rescue", lambda *_: None)
+    monkeypatch.setattr(Layer, "_rescue", lambda *_: ())
     mesh = icosphere(0.025, 4, smooth=False)
     found = leaks_of("ball", mesh)
     assert found.lost > 20

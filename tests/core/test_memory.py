@@ -21,7 +21,8 @@ MEASURE = """
 import json
 from pathlib import Path
 import numpy as np
-from reference_rigs import ball_rig, box, rig, uv_ellipsoid
+from dataclasses import replace
+from reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
 from kiriko.core import memory
 from kiriko.core.plan import Settings
 from kiriko.core.session import Session, finish
@@ -29,14 +30,18 @@ from kiriko.core.view_map import sample
 def status(key):  # what getrusage tells begins with what the process had that started this one
     lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return 1024 * int(lines[key].split()[0])
+def lathe(surface="smooth"):
+    s = np.linspace(0, 1, 29)
+    radius = np.where((s > 0) & (s < 1), 0.014 + 0.007 * np.sin(7 * s + 0.3), 0)
+    return replace(lathed(radius, 0.05 * (s - 0.5)), surface=surface)
 def picture(side):
     return np.ones((side, side, 4), np.float32)
 a_rig, settings = {rig}, Settings(tolerance={tolerance})
 before = status("VmRSS")
-{work}
-print(json.dumps([status("VmHWM") - before, sum(memory.estimated(a_rig, settings).values())]))
+view_map = {work}
+print(json.dumps([status("VmHWM") - before, sum(memory.estimated(a_rig, settings, view_map).values())]))
 """
-SOLVE = "finish(Session().solve(a_rig, settings))"
+SOLVE = "finish(Session().solve(a_rig, settings)).view_map"
 TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
 
 
@@ -53,6 +58,10 @@ TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
         ("ball_rig(4, pixels=64, display_pixels=64)", 1e-6, SOLVE),  # as many as there may be
         ("ball_rig(4, pixels=512, display_pixels=64)", 1e-6, TRACE),  # rays of pixels
         ("ball_rig(5, pixels=768, display_pixels=512)", 1e-6, TRACE),  # of cells
+        ("rig(lathe(), pixels=128)", 0.1, SOLVE),  # borders
+        ("rig(lathe('facets'), pixels=384)", 0.1, SOLVE),
+        ("rig(bottle(), pixels=192)", 0.1, SOLVE),
+        ("rig(icosphere(0.025, 3, smooth=False), pixels=192)", 0.1, SOLVE),
         ("rig(box([0.3, 0.03, 0.3]), pixels=256, display_pixels=512)", 1e-6, SOLVE),  # flat: no more for the tolerance
     ],
 )
@@ -71,7 +80,7 @@ def test_the_estimate_is_what_is_taken(rig, tolerance, work):
     ("change", "words"),
     [
         ({"display": 3000}, "about 1.1 GB .* 0.1 GB are free: lower the resolution of the display"),
-        ({"viewer": 4000}, "lower the resolution of the scene's render"),
+        ({"viewer": 4000}, "lower the resolution of the viewer 'viewer'"),
         ({"picture": 3000}, r"choose a smaller image for the picture 'picture' \(3000 x 3000\)"),
         ({"tolerance": 1e-5, "viewer": 64}, r"raise the tolerance \(1e-05 display pixels\)"),
         ({}, "close other programs"),

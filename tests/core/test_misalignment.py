@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import FITS
 from reference_rigs import ball_rig, box, cube_rig, rig
 
 from kiriko.core.errors import RigError
@@ -79,6 +80,7 @@ def test_a_viewer_that_turns_sees_all_turn(bare):
     assert zoomed == pytest.approx((bare.view - PX / 2) / 100, rel=1e-3, abs=1e-3)
 
 
+@FITS
 @pytest.mark.parametrize("make", [lambda: cube_rig(pixels=PX), lambda: ball_rig(4, pixels=PX, display=0.1)])
 def test_derivatives_are_what_re_tracing_finds(make):
     """To 1 % of each parameter's largest movement, over the points that stay on their branch."""
@@ -119,6 +121,7 @@ def tolerances_of(found):
     return np.array([TOLERANCES[parameter.unit] for parameter in found.parameters])
 
 
+@FITS
 @pytest.mark.parametrize("seed", range(3))
 def test_hidden_errors_are_made_up_for(cube, seed):
     """0.3 px of noise, one point in ten missing: solved again with the fit, what is left is below 1 px."""
@@ -149,6 +152,13 @@ def test_points_that_are_none_of_this_bench_are_refused(cube):
             finish(fit(cube, measured, tolerances))
 
 
+def test_a_bench_on_which_most_points_have_no_light_is_refused():
+    """The plate is too small for two thirds of them; the others would do for a fit, but not of this photograph."""
+    whole, small = (bench(cube_rig(pixels=256, plate=plate)) for plate in (0.488, 0.03))
+    with pytest.raises(RigError, match="Only 15 of 49 measured points can be followed to the display"):
+        finish(fit(small, whole.view, tolerances_of(small)))
+
+
 def test_a_few_points_that_are_off_alone_are_left_out(cube):
     """By glare, far or near, or swapped: the fit is that of the others."""
     random = np.random.default_rng(5)
@@ -166,6 +176,7 @@ def test_a_few_points_that_are_off_alone_are_left_out(cube):
     assert np.nanmean(np.linalg.norm(left, axis=1)) < 0.3
 
 
+@FITS
 def test_another_photograph_tells_more(cube):
     """Of no amount less, of the plate's turn a third more; the most telling place comes first."""
     tolerances = tolerances_of(cube)

@@ -1,5 +1,7 @@
 """Motions found from vertices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference_rigs import box
@@ -33,3 +35,20 @@ def test_a_mirror_image_and_another_size_are_no_motion():
     for change in (np.diag([1, 1, -1.0]), np.diag([1, 1, 1.001])):
         assert find_motion(solid, Mesh(solid.vertices @ change, solid.triangles)) is None
     assert find_motion(SQUARE, Mesh(1.001 * SQUARE.vertices, SQUARE.triangles)) is None
+
+
+@pytest.mark.parametrize("other", ["triangles", "is_smooth", "is_smooth, given", "surface", "has_mean_normals"])
+def test_vertices_in_place_are_not_all(other):
+    """Other triangles between the same vertices, other shading, another surface that is meant: no motion."""
+    solid = box([0.05, 0.04, 0.03])
+    changes = {
+        "triangles": {"triangles": solid.triangles[::-1]},
+        "is_smooth": {"is_smooth": np.ones(len(solid.triangles), bool)},
+        "surface": {"surface": "facets"},
+        "has_mean_normals": {"has_mean_normals": True},
+    }
+    before = replace(solid, is_smooth=np.zeros(len(solid.triangles), bool)) if "," in other else solid
+    after = replace(solid, **changes[other.partition(",")[0]])
+    assert find_motion(before, before) is not None
+    assert find_motion(before, after) is None
+    assert find_motion(after, before) is None

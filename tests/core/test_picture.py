@@ -1,11 +1,14 @@
 """Where the viewer's pixels lie on the picture, and which colours are read there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference_rigs import lattice_image, rectangle
 
 from kiriko.core import picture as picture_module
-from kiriko.core.picture import Pyramid, ideal_image, picture_from_view
+from kiriko.core.errors import RigError
+from kiriko.core.picture import Pyramid, ideal_image, picture_from_view, why_unseen
 from kiriko.core.rig import Mesh, Picture, Viewer
 
 
@@ -51,6 +54,34 @@ def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
     points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
     found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points), 0.0)
     np.testing.assert_allclose(found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize(
+    ("middle", "along", "size", "why"),
+    [
+        ((0, 0, 0, -3), (1, 0), 0.05, "which is behind the viewer: turn the viewer round"),
+        ((3, 0, 0, 0), (1, 0), 0.05, "which is outside its view: move it into the camera's frame"),
+        ((0, 3, 0, 0), (1, 0), 0.05, "which is outside its view: move it into the camera's frame"),
+        ((0, 0, 0, 0), (0, 1), 0.05, "which is seen edge-on: turn it to the viewer"),
+        ((3, 0, 0, 0), (0, 1), 0.05, "which is outside its view: move it into the camera's frame"),
+        ((1e-3, 1e-3, 0, 0), (1, 0), 1e-5, "which is smaller than a viewer pixel: make it larger, or raise"),
+    ],
+)
+def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, why):
+    """Behind the viewer, outside its view, edge-on and too small are told apart, and none of them is seen at all."""
+    v = viewer(projection)
+    right, up, forward = v.axes
+    x, y, _, ahead = middle
+    at = v.position + x * right + y * up + (1 + ahead) * forward
+    mesh = rectangle(at, along[0] * right + along[1] * forward, up, size, size)
+    if size < 1e-3:  # a rectangle is never too small: its outline is smoothed over a pixel
+        mesh = replace(mesh, triangles=mesh.triangles[:1], uv=mesh.uv[:1])
+    a_picture = Picture("p", ramp(), mesh)
+    pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1).reshape(-1, 2)
+    if projection == "perspective" or ahead >= 0:  # an orthographic viewer sees what is behind it all the same
+        assert picture_from_view(a_picture, v, pixels, 1.0).cover.sum() == 0
+    assert why_unseen(a_picture, v).startswith(why)
 
 
 def test_a_picture_seen_from_behind_or_edge_on_is_finite():
@@ -147,3 +178,9 @@ def test_the_ideal_image_is_the_area_mean_of_the_picture():
     mean = image[..., :3].reshape(64, 2, 64, 2, 3).mean(axis=(1, 3))
     assert np.abs(seen - mean).max() < 0.2
     assert np.abs(seen.mean() - mean.mean()) < 1e-3 * mean.mean()
+
+
+@pytest.mark.parametrize("shape", [(0, 4, 4), (4, 0, 4)])
+def test_a_picture_without_pixels_is_refused(shape):
+    with pytest.raises(RigError, match="The picture has no pixels: choose another"):
+        Pyramid(np.empty(shape, np.float32))

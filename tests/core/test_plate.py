@@ -10,14 +10,16 @@ from closed_forms import unit
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from marching import march, turned
+from marks import CASES, STATISTICS
 from reference_rigs import ball_rig, box, rectangle
 
 from kiriko.core.errors import RigError
 from kiriko.core.optics import plane_symmetry, reflect
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import Kind, Settings, find_sheets, make_plan
 from kiriko.core.plate import ArrayFrame, PlatePath, array_frame, fold
 from kiriko.core.rig import PRESETS, MirrorArray, Plate
 from kiriko.core.session import Session, finish
+from kiriko.core.surfaces import make_surface
 from kiriko.core.trace import Reason, trace
 
 EPS = np.finfo(float).eps
@@ -83,6 +85,7 @@ ARRAYS = {
 }
 
 
+@CASES
 @pytest.mark.parametrize("name", ARRAYS)
 def test_a_fold_comes_out_where_marching_from_mirror_to_mirror_does(name):
     """Number of reflections equal; place within 8 eps (|place| + way) k / cos^2, direction within 16 eps k / cos.
@@ -135,6 +138,7 @@ reals = st.floats(-1e6, 1e6, allow_nan=False)
 slopes = st.one_of(st.floats(-5, 5), st.floats(-1e4, 1e4), st.integers(-50, 50).map(float))
 
 
+@CASES
 @given(q=st.one_of(reals, st.floats(-3, 3), st.integers(-700, 700).map(float)), travel=slopes)
 @example(q=0.0, travel=-1e-300)
 @example(q=-1e-300, travel=1.0)
@@ -209,6 +213,7 @@ def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cos
             assert slopes_along[0] == pytest.approx(slopes_along[1], abs=4 * EPS)
 
 
+@CASES
 @given(arrays, places, azimuths, st.floats(0.02, 1), st.sampled_from([1.0, -1.0]))
 def test_light_sent_back_comes_out_where_it_came_in(array, place, azimuth, cosine, way):
     """Reversed, light takes its own way: place, direction, path and throughput, where it does not touch an edge."""
@@ -326,6 +331,7 @@ def test_shares_are_those_of_the_formula_in_and_out_of_the_symmetric_plane(layou
     assert np.abs(share[[IMAGED, STRAY_1, STRAY_2, THROUGH]] - expected).max() < 2 / GRID
 
 
+@STATISTICS
 @pytest.mark.parametrize("layout", ["crossed", "holes"])
 @pytest.mark.parametrize(("degrees", "azimuth", "way"), [(30, 0, 1), (45, 10, -1), (65, 25, 1), (48.4, 180, 1)])
 def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, azimuth, way):
@@ -584,3 +590,17 @@ def test_light_is_reflected_by_the_first_plate_only():
     assert (found.plate_path == PlatePath.REFLECTED).all()
     assert found.throughput == pytest.approx(one.throughput * two.throughput, rel=1e-9)
     assert np.abs(found.directions - two.directions).max() < 1e-12
+
+
+def test_plates_in_one_plane_are_one_sheet_however_far_apart():
+    """But for the float32 of Blender's places, which is coarser the further a plate is from the origin."""
+    normal, along = np.array([0.6, 0.8, 0]), np.array([0.8, -0.6, 0])
+    near = make_surface(rectangle(np.zeros(3), along, [0, 0, 1], 0.1, 0.1))
+    place = rectangle(100 * along, along, [0, 0, 1], 0.1, 0.1)
+    rounded = replace(place, vertices=place.vertices.astype(np.float32).astype(float))
+    assert np.abs(rounded.vertices @ normal).max() > 1e-7
+    beside = replace(place, vertices=place.vertices + 1e-3 * normal)
+    far, off = make_surface(rounded), make_surface(beside)
+    kind = np.full(3, Kind.PLATE)
+    assert find_sheets([near, far, off], kind).tolist() == [0, 0, 2]
+    assert find_sheets([near, far, off], np.full(3, Kind.MIRROR)).tolist() == [0, 1, 2]

@@ -95,3 +95,12 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside == ()
     assert not any("comes near" in text for text in plan.left_out)
+
+
+def test_of_glass_none_of_which_is_in_sight_none_is_aside():
+    """A plan needs some; who looks at none is told so by the solve."""
+    behind = tuple(Glass(name, box([0.02] * 3, (x, -3, 0))) for name, x in (("a", -0.1), ("b", 0.1)))
+    before = Glass("c", box([0.02] * 3))
+    assert out_of_sight(rig(behind)) == ()
+    assert out_of_sight(rig((*behind, before))) == (0, 1)
+    assert out_of_sight(rig((before,))) == ()

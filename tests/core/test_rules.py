@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from marks import ORDER
 from rules import RULES
 
 from kiriko.core.trace import trace_all
+
+pytestmark = ORDER
 
 
 @pytest.mark.parametrize("name", RULES)

@@ -3,6 +3,7 @@
 import closed_forms
 import numpy as np
 import pytest
+from marks import ORDER
 from reference_rigs import ball_rig, box, lattice_image, rig
 from work import solve
 
@@ -24,6 +25,7 @@ CASES = {
 }
 
 
+@ORDER
 @pytest.mark.parametrize("name", CASES)
 def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     """Uncompensated dots stand where the closed form puts them, to the mesh's own error; compensated ones as wanted."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import STATISTICS
 from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from work import drain, solve
 
@@ -30,6 +31,7 @@ def plain_rig(**options):
     return rig(NO_GLASS, ior=1.0, projection="orthographic", **options)
 
 
+@STATISTICS
 def test_an_ideal_plate_shows_the_seen_image():
     """Sample by sample what the shares give by area: no further off than its own standard error, and unbiased."""
     a_rig = cube_rig(pixels=48, display_pixels=64, image=lattice_image(64))
@@ -45,6 +47,7 @@ def test_an_ideal_plate_shows_the_seen_image():
     assert np.sqrt((np.mean(off, axis=0) ** 2).mean()) < 0.65 * found[0].error
 
 
+@STATISTICS
 def test_the_standard_error_is_what_two_runs_differ_by():
     a_rig = with_mirrors(cube_rig(pixels=48, display_pixels=64, image=lattice_image(64)))
     plan = make_plan(a_rig, Settings())
@@ -88,6 +91,26 @@ def test_brightness_and_blur_have_closed_forms():
     assert found.blur == pytest.approx(metres / (0.02 / 200), rel=0.03)
 
 
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize("size", [(512, 512), (64, 640), (1500, 90)], ids=str)
+def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
+    """Its closed form in viewer pixels, for fewer and more display pixels, oblong ones, and UV in quarter turns."""
+    a_rig = with_mirrors(plain_rig(pixels=200, field=0.02), has_fresnel=False)
+    uv = a_rig.display.mesh.uv - 0.5
+    for _ in range(turns):
+        uv = np.stack([-uv[..., 1], uv[..., 0]], axis=-1)
+    turned = replace(a_rig.display.mesh, uv=uv + 0.5)
+    display = Display("display", turned, *size)
+    plan = make_plan(replace(a_rig, displays=(display,)), Settings(only_through_glass=False))
+
+    # mirrors along both diagonals shift by up to p P: each adds half of its variance across the viewer's image, and
+    # half along the plane of incidence, which is seen under 45 degrees
+    tangent = np.sin(np.pi / 4) / 1.52
+    share = 1 - abs(2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2) % 2 - 1)
+    metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
+    assert plate_view(plan).blur == pytest.approx(metres / (0.02 / 200), rel=0.03)
+
+
 def test_an_ideal_plate_has_no_brightness_to_tell():
     assert plate_view(make_plan(plain_rig(pixels=16), Settings())) is None
 
@@ -98,6 +121,7 @@ def test_a_display_that_is_not_seen_has_none_either():
     assert plate_view(make_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False))) is None
 
 
+@STATISTICS
 @pytest.mark.parametrize("spp", [2, 3, 16, 64])
 def test_the_standard_error_holds_for_any_number_of_samples(spp):
     """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is rounded up."""
@@ -139,6 +163,7 @@ def test_brightness_is_the_share_that_each_direction_leaves():
     assert share.max() > 1.05 * share.mean() > 1.1 * share.min()
 
 
+@STATISTICS
 def test_blur_does_not_mind_how_the_display_is_unwrapped():
     """Two halves that have changed places in UV: what lands in the other one is not far away."""
     a_rig = with_mirrors(ball_rig(3, pixels=64))
@@ -158,6 +183,7 @@ def test_blur_does_not_mind_how_the_display_is_unwrapped():
     assert two.brightness == pytest.approx(one.brightness, abs=4 * one.brightness_error)
 
 
+@STATISTICS
 def test_the_standard_errors_are_how_samples_spread():
     """Over 12 seeds, to a factor of 1.6: of 12 values a standard deviation is known to a fifth."""
     plan = make_plan(with_mirrors(ball_rig(2, pixels=64)), Settings())

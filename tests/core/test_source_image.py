@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import STATISTICS
 from reference_rigs import ball_rig, box, cube_rig, rig
 from work import drain, solve
 
@@ -55,6 +56,7 @@ def test_no_pinholes_and_no_ghost_lines_in_the_ball():
     assert solution.source.max() <= 1 + 1e-6
 
 
+@STATISTICS
 @pytest.mark.parametrize("make", [lambda **o: ball_rig(4, **o), cube_rig], ids=["ball", "cube"])
 def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
     """The distance between splat and source image falls as samples^-1/2, to the end of the ladder."""
@@ -78,6 +80,7 @@ def test_a_splat_of_all_light_is_the_same_by_an_ideal_plate():
     assert (drain(splat(plan, 2)) == drain(splat(plan, 2, light="folded"))).all()
 
 
+@STATISTICS
 def test_a_splat_of_all_light_keeps_white_white_and_comes_to_the_source_image_as_mirrors_get_finer():
     """White by any plate, stray light and all. Blur falls with the pitch; two runs tell it from their noise."""
     apart = []
@@ -131,3 +134,16 @@ def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
     whole = solution.view_coverage > 0.9999
     assert whole.mean() > 0.9
     assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
+
+
+@pytest.mark.parametrize("size", [(48, 24), (24, 48)])
+def test_brute_force_knows_wide_and_high_displays(size):
+    """What many samples give on display pixels that are not square, too: the solved image, but for noise."""
+    a_rig = ball_rig(3, pixels=96, display_pixels=48)
+    a_rig = replace(a_rig, displays=(replace(a_rig.display, width=size[0], height=size[1]),))
+    solution = solve(a_rig)
+    found = drain(splat(make_plan(a_rig, Settings()), 16))
+    assert found.shape == (size[1], size[0], 3)
+    whole = solution.display_coverage > 0.999
+    assert whole.sum() > 100
+    assert np.sqrt(((found - solution.source)[whole] ** 2).mean()) < 0.06

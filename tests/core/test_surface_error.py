@@ -2,6 +2,9 @@
 
 import pytest
 from bench_surface import FLOOR, SHAPES, drawn, errors, order
+from marks import ORDER
+
+pytestmark = ORDER
 
 SEGMENTS = 32, 64, 128
 

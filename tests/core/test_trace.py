@@ -11,8 +11,9 @@ from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, check_viewer_outside, make_plan
 from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, solids_from_mesh
-from kiriko.core.trace import Reason, trace_all
+from kiriko.core.trace import Reason, _following, _Rays, trace_all
 
 
 def grid(viewer, n=65):
@@ -184,7 +185,7 @@ def test_priority_decides_where_solids_overlap():
 
 
 def test_total_internal_reflection_goes_on_up_to_the_limit():
-    """A right-angled prism turns the light by 90 degrees onto the plate; a limit of fewer events loses it inside."""
+    """A right-angled prism turns the light by 90 degrees onto the plate; a limit of fewer events cuts it off."""
     half = 0.03
     v = np.array([[-half, -half, z] for z in (-half, half)] + [[half, -half, z] for z in (-half, half)]
                  + [[-half, half, z] for z in (-half, half)])  # fmt: skip
@@ -202,7 +203,7 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
     np.testing.assert_allclose(landings.directions, np.tile([-1.0, 0, 0], (50, 1)), atol=1e-15)
     assert (landings.n_events == 3).all()
     short = trace_all(make_plan(a_rig, Settings(max_events=2)), o, d)
-    assert (short.reason == Reason.LOST_INSIDE).all()
+    assert (short.reason == Reason.CUT_OFF).all()
 
 
 def test_every_ray_keeps_its_reason():
@@ -393,8 +394,67 @@ def test_solids_far_apart_share_nothing():
     assert plan.bit[0] == plan.bit[1]
     lost = []
     for layer in plan.layers:
-        layer._rescue = lambda origins, directions, rays, *_: lost.extend(rays)
+        layer._rescue = lambda origins, directions, rays, *_: lost.extend(rays) or ()
     o, d = a_rig.viewer.rays(grid(a_rig.viewer))
     landings = trace_all(plan, o, d)
     assert landings.has_arrived.mean() > 0.4
     assert len(lost) < 10
+
+
+@pytest.mark.parametrize("times", [1.5, 3.0])
+def test_light_beside_the_image_of_a_uv_map_that_leaves_it_has_missed_the_display(times):
+    """Where UV goes beyond 0..1 there is no pixel: light there has not arrived, and is told as missing the display.
+
+    It keeps its place beside the image, as that which just misses a display does, so that the edge is cut there.
+    """
+    a_rig = rig(box([0.05] * 3))
+    (display,) = a_rig.displays
+    uv = times * (display.mesh.uv - 0.5) + 0.5
+    larger = replace(a_rig, displays=(replace(display, mesh=replace(display.mesh, uv=uv)),))
+    _, _, here = traced(a_rig)
+    _, _, there = traced(larger)
+    expected = times * (here.xy - 256) + 256
+    np.testing.assert_allclose(there.xy[here.has_arrived], expected[here.has_arrived], atol=1e-9)
+    is_on_image = ((expected >= 0) & (expected <= 512)).all(axis=1) & here.has_arrived
+    assert np.array_equal(there.has_arrived, is_on_image)
+    assert (there.reason[here.has_arrived & ~is_on_image] == Reason.MISSED_DISPLAY).all()
+
+
+def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
+    """Curved faces may stand out of the boxes of their facets, so that light comes from one cluster into another."""
+    glasses = tuple(
+        Glass(name, box([0.02] * 3, (x, 0, 0)), ConstantIndex(n))
+        for name, x, n in (("a", -0.03, 1.3), ("b", 0.03, 1.7))
+    )
+    plan = make_plan(rig(glasses), Settings(max_events=1))
+    a, b = 0, 1  # parts in the order of the glasses
+    assert plan.cluster[a] != plan.cluster[b]
+    assert plan.bit[a] == plan.bit[b]
+    o, d = np.array([[0.03, -0.05, 0.0]]), np.array([[0.1, 1.0, 0.2]]) / np.sqrt(1.05)
+    outside, inside = (_Rays(o, d, None, False) for _ in "ab")
+    inside.mask[:], inside.cluster[:] = plan.bit[a], plan.cluster[a]
+    for rays in (outside, inside):
+        finish(_following(plan, rays))
+        assert rays.mask == plan.bit[b]
+        assert rays.cluster == plan.cluster[b]
+    assert np.array_equal(inside.directions, outside.directions)
+    assert np.array_equal(inside.branch, outside.branch)
+
+
+def test_a_mirror_as_drawn_reflects_by_its_normals():
+    """Interpolated between the corners; where light would be sent through the mirror, by the facet's own."""
+    corners = np.array([[-0.05, 0, -0.05], [0.05, 0, -0.05], [0, 0, 0.05]])
+    bent = closed_forms.unit(np.array([[-0.2, -1, -0.1], [0.1, -1, 0], [0, -1, 0.15]]))
+    mesh = Mesh(corners, np.array([[0, 1, 2]]), bent[None], np.ones(1, bool), surface="facets")
+    away = Glass("glass", box([0.01] * 3, (0, -3, 0)))
+    a_rig = replace(rig((away,)), mirrors=(Mirror("mirror", mesh),))
+    u, v = 0.25, 0.3
+    at = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
+    normal = closed_forms.unit((1 - u - v) * bent[0] + u * bent[1] + v * bent[2])
+    plan = make_plan(a_rig, Settings(only_through_glass=False))
+    for slope, by in ((0.3, normal), (60.0, np.array([0, -1.0, 0]))):
+        d = closed_forms.unit(np.array([-slope, 1.0, 0.1 * slope]))
+        found = trace_all(plan, (at - 0.01 * d)[None], d[None])
+        expected = d - 2 * (d @ by) * by
+        assert (d @ normal < 0) or slope > 1
+        assert np.abs(found.directions[0] - expected).max() < 1e-12

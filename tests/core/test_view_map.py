@@ -1,14 +1,17 @@
 """The view map's cells: what they cover, where they are cut."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, wavy_slab
-from work import drain
+from marks import ORDER
+from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
+from work import drain, solve
 
+from kiriko.core.borders import is_seen
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.rig import ConstantIndex, Glass, Mesh, Mirror
+from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
 from kiriko.core.shares import rasterise
 from kiriko.core.trace import Reason, trace_all
 from kiriko.core.view_map import sample
@@ -123,20 +126,27 @@ SCENES = {
 }
 
 
+@cache
+def judged(scene, n=None):
+    """A scene's rig, and what `dense` tells of it: the same rays for every tolerance."""
+    a_rig = SCENES[scene]()
+    return a_rig, *dense(a_rig, n)
+
+
+@ORDER
 @pytest.mark.parametrize("tolerance", [0.1, 0.02])
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_map_keeps_the_tolerance(scene, tolerance):
     """Held to a ray through each pixel's middle: 99.9 % within the tolerance, the covered masks agree to 0.999."""
-    a_rig = SCENES[scene]()
+    a_rig, at, exact = judged(scene)
     found = view_map(a_rig, tolerance=tolerance)
-    at, exact = dense(a_rig)
     got = found.display_from_view(at)
     mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
     assert theirs.sum() > 10_000
     assert np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs], 0.999) <= tolerance
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.999
     # whatever the rays through the middles told the map: places that it has never seen
-    at, exact = dense(a_rig, 20_000)
+    _, at, exact = judged(scene, 20_000)
     got = found.display_from_view(at)
     mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs]
@@ -146,10 +156,10 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.998
 
 
+@ORDER
 def test_a_critical_curve_runs_through_that_scene():
     """The map of the scene so named is folded: det J has both signs on one branch."""
-    a_rig = SCENES["critical curve"]()
-    at, _ = dense(a_rig)
+    a_rig, at, _ = judged("critical curve")
     h = 1e-3
     plan = make_plan(a_rig, Settings())
     there = [trace_all(plan, *a_rig.viewer.rays(at + step)) for step in np.eye(2) * h]
@@ -177,6 +187,7 @@ THIN = {
 }
 
 
+@ORDER
 @pytest.mark.parametrize("thing", THIN)
 def test_things_one_pixel_wide_are_found(thing):
     """A needle and a bubble as wide as a pixel, seen through a ball: the map knows of every pixel that they change."""
@@ -207,6 +218,7 @@ def agreement(a_rig, found, n=40_000):
     return (mine & theirs).sum() / (mine | theirs).sum()
 
 
+@ORDER
 def test_what_is_lost_in_cut_pixels_is_told():
     """A flat-shaded ball of 1280 facets: what no piece covers is little, and counted as unresolved."""
     a_rig = rig(icosphere(0.025, 3, smooth=False), pixels=128, display=0.2)
@@ -217,6 +229,7 @@ def test_what_is_lost_in_cut_pixels_is_told():
     assert lost < 0.06
 
 
+@ORDER
 def test_a_marble_between_the_first_nodes_is_found():
     """A ball of glass that few nodes meet, and from which none of them reaches the display."""
     marble = icosphere(0.0004, 3, centre=(0.0011, 0, 0.0013))
@@ -224,6 +237,7 @@ def test_a_marble_between_the_first_nodes_is_found():
     assert agreement(a_rig, view_map(a_rig), 2_000_000) > 0.9
 
 
+@ORDER
 @pytest.mark.parametrize("distance", [0.5, 3.0])
 def test_a_strip_is_found_from_far_away(distance):
     """A mirror strip five pixels wide beside the glass, met by no node: found however far the viewer is."""
@@ -269,3 +283,38 @@ def test_the_map_without_a_plate_in_reach_is_empty():
     assert not (found.reason == Reason.ARRIVED).any()
     assert found.error.rms == 0
     assert np.isnan(found.display_from_view(np.array([[20.0, 20.0]]))).all()
+
+
+def test_what_both_accounts_take_beside_the_display_is_not_seen():
+    """Landings on either side of the image, with the image between them, are beside it; one of two in it is enough."""
+    inside, left, right, above = (np.array([xy], float) for xy in ((5, 5), (-3, 5), (13, 5), (5, -1e5)))
+    lost = np.full((1, 2), np.nan)
+    for a, b, is_so in ((left, right, 0), (left, above, 0), (inside, right, 1), (above, inside, 1), (lost, inside, 1),
+                        (lost, left, 0), (lost, lost, 0), (inside, inside, 1)):  # fmt: skip
+        assert is_seen(a, b, (10, 10)) == [bool(is_so)]
+
+
+@pytest.mark.parametrize(
+    "a_rig",
+    [rig(torus(0.018, 0.007), pixels=48), rig(icosphere(0.006, 3), pixels=48, field=0.015)],
+    ids=["torus", "ball of 12 mm"],
+)
+def test_the_error_of_the_map_is_no_more_than_the_display_is_wide(a_rig):
+    """Strong glass throws light a hundred displays wide: the error that is told is that of places on the image."""
+    error = view_map(a_rig).error
+    assert 0 < error.rms <= error.percentile <= np.hypot(512, 512)
+    assert error.facet_limited + error.unresolved <= 1
+
+
+@pytest.mark.parametrize("place", [0.0011, 0.0030, 0.0052])
+def test_a_slit_between_two_blockers_is_found(place):
+    """Both sides are dark, in ways that differ; it is some pixels wide, and between the rays that are first traced."""
+    width = 0.0004
+    sides = (
+        rectangle(np.array([place + k * (0.1 + width / 2), -0.2, 0]), [1, 0, 0], [0, 0, 1], 0.2, 0.4) for k in (-1, 1)
+    )
+    a_rig = replace(cube_rig(pixels=256), blockers=tuple(Blocker(f"side {k}", mesh) for k, mesh in enumerate(sides)))
+    found = solve(a_rig)
+    xy = np.random.default_rng(0).uniform(0, 256, (200_000, 2))
+    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+    assert found.view_coverage.sum() == pytest.approx(256**2 * landings.has_arrived.mean(), rel=0.1)

@@ -5,9 +5,11 @@ import io
 import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 import pytest
+from marks import ORDER
 from reference_rigs import cube_rig
 from work import drain
 
@@ -18,7 +20,7 @@ from kiriko.core.plan import LEAST_TOLERANCE, Settings
 from kiriko.core.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from kiriko.core.rig import MirrorArray
 from kiriko.core.session import Session
-from kiriko.core.work_precision import WorkPrecision, cost, measure, quantisation
+from kiriko.core.work_precision import WorkPrecision, _splats, cost, measure, quantisation
 
 SIZE = 0.05  # m, side of the display of the reference rigs
 TOLERANCES = (1.0, 0.3, 0.1, 0.03)
@@ -126,6 +128,7 @@ def test_times_are_kept_apart(found):
     assert found.peak_memory is None or found.peak_memory > 5e7
 
 
+@ORDER
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
 def test_the_view_map_keeps_its_promise(tolerance):
     """The true session: 99.9 % of the map's errors are within the tolerance."""
@@ -137,7 +140,9 @@ def test_the_view_map_keeps_its_promise(tolerance):
 def test_black_pixels_of_the_picture_are_holes():
     """Seven pixels blackened by hand are seven holes, and the RMSE is that of their values."""
     rig, dotted, _ = reference.pictures(small_rig())
+    clock = perf_counter()
     judge = drain(reference.make_reference(rig, dotted, Settings(tolerance=0.01)))
+    taken = perf_counter() - clock
     source = judge.source.copy()
     rows, columns = (i[100:107] for i in np.nonzero(judge.is_shown))
     lost = source[rows, columns].copy()
@@ -148,6 +153,12 @@ def test_black_pixels_of_the_picture_are_holes():
     same = judge.image_errors(judge.source, judge.dots.source)
     assert (same.source_rmse, same.holes, same.seen_psnr) == (0, 0, None)
     assert same.lattice_shift < 0.1
+    # what brute force would take, by the rays of the reference: where there is no time for it that is what is told
+    assert 0 < judge.seconds_a_ray * reference.N_CHECKED < taken
+    n_rays = rig.viewer.width * rig.viewer.height
+    for rung in drain(_splats(judge, (1, 10), runs=1, budget=0.0)):
+        assert rung.runs == 0
+        assert rung.predicted_seconds == pytest.approx(judge.seconds_a_ray * n_rays * rung.setting)
 
 
 def test_times_of_reading_and_writing_are_those_of_the_calls_given():

@@ -14,10 +14,7 @@ import pytest
 def rig(installed: str, tmp_path: Path) -> Path:
     """A saved file with the rig that one button makes, seen with few pixels."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.kiriko.add_rig()
-    render = bpy.context.scene.render
-    render.resolution_x = render.resolution_y = 96
-    render.resolution_percentage = 100
+    bpy.ops.kiriko.add_rig(viewer_resolution=96)
     path = tmp_path / "rig.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     return path

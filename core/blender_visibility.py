@@ -1,0 +1,79 @@
+"""Which objects are shown, and by what the others are hidden.
+
+One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport and in renders. The
+eye, the monitor and the camera in the outliner count, its own and those of its collections, and so does a collection
+that the view layer leaves out.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import bpy
+
+
+class Shown:
+    """What a scene shows in one of its view layers, as it is now."""
+
+    def __init__(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+        self._scene, self._layer = scene, layer
+
+    def hidden_by(self, thing: bpy.types.Object) -> str:
+        """By what an object is hidden, to follow 'is hidden'; '' where it is shown, or is only the source of instances.
+
+        In a scene with thousands of objects the common case, an object that is shown, is asked for nothing else.
+        """
+        if not thing.visible_get(view_layer=self._layer):
+            if thing not in self._in_scene:
+                return instance_hidden_by(thing)
+            if thing.hide_viewport:
+                return " by its monitor symbol"
+            if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
+                return " by its eye symbol (H)"
+            return self._by_collection(thing, ("exclude", "hide_viewport"), " in the viewport")
+        if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(thing.users_collection):
+            return self._by_collection(thing, ("exclude", "hide_render"), " in renders")
+        return by
+
+    @cached_property
+    def _in_scene(self) -> set[bpy.types.Object]:
+        return set(self._scene.objects)
+
+    @cached_property
+    def _in_layer(self) -> set[bpy.types.Object]:
+        return set(self._layer.objects)
+
+    @cached_property
+    def _rendered(self) -> set[bpy.types.Collection]:
+        return set(open_collections(self._scene.collection, "hide_render"))
+
+    def _by_collection(self, thing: bpy.types.Object, flags: tuple[str, ...], where: str) -> str:
+        """The first collection above an object that one of these flags switches off."""
+        for way in _ways_to(thing, self._layer.layer_collection):
+            for layer in way:
+                if any(getattr(layer, flag, False) or getattr(layer.collection, flag, False) for flag in flags):
+                    return f" with its collection '{layer.collection.name}'{where}"
+        return where
+
+
+def instance_hidden_by(thing: bpy.types.Object) -> str:
+    """By what instances of an object are hidden that is itself in no scene, or is hidden there."""
+    return " in renders by its camera symbol" if thing.hide_render else ""
+
+
+def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:
+    """A collection and those below it that neither their own flag nor that of one between switches off."""
+    yield collection
+    for child in collection.children:
+        if not getattr(child, flag):
+            yield from open_collections(child, flag)
+
+
+def _ways_to(
+    thing: bpy.types.Object, layer: bpy.types.LayerCollection, above: tuple[bpy.types.LayerCollection, ...] = ()
+) -> Iterator[tuple[bpy.types.LayerCollection, ...]]:
+    """Chains of collections, from the outermost on, that hold an object."""
+    way = (*above, layer)
+    if thing.name in layer.collection.objects:
+        yield way
+    for child in layer.children:
+        yield from _ways_to(thing, child, way)

@@ -1,0 +1,38 @@
+"""Long work is a generator that yields its progress, 0..1, and returns its result.
+
+What is deep within it yields how many rays were traced since, 0 where it only pauses, so that the work can be stopped.
+"""
+
+from collections.abc import Generator
+from typing import TypeVar
+
+Result = TypeVar("Result")
+Pauses = Generator[int, None, Result]
+
+
+def finish(steps: Generator[object, None, Result]) -> Result:
+    """Run long work, such as a solve, to its end and return what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def within(work: Generator[float, None, Result], start: float, stop: float) -> Generator[float, None, Result]:
+    """Hand on the progress of one part of the work, from start to stop of the whole."""
+    while True:
+        try:
+            yield start + (stop - start) * next(work)
+        except StopIteration as done:
+            return done.value
+
+
+def at(progress: float, work: Pauses[Result]) -> Generator[float, None, Result]:
+    """Hand on the pauses of a part of the work during which no progress is told."""
+    while True:
+        try:
+            next(work)
+            yield progress
+        except StopIteration as done:
+            return done.value

@@ -1,0 +1,143 @@
+"""Choose the picture, among the file's images or from a file: its plane shows it, in the image's own shape."""
+
+from pathlib import Path
+
+import bpy
+
+from ..core import blender_plane
+from ..core.blender_image import or_none
+from ..core.blender_picture import check_readable
+from ..core.errors import ImageError, RigError
+from . import work
+from .export import RELATIVE_PATH, absolute
+
+
+def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The active object where it is a picture, else the scene's only one."""
+    active = context.active_object
+    if active is not None and active.kiriko.role == "PICTURE":
+        return active
+    pictures = list(work.parts(context.scene).get("PICTURE", ()))
+    return pictures[0] if len(pictures) == 1 else None
+
+
+def lacking(context: bpy.types.Context) -> list[str]:
+    """Why there is no picture whose image or shape could be another."""
+    if context.mode != "OBJECT":
+        return ["Leave edit mode first"]
+    picture = the_picture(context)
+    if picture is None:
+        return ["Select the picture: an object whose role is Picture"]
+    return [] if picture.is_editable else ["The picture is linked from another file: choose its image there"]
+
+
+class ChoosePicture:
+    """Mix-in for an operator that makes an image the picture of a plane."""
+
+    fit: bpy.props.BoolProperty(
+        name="Fit to Image",
+        description="Give the plane the shape of the image, its area kept",
+        default=True,
+        options={"SKIP_SAVE"},  # where it was left once, the next image shall not be squeezed
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, lacking(context))
+
+    def choose(self, context: bpy.types.Context, image: bpy.types.Image) -> None:
+        """Make an image the picture, and say what became of plane and material."""
+        picture = the_picture(context)
+        check_readable(image, f"the picture '{picture.name}'")
+        before = {slot.material for slot in picture.material_slots}
+        picture.kiriko.image = image
+
+        problems = []
+        if not picture.kiriko.is_image_shown:
+            problems.append("its material is not its own to be changed, and goes on showing what it did")
+        try:
+            if self.fit:
+                blender_plane.fit(context, picture)
+            elif squeezed := blender_plane.squeezed_words(blender_plane.shown_as(context, picture)):
+                problems.append(f"the image is {squeezed}")
+        except RigError as why:
+            problems.append(f"the plane keeps its shape, for {why}")
+        new = [slot.material for slot in picture.material_slots if slot.material not in before]
+        material = f", by the new material '{new[0].name}'" if new else ""
+        text = f"The picture '{picture.name}' is '{image.name}' now{material}"
+        result = context.scene.kiriko.result
+        if result.source is None:  # what Add Rig told was of the picture before
+            result.summary = result.notes = ""
+        if problems:
+            self.report({"WARNING"}, f"{text}; but {', and '.join(problems)}.")
+        else:
+            self.report({"INFO"}, f"{text}.")
+
+
+class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
+    """Make an image of this file the picture: its plane shows it, in its own shape"""
+
+    bl_idname = "kiriko.choose_picture"
+    bl_label = "Choose Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    image: bpy.props.StringProperty(name="Image", description="Name of the image")
+    library: bpy.props.StringProperty(
+        name="Library", description="File that the image is linked from; empty for one of this file", options={"HIDDEN"}
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with work.told(self):
+            image = bpy.data.images.get((self.image, self.library or None))
+            if image is None:
+                raise ImageError(f"The file has no image '{self.image}': open it from its own file.")
+            self.choose(context, image)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
+    """Open an image file as the picture: its plane shows it, in its own shape"""
+
+    bl_idname = "kiriko.open_picture"
+    bl_label = "Open Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(
+        name="File", description="The image file", subtype="FILE_PATH", options={"SKIP_SAVE", *RELATIVE_PATH}
+    )
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        image = blender_plane.image_of(the_picture(context))
+        if image is not None and image.filepath:  # other pictures are most likely beside it
+            self.filepath = str(Path(bpy.path.abspath(image.filepath, library=image.library)).parent / "")
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with work.told(self):
+            known = set(bpy.data.images)
+            image = _opened(context, self.filepath)
+            if image in known:
+                self.choose(context, image)
+            else:
+                with or_none(image):
+                    self.choose(context, image)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
+    """The image of a file, as Blender's own Open has it: loaded once, by a path as the preferences want it."""
+    if not filepath:
+        raise ImageError("No file is chosen: choose an image.")
+    path = str(absolute(filepath))
+    if not Path(path).is_file():
+        raise ImageError(f"There is no file {path}: choose an image.")
+    if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
+        path = bpy.path.relpath(path)
+    image = bpy.data.images.load(path, check_existing=True)
+    # the file may be loaded already as the first frame of a sequence, which cannot be read
+    return image if image.source == "FILE" else bpy.data.images.load(path)

@@ -1,0 +1,38 @@
+"""Fit to image: give the picture's plane the shape of its image."""
+
+import bpy
+
+from ..core.blender_plane import fit, shown_as, squeezed_words
+from ..core.errors import ImageError, RigError
+from . import work
+from .choose_picture import lacking, the_picture
+
+
+class KIRIKO_OT_fit_picture(bpy.types.Operator):
+    """Give the picture's plane the shape of its image, its area kept"""
+
+    bl_idname = "kiriko.fit_picture"
+    bl_label = "Fit to Image"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = lacking(context)
+        if not reasons:
+            try:
+                if not squeezed_words(shown_as(context, the_picture(context))):
+                    reasons.append("The picture has the shape of its image already")
+            except (RigError, ImageError):
+                pass  # told when it is pressed
+        return work.can_run(cls, reasons)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        picture = the_picture(context)
+        with work.told(self):
+            try:
+                before = fit(context, picture)
+            except RigError as why:
+                raise RigError(f"'{picture.name}' keeps its shape, for {why}.") from None
+            self.report({"INFO"}, f"'{picture.name}' has the shape of its image now; it was {squeezed_words(before)}.")
+            return {"FINISHED"}
+        return {"CANCELLED"}

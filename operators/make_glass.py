@@ -1,0 +1,67 @@
+"""Make it glass: give objects of glass a material that refracts."""
+
+import bpy
+
+from ..core import blender_shaders as shaders
+from ..core.blender_material import refracts
+from ..core.blender_scene import DEFAULT_IOR
+from . import work
+
+NAME = "Kiriko Glass"
+
+
+def can_be_given(thing: bpy.types.Object) -> bool:
+    """Is it glass whose own material does not refract, and can it have another?"""
+    has_slots = hasattr(thing.data, "materials") and (bool(thing.material_slots) or thing.data.is_editable)
+    return thing.kiriko.role == "GLASS" and thing.is_editable and has_slots and not refracts(thing)
+
+
+def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
+    things = dict.fromkeys([context.active_object, *context.selected_objects])
+    return [thing for thing in things if thing is not None and can_be_given(thing)]
+
+
+class KIRIKO_OT_make_glass(bpy.types.Operator):
+    """Give the selected glass, where its material does not refract, one that does; its own stays in the file"""
+
+    bl_idname = "kiriko.make_glass"
+    bl_label = "Make It Glass"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return work.can_run(cls, [] if _chosen(context) else ["Select glass whose material does not refract"])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        things = _chosen(context)
+        with work.told(self):
+            glass = bpy.data.materials.new(NAME)
+            try:
+                shaders.be_glass(glass, DEFAULT_IOR, True)
+            except BaseException:
+                bpy.data.materials.remove(glass)
+                raise
+            kept = dict.fromkeys(name for thing in things for name in _give(thing, glass))
+            names = ", ".join(f"'{thing.name}'" for thing in things)
+            result = context.scene.kiriko.result
+            told = tuple(f"The material of '{thing.name}' does not refract" for thing in things)
+            result.notes = "\n".join(note for note in result.notes.splitlines() if not note.startswith(told))
+            stays = f"; {', '.join(kept)} stay{'s' if len(kept) == 1 else ''} in the file" if kept else ""
+            text = f"The material of {names} is '{glass.name}' now, with an index of {DEFAULT_IOR}{stays}."
+            self.report({"INFO"}, text)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
+    """Link the material to an object in place of those of its mesh, which may be others', too; returns their names."""
+    if not thing.material_slots:
+        thing.data.materials.append(None)
+    kept = []
+    for slot in thing.material_slots:
+        if slot.material is not None:
+            slot.material.use_fake_user = True
+            kept.append(f"'{slot.material.name}'")
+        slot.link = "OBJECT"
+        slot.material = glass
+    return kept

@@ -1,0 +1,197 @@
+"""Watch: tells when the scene is no longer the one that the result was solved for, and when it is again.
+
+Handlers only note that something may have changed. A timer of the application waits until nothing has changed for a
+while and no work is under way, and then reads the scene as `core/blender_solved_for.py` does, which puts no mesh into
+the world. Nothing is read where there is no result. What is remembered is numbers and session uids.
+"""
+
+from dataclasses import dataclass, field
+from time import monotonic, perf_counter
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.blender_scene import Kept
+from ..core.errors import KirikoError
+from ..core.solved_for import from_text
+from . import live, work
+
+CHANGED = "The scene has changed since: solve again."
+QUIET = 0.4  # s without a change before the scene is read
+TICK = 0.2  # s between two looks
+SHARE = 5.0  # times as long as the last reading of its kind took it has to be quiet before the next one
+POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
+PATIENCE = 10.0  # s after which an operator that only waits, as some add-ons' do, is no reason not to read
+
+
+@dataclass(eq=False)
+class Watched:
+    """A scene that has a result.
+
+    verdict : what the result was solved for, as text, and whether the scene has changed since
+    changed_at : when the last change was noticed; None where all has been looked at
+    lasted : s that the last reading took, with nothing but places and settings changed, and with more
+    """
+
+    kept: Kept = field(default_factory=Kept)
+    ours: frozenset[int] = frozenset()
+    chosen: tuple[object, ...] = ()
+    polled_next: float = 0.0
+    verdict: tuple[str, bool] = ("", False)
+    changed_at: float | None = field(default_factory=monotonic)
+    lasted: dict[bool, float] = field(default_factory=dict)
+
+    def poll(self, scene: bpy.types.Scene) -> None:
+        """Compare what Blender does not tell of: settings, and the result itself. Takes a fiftieth of the time."""
+        started = monotonic()
+        if started < self.polled_next:
+            return
+        chosen = (scene.kiriko.result.solved_for, live.chosen_settings(scene))
+        if chosen != self.chosen:
+            self.chosen = chosen
+            self.touch()
+        ended = monotonic()
+        self.polled_next = ended + POLLING * (ended - started)
+
+    def touch(self) -> None:
+        """Something has changed that may count."""
+        self.changed_at = monotonic()
+
+    @property
+    def is_due(self) -> bool:
+        """Has it been quiet for long enough after a change?"""
+        wait = max(QUIET, SHARE * self.lasted.get(self.kept.is_whole, 0.0))
+        return self.changed_at is not None and monotonic() - self.changed_at >= wait
+
+
+_watched: dict[int, Watched] = {}  # by session uid of the scene
+
+
+def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
+    """Is the scene, read now, another one than the result was solved for?
+
+    A result that does not know what it was solved for is taken as it is. A scene that cannot be read has changed, for
+    when it was solved it could be read.
+    """
+    before = from_text(context.scene.kiriko.result.solved_for)
+    if before is None:
+        return False
+    try:
+        return not before.is_same(work.scene_now(context, kept))
+    except KirikoError:
+        return True
+
+
+def is_told_changed(scene: bpy.types.Scene) -> bool:
+    """What panels show, by the last look; while Live follows the scene its results are of the scene as it is."""
+    watched = _watched.get(scene.session_uid)
+    if watched is None or is_followed(scene):
+        return False
+    text, is_changed = watched.verdict
+    return is_changed and text == scene.kiriko.result.solved_for
+
+
+def is_followed(scene: bpy.types.Scene) -> bool:
+    """Does Live follow the scene, and can?"""
+    followed = live.followed()
+    return followed is not None and followed.uid == scene.session_uid and not followed.problem
+
+
+def tick() -> float:
+    """What the timer calls."""
+    try:
+        look()
+    except Exception as error:
+        work.sentence(error, "The look at the scene")  # which prints what was not foreseen
+        _watched.clear()
+        return PATIENCE
+    return TICK
+
+
+def look() -> None:
+    """Read one scene that is shown, has a result and may have changed; if it is time to."""
+    shown = {window.scene.session_uid: window for window in reversed(live.all_windows())}
+    for gone in set(_watched) - set(shown):
+        del _watched[gone]
+    for uid, window in shown.items():
+        scene = window.scene
+        result = scene.kiriko.result
+        if result.source is None or not result.solved_for:
+            _watched.pop(uid, None)
+            continue
+        watched = _watched.setdefault(uid, Watched())
+        watched.ours = frozenset(map(live.uid, (result.source, result.seen, result.preview)))
+        watched.poll(scene)
+        if watched.is_due and not is_followed(scene) and not is_busy(watched):
+            check(watched, window)
+            return
+
+
+def is_busy(watched: Watched) -> bool:
+    """Is something at work or in the user's hands that reading the scene would hold up?"""
+    windows = live.all_windows()
+    if work.is_busy() or any(window.screen.is_animation_playing for window in windows):
+        return True
+    is_held = any(len(window.modal_operators) for window in windows)
+    return is_held and monotonic() - watched.changed_at < PATIENCE
+
+
+def check(watched: Watched, window: bpy.types.Window) -> None:
+    """Read the scene that a window shows, and compare."""
+    with bpy.context.temp_override(window=window):
+        context = bpy.context
+        started = perf_counter()
+        context.view_layer.update()
+        watched.changed_at = None  # what the update above told of is in the reading
+        is_short = watched.kept.is_whole
+        result = context.scene.kiriko.result
+        verdict = (result.solved_for, has_changed(context, watched.kept))
+        watched.lasted[is_short] = perf_counter() - started
+    if verdict != watched.verdict:
+        watched.verdict = verdict
+        live.redraw()
+
+
+@persistent
+def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    for watched in _watched.values():
+        watched.kept.notice(depsgraph.updates, watched.ours)
+        watched.touch()
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """What was kept of shapes and pixels may have been put back to what it was."""
+    for watched in _watched.values():
+        watched.kept = Kept()
+        watched.touch()
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file, whose result is looked at anew."""
+    _watched.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", on_update),
+    ("frame_change_post", on_update),  # what is animated may stand elsewhere
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+    ("load_post", on_load),
+)
+
+
+def register() -> None:
+    """Begin to watch."""
+    work.listen(HANDLERS)
+    bpy.app.timers.register(tick, first_interval=TICK, persistent=True)
+
+
+def unregister() -> None:
+    """Watch no more."""
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    work.stop_listening(HANDLERS)
+    _watched.clear()

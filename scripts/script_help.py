@@ -1,0 +1,79 @@
+"""What a script's own parser says to `--help`, without the packages that the script is for.
+
+The script runs in the running Python up to its parser, which prints and leaves. Whatever it imports beside Python's own
+modules and other scripts is stood in for, so that nothing has to be set up to read what its options are.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import ClassVar
+
+SCRIPTS = Path(__file__).resolve().parent
+NUMERIC = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow")
+OPERATORS = (*NUMERIC, *(f"r{name}" for name in NUMERIC), "and", "or", "xor", "neg", "invert")
+
+
+class StandIn(ModuleType):
+    """A module, function, class or number that is not there: whatever is done with it, one like it comes of it."""
+
+    __path__: Sequence[str] = ()  # it is a package, too
+    __dataclass_fields__: ClassVar = {}  # and takes replace()
+
+    def __init__(self, *arguments: object, **named: object) -> None:
+        super().__init__("stand-in")
+
+    def __getattr__(self, name: str) -> StandIn:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return StandIn()
+
+    def __lt__(self, other: object) -> bool:
+        return False  # no bound that a script asks of a library at once is missed
+
+    __gt__ = __le__ = __ge__ = __lt__
+
+    def __call__(self, *arguments: object, **named: object) -> StandIn:
+        return StandIn()
+
+    def __getitem__(self, key: object) -> StandIn:
+        return StandIn()
+
+    def __iter__(self) -> Iterator[StandIn]:
+        return iter(())
+
+
+for _name in OPERATORS:
+    setattr(StandIn, f"__{_name}__", StandIn.__call__)
+
+
+class StandInFinder:
+    """Import finder, and loader, of stand-ins for what is neither Python's own nor a script."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find a stand-in, or leave the module to the finders after this one."""
+        first = name.partition(".")[0]
+        if first in sys.stdlib_module_names or (SCRIPTS / f"{first}.py").exists():
+            return None
+        return ModuleSpec(name, self, is_package=True)
+
+    def create_module(self, spec: ModuleSpec) -> StandIn:
+        """Make the stand-in of a module."""
+        return StandIn()
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run nothing: there is nothing in it."""
+
+
+def show_options(script: str) -> None:
+    """Print the options of a script beside this one, by its own parser, and leave."""
+    sys.meta_path.insert(0, StandInFinder())
+    sys.argv = [script, "--help"]
+    runpy.run_path(str(SCRIPTS / script), run_name="__main__")

@@ -1,0 +1,66 @@
+"""A layout that checks what panels draw on it, and keeps it."""
+
+from types import SimpleNamespace
+
+import bpy
+
+ICONS = {item.identifier for item in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items}
+
+
+class Layout:
+    """Takes what a panel draws: properties have to be there, and operators, with the properties of theirs."""
+
+    def __init__(self) -> None:
+        self.props: list[str] = []
+        self.texts: list[str] = []
+        self.icons: dict[str, str] = {}  # by the text they stand at
+        self.operators: list[str] = []
+        self.labels: list[str] = []
+
+    def box(self, **options: object) -> "Layout":
+        return self
+
+    row = column = split = box
+
+    def prop(self, data: bpy.types.bpy_struct, name: str, **options: object) -> None:
+        assert name in data.bl_rna.properties
+        self.props.append(name)
+
+    def template_ID(self, data: bpy.types.bpy_struct, name: str, **options: object) -> None:  # noqa: N802, Blender's
+        self.prop(data, name)
+
+    def operator(self, name: str, icon: str = "NONE", **options: object) -> SimpleNamespace:
+        group, verb = name.split(".")
+        getattr(getattr(bpy.ops, group), verb).get_rna_type()  # KeyError where there is none
+        assert icon in ICONS
+        self.operators.append(name)
+        self.labels.append(str(options.get("text", "")))
+        return SimpleNamespace()  # takes what is set of the operator's properties
+
+    def menu(self, name: str, text: str = "", icon: str = "NONE", **options: object) -> None:
+        assert hasattr(bpy.types, name)
+        assert icon in ICONS
+        self.texts.append(text)
+
+    def separator(self) -> None:
+        pass
+
+    def icon(self, block: bpy.types.ID) -> int:
+        return 0  # without a window
+
+    def operator_menu_enum(self, name: str, prop: str, icon: str = "NONE", **options: object) -> None:
+        self.operator(name, icon)
+        group, verb = name.split(".")
+        assert getattr(getattr(bpy.ops, group), verb).get_rna_type().properties[prop].type == "ENUM"
+
+    def label(self, text: str = "", icon: str = "NONE") -> None:
+        assert icon in ICONS
+        self.texts.append(text)
+        self.icons[text] = icon
+
+    def progress(self, factor: float, text: str) -> None:
+        assert 0 <= factor <= 1
+        self.texts.append(text)
+
+    def template_icon(self, icon: int, scale: float) -> None:
+        assert isinstance(icon, int)  # 0 without a window

@@ -1,0 +1,90 @@
+"""Glass as artists bring it: welded while it is read, solved, and judged by Cycles."""
+
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from fuzz_shapes import BROUGHT, fitting
+from mathutils import Matrix
+
+CLOSED = ["text", "bevelled text", "rod", "splines", "metaballs", "unwelded", "engraved", "array"]
+
+
+@pytest.fixture
+def brought(kiriko: ModuleType, scene: bpy.types.Scene):
+    """Put a shape, 50 mm wide, into the scene as glass."""
+
+    def make(name: str) -> bpy.types.Object:
+        thing = BROUGHT[name](np.random.default_rng(2))
+        thing.matrix_world = Matrix.Scale(0.05, 4) @ fitting(thing)
+        thing.kiriko.use_ior, thing.kiriko.ior = True, 1.49
+        for other in scene.objects:
+            other.select_set(other == thing)
+        return thing
+
+    return make
+
+
+def read(scene):
+    from kiriko.core import blender_scene
+
+    bpy.context.view_layer.update()
+    return blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_what_encloses_a_volume_is_read_as_closed(brought, scene, name):
+    """No shell of it has an open edge, whichever vertices its faces share."""
+    from kiriko.core.surfaces import solids_from_mesh
+
+    brought(name).kiriko.role = "GLASS"
+    reading = read(scene)
+    assert reading.rig.glasses
+    for glass in reading.rig.glasses:
+        assert not any(solid.n_open for solid in solids_from_mesh(glass.mesh.flat()))
+    assert not any("without area" in note for note in reading.notes)
+
+
+@pytest.mark.parametrize("name", ["text", "rod"])
+def test_normals_stay_sharp_where_shells_are_joined(brought, scene, name):
+    """Where a cap meets its side the two faces keep their own normals, as before they had a vertex together."""
+    from kiriko.core.meshes import edge_corners, find_edges, geometric_normals
+
+    thing = brought(name)
+    thing.kiriko.role = "GLASS"
+    (glass,) = read(scene).rig.glasses
+    mesh, edges = glass.mesh, find_edges(glass.mesh.triangles)
+    own = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
+    normals = own if mesh.corner_normals is None else np.where(mesh.is_smooth[:, None, None], mesh.corner_normals, own)
+    first, second = edge_corners(normals, edges)
+    turn = (own[edges.first, 0] * own[edges.second, 0]).sum(axis=1)
+    is_rim = turn < np.cos(np.radians(70))  # caps stand upright on sides
+    if name == "text":  # its outline has such corners, too, which are shaded smooth
+        is_rim &= mesh.is_smooth[edges.first] != mesh.is_smooth[edges.second]
+    assert is_rim.sum() > 8
+    assert (np.linalg.norm(first - second, axis=2)[is_rim] > 0.5).all()
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_cycles_follows_the_same_light(brought, scene, name):
+    """Landings of the viewer's pixels agree with Cycles, which knows nothing of vertices that faces share.
+
+    To single precision, in which Cycles works. It turns normals that look away from the light, as those of a text's
+    sides do, which are shaded smooth around corners: so a little of a text's light goes another way there.
+    """
+    from fuzz import judge
+
+    from kiriko.core.session import Session, finish
+
+    glass = brought(name)
+    glass.kiriko.surface = "FACETS"
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(512, 512)) == {"FINISHED"}
+    reading = read(scene)
+    found = judge(scene, reading)
+    assert found["median"] < 5e-3
+    assert found["most"] < 0.02
+    assert found["only_theirs"] < (0.03 if "text" in name else 2e-3)
+    solution = finish(Session().solve(reading.rig))
+    assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1, abs=1e-9)
+    assert not any("gaps" in warning for warning in solution.warnings)

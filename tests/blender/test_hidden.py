@@ -1,0 +1,145 @@
+"""One rule for all ways to hide: what is not shown in the viewport and in renders is no part of the rig."""
+
+from collections.abc import Callable
+
+import bpy
+import pytest
+from panel_layout import Layout
+from small_rigs import new_object, primitive, small_rig
+
+ROLES = ("GLASS", "PLATE", "DISPLAY", "PICTURE")
+
+
+def own_collection(thing: bpy.types.Object, name: str = "drawer") -> bpy.types.LayerCollection:
+    """A new collection with this object only, and one around it, as the view layer has the inner one."""
+    outer, inner = bpy.data.collections.new("cupboard"), bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(outer)
+    outer.children.link(inner)
+    for old in thing.users_collection:
+        old.objects.unlink(thing)
+    inner.objects.link(thing)
+    return bpy.context.view_layer.layer_collection.children[outer.name].children[name]
+
+
+def by_eye(thing: bpy.types.Object) -> None:
+    bpy.context.view_layer.update()
+    thing.hide_set(True)
+
+
+def by_monitor(thing: bpy.types.Object) -> None:
+    thing.hide_viewport = True
+
+
+def by_camera(thing: bpy.types.Object) -> None:
+    thing.hide_render = True
+
+
+def by_eye_of_collection(thing: bpy.types.Object) -> None:
+    own_collection(thing).hide_viewport = True
+
+
+def by_monitor_of_collection(thing: bpy.types.Object) -> None:
+    own_collection(thing).collection.hide_viewport = True
+
+
+def by_camera_of_collection(thing: bpy.types.Object) -> None:
+    own_collection(thing).collection.hide_render = True
+
+
+def by_exclusion(thing: bpy.types.Object) -> None:
+    own_collection(thing).exclude = True
+
+
+def by_collection_around(thing: bpy.types.Object) -> None:
+    own_collection(thing)
+    bpy.data.collections["cupboard"].hide_render = True
+
+
+WAYS = {
+    by_eye: " by its eye symbol (H)",
+    by_monitor: " by its monitor symbol",
+    by_camera: " in renders by its camera symbol",
+    by_eye_of_collection: " with its collection 'drawer' in the viewport",
+    by_monitor_of_collection: " with its collection 'drawer' in the viewport",
+    by_camera_of_collection: " with its collection 'drawer' in renders",
+    by_exclusion: " with its collection 'drawer' in the viewport",
+    by_collection_around: " with its collection 'cupboard' in renders",
+}
+every_way = pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+
+
+@every_way
+@pytest.mark.parametrize("role", ROLES)
+def test_a_part_the_rig_needs(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, role: str, way: Callable[[bpy.types.Object], None]
+) -> None:
+    """Panel, buttons and error say by what it is hidden, and to show it."""
+    part = small_rig()[role]
+    assert bpy.ops.kiriko.solve.poll()
+    way(part)
+    told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it."
+    shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert f"{role.capitalize()}, hidden: {part.name}" in shown
+    assert f"{role.capitalize()}: {part.name}" not in shown
+    assert told in " ".join(shown)
+    assert not bpy.ops.kiriko.solve.poll()
+    # nodes might instance it: then the button is not grey, and the error says the same
+    new_object(primitive("cube", size=1e-3)).modifiers.new("nodes", "NODES")
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.kiriko.solve()
+    assert told in str(error.value)
+
+
+@every_way
+def test_a_part_it_can_do_without(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
+) -> None:
+    """The rig is solved without it, and a note says so and by what it is hidden."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    before = scene.kiriko.result.summary, scene.kiriko.result.notes
+    other = new_object(primitive("cube", size=0.02), "GLASS")
+    other.location = 0.03, 0, 0
+    way(other)
+    bpy.ops.kiriko.solve()
+    note = f"'{other.name}' has the role Glass but is hidden{WAYS[way]}: left out."
+    assert scene.kiriko.result.summary == before[0]
+    assert scene.kiriko.result.notes.splitlines() == [note, *before[1].splitlines()]
+    texts = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert "Glass: Cube" in texts
+    assert f"Glass, hidden: {other.name}" in texts
+
+
+@every_way
+def test_an_instance_of_a_collection(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
+) -> None:
+    """The object that makes instances hides them; where their source is hidden in the scene they are shown."""
+    parts = small_rig()
+    glass = parts["GLASS"]
+    own_collection(glass, "source")
+    bpy.data.collections["cupboard"].name = "stock"
+    bpy.context.view_layer.layer_collection.children["stock"].exclude = True
+    maker = new_object(None)
+    maker.instance_type, maker.instance_collection = "COLLECTION", bpy.data.collections["source"]
+    bpy.ops.kiriko.solve()
+    assert f"Glass: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    way(maker)
+    assert f"Glass, hidden: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert not bpy.ops.kiriko.solve.poll()
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.kiriko.solve()
+
+
+@every_way
+def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]) -> None:
+    """Glass that is hidden though it is selected is refused, and nothing is made."""
+    glass = new_object(primitive("cube", size=0.05))
+    glass.select_set(True)
+    way(glass)
+    n_objects = len(bpy.data.objects)
+    if glass not in bpy.context.selected_objects:
+        return  # then it is not asked about
+    with pytest.raises(RuntimeError, match=r"'thing' is hidden .* and cannot be glass: show it, or deselect it\."):
+        bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    assert len(bpy.data.objects) == n_objects

@@ -1,0 +1,183 @@
+import re
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from small_rigs import new_object, primitive, small_rig
+
+SINGLE = 1e-6  # of a metre: what float32 leaves of places and sizes
+
+
+def plane(size: float = 0.3, **options: object) -> bpy.types.Object:
+    """The active object: a plane of the user's own with the role Plate, somewhere."""
+    thing = new_object(primitive("grid", x_segments=2, y_segments=2, size=size / 2), "PLATE")
+    thing.location, thing.rotation_euler = (0.1, 0.2, -0.3), (0.7, 0.1, 0.2)
+    for name, value in options.items():
+        setattr(thing, name, value)
+    return activate(thing)
+
+
+def activate(thing: bpy.types.Object) -> bpy.types.Object:
+    bpy.context.view_layer.objects.active = thing
+    bpy.context.view_layer.update()
+    return thing
+
+
+def world(thing: bpy.types.Object) -> np.ndarray:
+    """Vertices (n, 3) as shown, in the world, Blender units."""
+    bpy.context.view_layer.update()
+    shown = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return np.array([shown.matrix_world @ vertex.co for vertex in shown.data.vertices])
+
+
+def sides(thing: bpy.types.Object) -> list[float]:
+    """Length and width of a rectangle: between its outermost vertices along its first edges."""
+    points = world(thing)
+    far = points[np.linalg.norm(points - points.mean(axis=0), axis=1).argsort()[-4:]]  # its corners
+    apart = np.sort(np.linalg.norm(far - far[0], axis=1))[1:3]
+    return apart.tolist()
+
+
+def frame(thing: bpy.types.Object) -> np.ndarray:
+    """Middle and normal of a plate."""
+    points = world(thing)
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0))
+    return np.concatenate([(points.min(axis=0) + points.max(axis=0)) / 2, np.abs(axes[2])])
+
+
+@pytest.mark.parametrize(("preset", "side"), [("ASKA3D-200", 0.2), ("ASKA3D-488", 0.488)])
+def test_a_plate_gets_the_size_of_the_product(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, preset: str, side: float
+) -> None:
+    """The plate of Add Rig is as large as what is bought, where it was; the report says so."""
+    plate = activate(small_rig()["PLATE"])
+    before = frame(plate)
+    assert bpy.ops.kiriko.plate_preset(preset=preset) == {"FINISHED"}
+    assert sides(plate) == pytest.approx([side, side], abs=SINGLE)
+    assert frame(plate) == pytest.approx(before, abs=SINGLE)
+    assert plate.kiriko.plate.model == "CROSSED"
+    assert re.search(
+        rf"Info: 'Kiriko Plate' has the mirrors of {preset} now, and its size: {side:g} m", capfd.readouterr().out
+    )
+
+
+@pytest.mark.parametrize(
+    "way", ["scaled", "parent", "delta", "off centre", "upright", "askew", "modifier", "millimetres"]
+)
+def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) -> None:
+    """However it came to its size: place of its middle, rotation and mesh stay."""
+    unit = 1.0
+    thing = plane()
+    if way == "scaled":
+        thing.scale = (0.7, 1.9, 0.0)
+    elif way == "parent":
+        parent = new_object(None)
+        parent.scale, parent.rotation_euler, parent.location = (2.0, 2.0, 2.0), (0.3, 0.2, 0.1), (1.0, 0.0, 0.5)
+        thing.parent, thing.matrix_parent_inverse = parent, Matrix.Translation((0.1, 0.0, 0.0))
+    elif way == "delta":
+        thing.delta_scale, thing.delta_location = (1.5, 0.5, 1.0), (0.0, 0.1, 0.0)
+    elif way == "off centre":
+        thing.data.transform(Matrix.Translation((0.15, 0.05, 0.0)))
+    elif way == "upright":
+        thing.data.transform(Matrix.Rotation(np.pi / 2, 4, "Y"))
+    elif way == "askew":
+        thing.data.transform(Matrix.Rotation(0.6, 4, "X") @ Matrix.Translation((0.0, 0.1, 0.0)))
+    elif way == "modifier":
+        thing.modifiers.new("again", "ARRAY").count = 2
+    elif way == "millimetres":
+        unit = 1000.0
+        scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
+    vertices = np.array([vertex.co for vertex in thing.data.vertices])
+    before, turned = frame(thing), np.array(thing.rotation_euler)
+    assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
+    assert sides(thing) == pytest.approx([0.2 * unit] * 2, rel=1e-5)
+    assert frame(thing) == pytest.approx(before, abs=2 * SINGLE)
+    assert np.array_equal(thing.rotation_euler, turned)
+    assert np.array_equal([vertex.co for vertex in thing.data.vertices], vertices)
+
+
+def test_others_of_the_mesh_and_children_stay(scene: bpy.types.Scene) -> None:
+    """An object of the same mesh keeps its size, a child its place and shape; the plate's grandchild, too."""
+    thing, other = plane(), new_object(None)
+    other = bpy.data.objects.new("other", thing.data)
+    scene.collection.objects.link(other)
+    child, grandchild = new_object(primitive("cube", size=0.1)), new_object(primitive("cube", size=0.1))
+    child.parent, child.location, child.rotation_euler = thing, (0.3, 0.2, 0.1), (0.4, 0.5, 0.6)
+    grandchild.parent, grandchild.location = child, (0.1, 0.0, 0.0)
+    before = [world(part) for part in (other, child, grandchild)]
+    bpy.ops.kiriko.plate_preset(preset="ASKA3D-200")
+    for part, points in zip((other, child, grandchild), before, strict=True):
+        assert np.abs(world(part) - points).max() < SINGLE
+
+
+def test_undo_brings_the_size_back(scene: bpy.types.Scene) -> None:
+    """Mirrors and size in one step."""
+    thing = plane(size=0.3)
+    name = thing.name
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
+    bpy.ops.ed.undo_push(message="Plate Preset")
+    bpy.ops.ed.undo()
+    thing = bpy.data.objects[name]
+    assert thing.kiriko.plate.model == "IDEAL"
+    assert sides(thing) == pytest.approx([0.3, 0.3], abs=SINGLE)
+
+
+@pytest.mark.parametrize(
+    ("way", "why"),
+    [
+        ("animated", "it is animated"),
+        ("driven", "it is animated"),
+        ("constraint", "a constraint or a driver holds it"),
+        ("locked", "its scale is locked"),
+        ("no width", "it has no size"),
+        ("turned", "its mesh is turned within the object and no square"),
+        ("instance", "it is an instance"),
+    ],
+)
+def test_what_holds_its_size_keeps_it_and_says_why(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, way: str, why: str
+) -> None:
+    """The mirrors are set, the size is not, and the report warns of it with the reason."""
+    thing = plane()
+    if way == "animated":
+        thing.keyframe_insert("scale", frame=1)
+    elif way == "driven":
+        thing.driver_add("scale", 0).driver.expression = "1.0"
+    elif way == "constraint":
+        limit = thing.constraints.new("LIMIT_SCALE")
+        limit.use_min_x, limit.min_x, limit.use_transform_limit = True, 1.0, False
+    elif way == "locked":
+        thing.lock_scale[0] = True
+    elif way == "no width":
+        thing.scale.x = 0.0
+    elif way == "turned":
+        thing.data.transform(Matrix.Rotation(0.6, 4, "X") @ Matrix.Diagonal((1.0, 2.0, 1.0, 1.0)))
+    else:
+        thing = plane()
+        collection = bpy.data.collections.new("plates")
+        collection.objects.link(thing)
+        scene.collection.objects.unlink(thing)
+        thing = activate(new_object(None, "PLATE"))
+        thing.instance_type, thing.instance_collection = "COLLECTION", collection
+    bpy.context.view_layer.update()
+    before = (tuple(thing.scale), tuple(thing.location), tuple(map(tuple, thing.matrix_world)))
+    assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert (tuple(thing.scale), tuple(thing.location), tuple(map(tuple, thing.matrix_world))) == before
+    assert f"has the mirrors of ASKA3D-200 now, but not its size of 0.2 m: {why}." in capfd.readouterr().out
+    assert thing.kiriko.plate.pitch == pytest.approx(0.3)
+
+
+def test_the_plate_is_solved_with_its_size(scene: bpy.types.Scene) -> None:
+    """A plate of 200 mm loses light of the ball's picture that one of 488 mm takes."""
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    plate = activate(next(thing for thing in scene.objects if thing.kiriko.role == "PLATE"))
+    bpy.ops.kiriko.solve()
+    whole = scene.kiriko.result.coverage
+    bpy.ops.kiriko.plate_preset(preset="ASKA3D-200")
+    plate.kiriko.plate.model = "IDEAL"
+    bpy.ops.kiriko.solve()
+    assert whole > 0.999
+    assert 0.9 < scene.kiriko.result.coverage < 0.995

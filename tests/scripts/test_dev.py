@@ -1,0 +1,44 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import environments
+
+DEV = Path(environments.__file__).with_name("dev.py")
+HANDED_ON = re.compile(r'^def (\w+)\(.*\n(?:    .*\n)*?    run_\w+\("(\w+\.py)"', re.MULTILINE)
+SCRIPTS = dict(HANDED_ON.findall(DEV.read_text()))
+OWN = {"test": "--only", "lint": "--help", "build": "--help", "setup": "--help"}
+
+
+def told(verb: str) -> str:
+    """What dev.py says to --help after a verb, in a Python that has no package but its own."""
+    command = [sys.executable, "-S", "-E", str(DEV), verb, "--help"]
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert answer.returncode == 0, answer.stderr
+    return answer.stdout
+
+
+def test_every_verb_is_one_that_is_tested_here() -> None:
+    """The verbs that hand on to a script and those that do not are all that dev.py knows."""
+    listed = subprocess.run([sys.executable, str(DEV), "--help"], capture_output=True, text=True, check=True).stdout
+    verbs = set(re.findall(r"^    (\w+)\b", listed, re.MULTILINE))
+    assert verbs == {*SCRIPTS, *OWN}
+
+
+@pytest.mark.parametrize("verb", SCRIPTS)
+def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
+    """All that the script's parser adds is in the answer, without numpy, Blender or anything that were to be set up."""
+    added = re.findall(r'add_argument\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', (DEV.parent / SCRIPTS[verb]).read_text())
+    answer = told(verb)
+    assert added
+    assert all(option in answer for option in added)
+
+
+@pytest.mark.parametrize("verb", OWN)
+def test_help_after_a_verb_of_dev_itself_is_its_own(verb: str) -> None:
+    """The verbs that hand nothing on say what they do, and which options they have."""
+    assert OWN[verb] in told(verb)
+    assert f"dev.py {verb}" in told(verb)

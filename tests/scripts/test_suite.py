@@ -1,0 +1,74 @@
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import suite
+
+TALKS = "import time\nfor k in range(30):\n    print(k, flush=True)\n    time.sleep(0.25)\n"
+HANGS = "import time\nprint('begun', flush=True)\ntime.sleep(600)\n"
+
+
+@pytest.fixture(autouse=True)
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Logs apart from the suite's own, which may be under way, and a hang after five seconds."""
+    monkeypatch.setattr(suite, "LOGS", tmp_path)
+    monkeypatch.setattr(suite, "STILL_MINUTES", 5 / 60)
+    monkeypatch.setattr(suite, "LOOK_EVERY_S", 0.1)
+    return tmp_path
+
+
+def run(code: str, name: str = "step") -> suite.Result:
+    return suite.run_step(suite.Step(name, "any", ("-c", code)), Path(sys.executable), None)
+
+
+def test_a_step_may_take_long_as_long_as_it_prints() -> None:
+    """Output every quarter of a second for seven seconds is no hang, where five seconds of silence are."""
+    started = time.monotonic()
+    assert run(TALKS) == suite.Result(passed=1)
+    assert time.monotonic() - started > 60 * suite.STILL_MINUTES
+
+
+def test_a_step_that_stands_still_is_stopped_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    """A step that prints nothing more is stopped long before it ends, fails, and shows what it had printed."""
+    started = time.monotonic()
+    result = run(HANGS)
+    assert time.monotonic() - started < 60
+    assert result.failed == 1
+    assert "printed nothing for" in result.remark
+    assert "begun" in capsys.readouterr().out
+
+
+def test_a_test_that_hangs_is_named_by_its_stack(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log of a step of pytest that was stopped shows the function in which it stood."""
+    monkeypatch.setattr(suite, "STACK_AFTER_S", 0.5)
+    monkeypatch.setattr(suite, "STILL_MINUTES", 20 / 60)  # pytest has to begin, on a busy machine
+    hanging = logs / "test_hanging.py"
+    hanging.write_text("import time\n\n\ndef test_that_hangs():\n    time.sleep(600)\n")
+    step = next(step for step in suite.steps("any", "any") if step.name == "scripts")
+    suite.run_step(suite.Step("step", "any", (*step.arguments[:-1], str(hanging))), Path(sys.executable), None)
+    assert "in test_that_hangs" in (logs / "step.log").read_text()
+
+
+def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
+    """Two steps run at once, so neither gives numpy's BLAS a second thread."""
+    run("import os; print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])")
+    assert (logs / "step.log").read_text().split() == ["1", "1"]
+
+
+def test_the_slowest_tests_of_all_steps_are_named(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The tests that took longest are printed with their steps, the slowest first, whatever step they are of."""
+    cases = '<testcase classname="tests.core.test_{0}" name="test_{0}" time="{1}"/>'
+    for name, seconds in (("quick", (1, 3)), ("slow", (2, 4))):
+        inside = "".join(cases.format(f"{name}_{s}", s) for s in seconds)
+        (logs / f"{name}.xml").write_text(f"<testsuites><testsuite>{inside}</testsuite></testsuites>")
+    suite.print_slowest(["quick", "slow", "not run"], 90.0)
+    heading, *lines = capsys.readouterr().out.splitlines()
+    assert heading == "1.5 minutes, the slowest tests:"
+    assert [line.split()[-2:] for line in lines] == [
+        ["slow", "test_slow_4::test_slow_4"],
+        ["quick", "test_quick_3::test_quick_3"],
+        ["slow", "test_slow_2::test_slow_2"],
+        ["quick", "test_quick_1::test_quick_1"],
+    ]
