@@ -235,7 +235,7 @@ def rig(scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch:
 def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Window:
     """An interface, each of whose turns does one step."""
     window, work = Window(), part("operators.work")
-    app = SimpleNamespace(background=False, is_job_running=bpy.app.is_job_running)
+    app = SimpleNamespace(background=False, handlers=bpy.app.handlers, is_job_running=bpy.app.is_job_running)
     monkeypatch.setattr(work, "bpy", SimpleNamespace(app=app, context=window, data=bpy.data))
     monkeypatch.setattr(work, "TURN", 0.0)
     return window
