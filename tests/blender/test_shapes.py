@@ -61,7 +61,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
 
     glass = make()
     glass.kiriko.use_ior = True
-    size = 0.6 * min(glass.dimensions[::2])
+    size = 0.6 * min(glass.dimensions.x, glass.dimensions.z)
     options = {"viewer_resolution": 96, "display_resolution": (256, 256), "picture_size": size}
     options["display_size"] = 10 * size  # light spreads so far
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
