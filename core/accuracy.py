@@ -109,12 +109,12 @@ class _Parabolic(CurvedFaces):
         centre = self.corners.mean(axis=1)
         return centre, (1 + MOST_OFFSET) * np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
 
-    def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
+    def _load(self, k: Ints) -> Floats:
         c = np.zeros((N_TERMS, 3, len(k)))
-        old = np.flatnonzero(rows < self.first)
+        old = np.flatnonzero(self.row[k] < self.first)
         if len(old):
-            c[..., old] = super()._load(table, rows[old], k[old])
-        new = np.flatnonzero(rows >= self.first)
+            c[..., old] = super()._load(k[old])
+        new = np.flatnonzero(self.row[k] >= self.first)
         c[..., new] = self._paraboloids(k[new])
         return c
 
@@ -144,10 +144,7 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
     n = int(is_bent.sum())
     old = layer.curved
     if old is None:
-        whole, few = np.full((0, 3), -1), np.empty((0, N_TERMS, 3))
-        old = CurvedFaces(
-            layer.corners, np.full(len(triangles), -1), few, whole, whole, whole[:, 0], few, whole, few[:, 0]
-        )
+        old = CurvedFaces.none(layer.corners)
     first = len(old.coefficients)
     row = old.row.copy()
     row[is_bent] = first + np.arange(n)
@@ -156,6 +153,7 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
     columns |= {
         "row": row,
         "neighbour": np.concatenate([old.neighbour, none]),
+        "normal_row": np.concatenate([old.normal_row, none[:, 0]]),
         "bent_row": np.concatenate([old.bent_row, none[:, 0]]),
     }
     normals = plan.corner_normals[triangles]
@@ -212,8 +210,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         layers = [_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn]
         found = found._replace(drawn=_difference(here, (yield from at(0.2, landings(layers)))))
     if has_curved:
-        square = yield from at(0.4, changed(lambda curved: replace(curved, degree=2)))
-        cubic = yield from at(0.6, changed(lambda curved: replace(curved, degree=3), ways[1]))
+        square = yield from at(0.4, changed(lambda curved: curved.lowered(2)))
+        cubic = yield from at(0.6, changed(lambda curved: curved.lowered(3), ways[1]))
         yield 0.8
         last, before = _difference(here, cubic), _difference(cubic, square)
         found = found._replace(

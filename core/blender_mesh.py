@@ -1,7 +1,7 @@
 """Turns Blender meshes into triangles in the world, and back. Blender's float32 numbers are taken as exact."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import bpy
 import numpy as np
@@ -9,7 +9,7 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from .products import turn
-from .rig import Bools, Floats, Ints, Mesh
+from .rig import Bools, Floats, Ints, Mesh, SurfaceChoice
 from .weld import welded
 
 NO_AREA = 1e-12  # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
@@ -154,7 +154,7 @@ def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool 
     return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
 
 
-def in_world(local: LocalMesh, matrix: Floats, surface: Literal["smooth", "facets"] = "smooth") -> tuple[Mesh, int]:
+def in_world(local: LocalMesh, matrix: Floats, surface: SurfaceChoice = "smooth") -> tuple[Mesh, int]:
     """A mesh as read, in the world; parameters and result as for `read_mesh`."""
     linear = matrix[:3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -186,7 +186,7 @@ def read_mesh(
     has_normals: bool = False,
     has_uv: bool = False,
     uv_map: str = "",
-    surface: Literal["smooth", "facets"] = "smooth",
+    surface: SurfaceChoice = "smooth",
 ) -> tuple[Mesh, int]:
     """Triangles of a Blender mesh in the world.
 

@@ -207,7 +207,7 @@ class Preview:
     def _copy(self, shown: bpy.types.Object, surface: str, material: bpy.types.Material) -> bpy.types.Mesh:
         """The evaluated mesh of an object, in one material."""
         mesh = self._mark(bpy.data.meshes.new_from_object(shown))
-        if surface == "SMOOTH":
+        if surface != "FACETS":
             sharpen_creases(mesh, shown.original)
         mesh.materials.clear()
         mesh.materials.append(material)
@@ -318,7 +318,7 @@ def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...
 
 def _curved_meshes(rig: Rig) -> dict[str, Mesh]:
     """Fine triangles of the glasses and mirrors that are curved, by name."""
-    parts = {part.name: part.mesh for part in (*rig.glasses, *rig.mirrors) if part.mesh.surface == "smooth"}
+    parts = {part.name: part.mesh for part in (*rig.glasses, *rig.mirrors) if part.mesh.surface != "facets"}
     fine = {name: tessellate(mesh) for name, mesh in parts.items() if len(mesh.triangles)}
     return {name: mesh for name, mesh in fine.items() if mesh is not parts[name]}
 

@@ -239,7 +239,7 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
     role = owner.kiriko.role
     mesh = shown.to_mesh()
     try:
-        if owner.kiriko.surface == "SMOOTH" and role in CURVED:
+        if owner.kiriko.surface != "FACETS" and role in CURVED:
             sharpen_creases(mesh, shown.original)
         slots = used_slots(mesh)
         textures = (read_texture(m) for m in used_materials(shown, slots)) if role == "PICTURE" else ()
@@ -488,28 +488,28 @@ def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
 def modifier_notes(parts: list[Part]) -> list[str]:
     """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
     drawn = dict.fromkeys(
-        part.drawn
+        (part.drawn, part.mesh.surface)
         for part in parts
         if part.role in CURVED
-        and part.mesh.surface == "smooth"
+        and part.mesh.surface != "facets"
         and part.mesh.is_smooth is not None
         and part.drawn is not None
     )
     return [
         f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: {remedy}."
-        for o in drawn
+        for o, surface in drawn
         for m in o.modifiers
-        if m.show_viewport and (remedy := remedy_of(m))
+        if m.show_viewport and (remedy := remedy_of(m, surface))
     ]
 
 
-def remedy_of(modifier: bpy.types.Modifier) -> str:
+def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
     """What to do about a modifier that leaves vertices beside the surface; an empty text for others."""
     if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
         return "turn on its Use Limit Surface"
     is_collapsed = modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
-    if modifier.type == "REMESH" or is_collapsed:
-        return "turn it off, or set the object's Surface to As Drawn"
+    if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
+        return "turn it off, or set the object's Surface to Automatic"
     return ""
 
 

@@ -169,9 +169,12 @@ class CurvedFaces:
     corners (t, 3, 3) m; row (t,) of each triangle's curved face, -1 where it has none; coefficients (p, 14, 3) m, best
     stored term by term;
     neighbour (p, 3) the triangle across each edge (from corner e to e + 1) where the surface runs on, -1 elsewhere,
-    and neighbour_edge (p, 3), its edge; bent_row (p,) and bent (q, 14, 3): faces with a straight edge take their
-    normals from the face that is not held straight;
+    and neighbour_edge (p, 3), its edge;
     vertex (p, 3) of the corners and vertex_normal (f, 3), the same for all faces around a vertex;
+    normal_row (p,) and normal_terms (q, 14, 3): where normals of neighbours would not agree on their edges, or edges
+    are straight, a face refracts by those of its vertices, interpolated, plus 14 terms; -1 where by its own;
+    jump (p,) rad: by how much normals of neighbours differed in the middles of edges, before they agreed, at most;
+    bent_row (p,) and bent (q, 14, 3): coefficients that faces with a straight edge would have if it were not straight;
     degree: 4, or less to follow faces of a lower degree and see what difference it makes
     """
 
@@ -180,11 +183,21 @@ class CurvedFaces:
     coefficients: Floats
     neighbour: Ints
     neighbour_edge: Ints
-    bent_row: Ints
-    bent: Floats
     vertex: Ints
     vertex_normal: Floats
+    normal_row: Ints
+    normal_terms: Floats
+    jump: Floats
+    bent_row: Ints
+    bent: Floats
     degree: int = 4
+
+    @classmethod
+    def none(cls, corners: Floats) -> "CurvedFaces":
+        """No curved face over any of the triangles (t, 3, 3)."""
+        rows, each, terms = np.full(0, -1), np.full((0, 3), -1), np.empty((0, N_TERMS, 3))
+        row = np.full(len(corners), -1)
+        return cls(corners, row, terms, each, each, each, np.empty((0, 3)), rows, terms, np.empty(0), rows, terms)
 
     @classmethod
     def join(cls, parts: "list[CurvedFaces | None]", corners: list[Floats]) -> "CurvedFaces | None":
@@ -192,24 +205,26 @@ class CurvedFaces:
         if all(part is None for part in parts):
             return None
         starts = np.cumsum([0, *(len(facets) for facets in corners)])
-        row, neighbour, bent_row, vertex = [], [], [], []
-        n_faces = n_bent = n_vertices = 0
+        row, neighbour, normal_row, bent_row, vertex = [], [], [], [], []
+        n_faces = n_normals = n_bent = n_vertices = 0
         for part, facets, start in zip(parts, corners, starts, strict=False):
             if part is None:
                 row.append(np.full(len(facets), -1, np.int32))
                 continue
             row.append(np.where(part.row >= 0, part.row + n_faces, -1))
             neighbour.append(np.where(part.neighbour >= 0, part.neighbour + start, -1))
+            normal_row.append(np.where(part.normal_row >= 0, part.normal_row + n_normals, -1))
             bent_row.append(np.where(part.bent_row >= 0, part.bent_row + n_bent, -1))
             vertex.append(part.vertex + n_vertices)
-            n_faces, n_bent = n_faces + len(part.coefficients), n_bent + len(part.bent)
-            n_vertices += len(part.vertex_normal)
+            n_faces, n_vertices = n_faces + len(part.coefficients), n_vertices + len(part.vertex_normal)
+            n_normals, n_bent = n_normals + len(part.normal_terms), n_bent + len(part.bent)
         full = [part for part in parts if part is not None]
-        others = ("neighbour_edge", "bent", "vertex_normal")
+        others = ("neighbour_edge", "vertex_normal", "normal_terms", "jump", "bent")
         return cls(
             corners=np.concatenate(corners),
             row=np.concatenate(row),
             neighbour=np.concatenate(neighbour),
+            normal_row=np.concatenate(normal_row),
             bent_row=np.concatenate(bent_row),
             vertex=np.concatenate(vertex),
             coefficients=by_term(np.concatenate([part.coefficients for part in full])),
@@ -218,8 +233,13 @@ class CurvedFaces:
 
     def moved(self, motion: Motion) -> "CurvedFaces":
         """The same faces elsewhere."""
-        turned = {name: motion.directions(getattr(self, name)) for name in ("coefficients", "bent", "vertex_normal")}
+        vectors = ("coefficients", "bent", "vertex_normal", "normal_terms")
+        turned = {name: motion.directions(getattr(self, name)) for name in vectors}
         return replace(self, corners=motion.points(self.corners), **turned)
+
+    def lowered(self, degree: int) -> "CurvedFaces":
+        """The faces of a lower degree through these, with their own normals, but for those held by a straight edge."""
+        return replace(self, degree=degree, normal_row=np.where(self.bent_row >= 0, self.normal_row, -1))
 
     @property
     def triangle(self) -> Ints:
@@ -230,6 +250,11 @@ class CurvedFaces:
     def has_straight_edges(self) -> bool:
         """Is an edge of some face held straight?"""
         return len(self.bent) > 0
+
+    @property
+    def has_given_normals(self) -> bool:
+        """Does some face refract by other normals than its own?"""
+        return len(self.normal_terms) > 0
 
     def parts(self, angle: float, most: int) -> int:
         """Into how many parts edges have to be cut to turn by less than an angle (radians) each, but at most."""
@@ -296,12 +321,12 @@ class CurvedFaces:
         return _table(self.coefficients)
 
     @cached_property
-    def _bent_terms(self) -> Floats:
-        return _table(self.bent)
+    def _normal_terms(self) -> Floats:
+        return _table(self.normal_terms)
 
-    def _load(self, table: Floats, rows: Ints, k: Ints) -> Floats:
-        """Coefficients (14, 3, n), from a table (42, p), of points relative to the first corner of triangles k."""
-        c = np.take(table, rows, axis=1).reshape(N_TERMS, 3, -1)
+    def _load(self, k: Ints) -> Floats:
+        """Coefficients (14, 3, n) of points relative to the first corner of triangles k."""
+        c = np.take(self._terms, self.row[k], axis=1).reshape(N_TERMS, 3, -1)
         if self.degree != 4:
             c = combine(LOWER[self.degree], c.reshape(N_TERMS, -1)).reshape(c.shape)
         corners = np.take(self.corners, k, axis=0)
@@ -310,7 +335,7 @@ class CurvedFaces:
 
     def points(self, k: Ints, u: Floats, v: Floats) -> Floats:
         """Points (n, 3), m, of the curved faces of triangles k at u, v (n,)."""
-        return self.corners[k, 0] + value(self._load(self._terms, self.row[k], k), u, v).T
+        return self.corners[k, 0] + value(self._load(k), u, v).T
 
     def may_meet(self, origins: Floats, directions: Floats) -> tuple[Ints, Ints]:
         """Rays (n, 3) and curved faces, as indices of rays (m,) and of triangles (m,): those whose lines may meet."""
@@ -330,7 +355,7 @@ class CurvedFaces:
 
     def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
         """As seen along each ray, does the box around the Bezier points of the curved face of triangle k hold it?"""
-        c = self._load(self._terms, self.row[k], k)
+        c = self._load(k)
         away = (self.corners[k, 0] - origins).T
         holds = np.ones(len(k), bool)
         for axis in tangents(directions):
@@ -353,39 +378,27 @@ class CurvedFaces:
 
     def normals(self, k: Ints, u: Floats, v: Floats) -> Floats:
         """Unit normals (n, 3) by which the curved faces of triangles k refract at u, v (n,)."""
-        c = self._load(self._terms, self.row[k], k)
+        c = self._load(k)
         return normalise(self._bend(cross(*value_and_slopes(c, u, v)[1:]).T, k, u, v))
 
     def jumps(self, k: Ints) -> Floats:
-        """Angles (n,), rad, by which normals jump at the edges of triangles k: the largest over each one's edges.
-
-        They are taken in the edges' middles, where the surface runs on; 0 for triangles without a curved face.
-        """
-        found = np.zeros(len(k))
-        for edge in range(3):
-            row = self.row[k]
-            other = np.where(row >= 0, self.neighbour[row, edge], -1)
-            some = np.flatnonzero((other >= 0) & (self.row[other] >= 0))
-            there = self.neighbour_edge[row[some], edge]
-            here = self._normals_in_middle(k[some], np.full(len(some), edge))
-            apart = np.linalg.norm(here - self._normals_in_middle(other[some], there), axis=1)
-            found[some] = np.maximum(found[some], 2 * np.arcsin(np.minimum(apart / 2, 1.0)))
-        return found
-
-    def _normals_in_middle(self, k: Ints, edge: Ints) -> Floats:
-        """Unit normals (n, 3) of the curved faces of triangles k in the middles of edges (n,)."""
-        weights = np.where(np.arange(3) == (edge[:, None] + 2) % 3, 0.0, 0.5)
-        return self.normals(k, weights[:, 1], weights[:, 2])
+        """Angles (n,), rad, by which normals of triangles k and their neighbours differed; 0 for flat ones."""
+        row = self.row[k]
+        return np.where(row >= 0, self.jump[row], 0.0)
 
     def _bend(self, normal: Floats, k: Ints, u: Floats, v: Floats) -> Floats:
-        """Normals (n, 3), changed where the face has a straight edge; the very array where none has."""
-        if not self.has_straight_edges:
+        """Normals (n, 3), changed where a face refracts by others than its own; the very array where none does."""
+        if not self.has_given_normals:
             return normal
-        held = np.flatnonzero(self.bent_row[self.row[k]] >= 0)
-        if len(held):
-            c = self._load(self._bent_terms, self.bent_row[self.row[k[held]]], k[held])
+        row = self.row[k]
+        given = np.flatnonzero(self.normal_row[row] >= 0)
+        if len(given):
+            row = row[given]
+            c = np.take(self._normal_terms, self.normal_row[row], axis=1).reshape(N_TERMS, 3, -1)
+            at_corners = self.vertex_normal[self.vertex[row]]
+            c[:2] += (at_corners[:, 1:] - at_corners[:, :1]).transpose(1, 2, 0)
             normal = normal.copy()
-            normal[held] = cross(*value_and_slopes(c, u[held], v[held])[1:]).T
+            normal[given] = at_corners[:, 0] + value(c, u[given], v[given]).T
         return normal
 
     def meet(
@@ -460,7 +473,7 @@ class CurvedFaces:
 
     def _across(self, k: Ints, u: Floats, v: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Places about as far beyond where rays touch the surface as u, v are before it, or the reverse."""
-        c = self._load(self._terms, self.row[k], k)
+        c = self._load(k)
         d = directions.T
 
         def facing(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
@@ -525,7 +538,7 @@ class CurvedFaces:
         self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
     ) -> tuple[Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
         """Newton's method on what of point(u, v) - origin is across the ray; steps and range are limited."""
-        c = self._load(self._terms, self.row[k], k)
+        c = self._load(k)
         away, d = (np.take(self.corners, k, axis=0)[:, 0] - origins).T.copy(), directions.T.copy()
         u, v, size, distance = u.copy(), v.copy(), np.empty(len(k)), np.empty(len(k))
         facing = np.empty((3, len(k)))

@@ -20,7 +20,7 @@ from .words import number
 
 ALWAYS = 60e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
-OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 61, 1200, 300
+OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 61, 2000, 300
 OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
 QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
@@ -74,7 +74,7 @@ def n_shares_of_cut(view_map: ViewMap) -> float:
 
 def _n_curved(mesh: Mesh) -> int:
     """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
-    if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface != "smooth":
+    if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface == "facets":
         return 0
     return int((mesh.is_smooth & (np.ptp(mesh.corner_normals, axis=1).max(axis=1) > SAME_NORMAL)).sum())
 

@@ -82,7 +82,8 @@ class Plan:
     the last, from display_start on. open_parts: solids with open edges, and boxes (2, 3) m that they stay within.
     owner (p,): the number of the part's object among the rig's glasses, then mirrors; -1 for all others.
     n_open: open edges of each glass of the rig.
-    n_contradicted: smooth triangles of each glass, then of each mirror, whose normals contradict their shape.
+    n_contradicted, n_doubted: smooth triangles of each glass, then of each mirror, that stay flat because their normals
+    contradict their shape, or because curved faces would be no nearer to what was meant; n_curved: those that do not.
     Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
     solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
     thin_parts: gives all triangles, to be asked what rays passed by; made when first asked for
@@ -123,6 +124,8 @@ class Plan:
     left_out: tuple[str, ...]
     n_open: tuple[int, ...]
     n_contradicted: tuple[int, ...]
+    n_doubted: tuple[int, ...]
+    n_curved: tuple[int, ...]
 
 
 def fingerprint(*things: object) -> str:
@@ -455,6 +458,9 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
         owned = [(g, s) for g, s in zip(glass_of, solids, strict=True)]
         return [sum(getattr(s, name) for g, s in owned if g is glass) for glass in rig.glasses]
 
+    def of_curved(name: str) -> tuple[int, ...]:
+        return *of_glass(name), *(getattr(surface, name) for kind, surface, _ in sheets if kind == Kind.MIRROR)
+
     engines = sorted({f"({layer.engine_name})" for layer in layers if layer.engine_name is not None})
     rules = {
         " ".join(["ray engine", *engines]): (len(engines) > 0, "few flat faces"),
@@ -507,8 +513,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
             *(f"'{rig.glasses[i].name}' (no light comes near it)" for i in aside),
         ),
         n_open=tuple(of_glass("n_open")),
-        n_contradicted=(
-            *of_glass("n_contradicted"),
-            *(surface.n_contradicted for kind, surface, _ in sheets if kind == Kind.MIRROR),
-        ),
+        n_contradicted=of_curved("n_contradicted"),
+        n_doubted=of_curved("n_doubted"),
+        n_curved=of_curved("n_curved"),
     )  # fmt: skip

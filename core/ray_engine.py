@@ -52,7 +52,7 @@ class Hits:
     def none(cls, n: int, curved: CurvedFaces | None) -> "Hits":
         """No hit for any of n rays on a surface with or without curved faces."""
         facing = None if curved is None else np.zeros((n, 3))
-        normal = np.zeros((n, 3)) if curved is not None and curved.has_straight_edges else None
+        normal = np.zeros((n, 3)) if curved is not None and curved.has_given_normals else None
         return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), facing, normal)
 
     def put(self, rays: Ints, hits: "Hits") -> None:
@@ -229,7 +229,7 @@ class Layer:
         """Where rays meet curved faces, beginning at u, v of triangles k; and whether they do."""
         k, u, v, *others, is_met = self.curved.meet(k, u, v, origins, directions, leaves, self.tolerance, is_last)
         distance, enters, facing, normal = others
-        return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_straight_edges else None), is_met
+        return Hits(distance, k, u, v, enters, facing, normal if self.curved.has_given_normals else None), is_met
 
     def _test_all(
         self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, within: Floats, hits: Hits

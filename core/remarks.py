@@ -62,9 +62,10 @@ def remarks_on(
     return (
         *_on_gaps(rig, plan, accuracy.leaks),
         *_on_normals(rig, plan),
+        *_on_doubted(rig, plan),
         *_on_cut_off(plan, misses, accuracy.caught),
         *_beyond_tolerance(rig, accuracy.tessellation, error),
-        *_on_the_mesh(rig, accuracy.tessellation),
+        *_on_the_mesh(rig, plan, accuracy.tessellation),
         *_on_rounding(plan, accuracy.rounding),
         *_on_white(rig, plan, source),
     )
@@ -88,6 +89,16 @@ def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
                 f"The normals of {faces} contradict the shape or are missing: followed flat. Mark edges there sharp"
                 " (Shade Smooth by Angle), or subdivide."
             )
+
+
+def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
+    for part, n, m in zip((*rig.glasses, *rig.mirrors), plan.n_doubted, plan.n_curved, strict=True):
+        why = "too irregular or too coarse to tell the curved surface"
+        if n and m:
+            drawn, curved = (percent(share / (n + m)) for share in (n, m))
+            yield Remark(f"'{part.name}' is followed as drawn where its mesh is {why}: {drawn}; {curved} as curved.")
+        elif n:
+            yield Remark(f"'{part.name}' is followed as drawn: its mesh is {why}.")
 
 
 def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator[Remark]:
@@ -128,13 +139,20 @@ def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
         return "raise Max Events"
     bends = error.facet_limited > error.unresolved
     if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
-        return f"set the Surface of '{_name(rig, mesh.uneven)}' to As Drawn, or give it a regular mesh"
+        return f"the faces of '{_name(rig, mesh.uneven)}' contradict each other: {_for_irregular(rig, mesh)}"
     if bends and mesh.error > 0:
         return "use a finer mesh, or raise the viewer's resolution"
     facetted = next((glass for glass in rig.glasses if is_facetted(glass.mesh)), None)
     if facetted is not None:
         return f"shade '{facetted.name}' smooth if it is meant to be curved, or raise the viewer's resolution"
     return "raise the viewer's resolution"
+
+
+def _for_irregular(rig: Rig, mesh: Tessellation) -> str:
+    """What helps against an irregular mesh that is followed as curved."""
+    part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
+    change = "set its Surface to Automatic, or " if part.mesh.surface == "smooth" else ""
+    return f"{change}give it a finer or a more regular mesh"
 
 
 def _name(rig: Rig, part: int) -> str:
@@ -153,19 +171,21 @@ def is_facetted(mesh: Mesh) -> bool:
     return int(meets.sum()) >= FACETTED
 
 
-def _on_the_mesh(rig: Rig, mesh: Tessellation) -> Iterator[Remark]:
+def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
     if mesh.error <= COARSE:
         return
-    is_as_drawn = any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors))
-    named = f"'{_name(rig, mesh.uneven)}'"
+    if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
+        drawn = "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+    elif any(plan.n_doubted):
+        drawn = "it is followed as drawn where it is irregular or coarse: use a finer or a more regular mesh"
+    else:
+        drawn = "normals contradict its shape: mark edges sharp there, or subdivide the glass"
     remedies = {
-        "drawn": "it is followed as drawn: subdivide the glass, or set its Surface to Smooth if the mesh is regular"
-        if is_as_drawn
-        else "normals contradict its shape: mark edges sharp there, or subdivide the glass",
+        "drawn": drawn,
         "order": "it is coarse: subdivide the glass",
         "straight": "its edges are straight where smooth faces meet flat ones: add loops near them",
-        "jumps": f"the curved faces of {named} do not agree at their edges: set its Surface to As Drawn, or give it a"
-        " regular mesh",
+        "jumps": f"the curved faces of '{_name(rig, mesh.uneven)}' contradict each other at their edges:"
+        f" {_for_irregular(rig, mesh)}",
     }
     yield Remark(f"The mesh costs up to about {number(mesh.error)} display pixels, for {remedies[mesh.cause]}.")
 

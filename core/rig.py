@@ -13,6 +13,7 @@ from .errors import MeshError, RigError
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
 WAVELENGTH = 587.6e-9  # m, the helium d line, at which indices of refraction are given
 FLAT = 1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
@@ -31,8 +32,9 @@ class Mesh:
     corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
-    surface : what smooth triangles stand for: the curved surface that was meant, or the facets as drawn, on which only
-        the normal is interpolated
+    surface : what smooth triangles stand for: the curved surface that was meant ("smooth"), or the facets as drawn, on
+        which only the normal is interpolated ("facets"), or whichever the mesh shows to be nearer to what was meant,
+        face by face ("automatic")
     has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
         they only say where the surface is smooth, and its own normals are found from the vertices
     rounding : m, by which vertices may be off because they were rounded
@@ -43,7 +45,7 @@ class Mesh:
     corner_normals: Floats | None = None
     is_smooth: Bools | None = None
     uv: Floats | None = None
-    surface: Literal["smooth", "facets"] = "smooth"
+    surface: SurfaceChoice = "smooth"
     has_mean_normals: bool = False
     rounding: float = 0.0
 

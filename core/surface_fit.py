@@ -25,6 +25,7 @@ from .curved import (
     by_term,
     cross,
     monomials,
+    product,
     slopes,
     tangents,
     value,
@@ -42,6 +43,8 @@ SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to 
 SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
 SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
 FARTHEST = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
+AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
+TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
 COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
 # Where data are few the high degrees give way first. The factor makes it the same for all turns of the axes (Bombieri).
 RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
@@ -269,30 +272,126 @@ def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
     return offsets
 
 
-_DU_AT, _DV_AT = (d @ FROM_NODES for d in slopes(*np.vstack([NODES, np.eye(3)])[:, 1:].T))  # (15, 12) from offsets
+_AT = np.vstack([NODES, np.eye(3)])
+_BY_U, _BY_V = slopes(*_AT[:, 1:].T)  # (15, 14) of the terms
+_DU_AT, _DV_AT = _BY_U @ FROM_NODES, _BY_V @ FROM_NODES  # (15, 12) from offsets
+N_ON_EDGES = N_NODES - 3
 
 
-_STEEPNESS = max(np.abs(_DU_AT).sum(axis=1).max(), np.abs(_DV_AT).sum(axis=1).max())
+def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
+    """Unit normals (n, 15, 3) at nodes and corners of curved faces of node offsets (12, 3, n) over facets (n, 3, 3)."""
+    by_u, by_v = (
+        combine(matrix, offsets.reshape(N_NODES, -1)).reshape(len(_AT), 3, -1) + (corners[:, c] - corners[:, 0]).T
+        for matrix, c in ((_DU_AT, 1), (_DV_AT, 2))
+    )
+    normal = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal /= np.sqrt(product(normal, normal))
+    return normal.transpose(2, 1, 0)
 
 
-def _is_whole(offsets: Floats, corners: Floats) -> Bools:
-    """Do curved faces, of node offsets (12, 3, n) from facets (n, 3, 3), stay near them and look the same way?"""
-    e1, e2 = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    facet = cross(e1, e2)
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        longest = np.sqrt(np.maximum((e1**2).sum(axis=0), (e2**2).sum(axis=0)))
-        furthest = np.sqrt((offsets**2).sum(axis=1).max(axis=0))
-        is_whole = furthest < MOST_OFFSET * longest
-        # most faces are so shallow that no slope can turn them far
-        shallow = 2 * _STEEPNESS * furthest * longest < 0.5 * np.sqrt((facet**2).sum(axis=0))
-        doubtful = np.flatnonzero(is_whole & ~shallow)
-        few = offsets[..., doubtful].reshape(N_NODES, -1)
-        by_u = combine(_DU_AT, few).reshape(len(_DU_AT), 3, len(doubtful)) + e1[:, doubtful]
-        by_v = combine(_DV_AT, few).reshape(len(_DV_AT), 3, len(doubtful)) + e2[:, doubtful]
-        normal, facet = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1)), facet[:, None, doubtful]
-        cosine = (normal * facet).sum(axis=0) / np.sqrt((normal**2).sum(axis=0) * (facet**2).sum(axis=0))
-        is_whole[doubtful] = cosine.min(axis=0) > STEEPEST_INSIDE
-    return is_whole
+def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
+    """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?"""
+    longest = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < MOST_OFFSET * longest
+        return is_near & (np.einsum("nkc,nc->nk", normals, facets).min(axis=1) > STEEPEST_INSIDE)
+
+
+def _quadratic(points: Floats) -> Floats:
+    """All six products of two of the barycentric coordinates of points (n, 3)."""
+    return np.stack([points[:, i] * points[:, j] for i in range(3) for j in range(i, 3)], axis=1)
+
+
+# (3, 12): what is known at the nodes on edges and at corners, at the nodes inside; exact for what is quadratic
+_INWARD = _quadratic(NODES[N_ON_EDGES:]) @ np.linalg.pinv(_quadratic(np.vstack([NODES[:N_ON_EDGES], np.eye(3)])))
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """What lies across the edges of p curved faces.
+
+    row (t,) of each triangle's curved face, -1 where it has none; triangle (p, 3) where the surface runs on curved, -1
+    elsewhere, and its edge (p, 3); is_drawn (p, 3): where it runs on as drawn
+    """
+
+    row: Ints
+    triangle: Ints
+    edge: Ints
+    is_drawn: Bools
+
+    @classmethod
+    def of(cls, chosen: Ints, n_triangles: int, edges: Edges, is_joined: Bools) -> "_Beside":
+        """Of the chosen triangles (p,), of n."""
+        row = np.full(n_triangles, -1, np.int32)
+        row[chosen] = np.arange(len(chosen))
+        triangle = np.full((len(chosen), 3), -1, np.int32)
+        edge = np.zeros((len(chosen), 3), np.int8)
+        is_drawn = np.zeros((len(chosen), 3), bool)
+        f, s, i, j = (x[is_joined] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
+        both = (row[f] >= 0) & (row[s] >= 0)
+        triangle[row[f[both]], i[both]], edge[row[f[both]], i[both]] = s[both], j[both]
+        triangle[row[s[both]], j[both]], edge[row[s[both]], j[both]] = f[both], i[both]
+        for here, e in ((f, i), (s, j)):
+            ends = ~both & (row[here] >= 0)
+            is_drawn[row[here[ends]], e[ends]] = True
+        return cls(row, triangle, edge, is_drawn)
+
+
+def _agree(own: Floats, at_corners: Floats, beside: _Beside) -> tuple[Floats, Floats]:
+    """Normals (p, 12, 3) at the nodes that neighbours agree on, and by how much they differed, rad, at the first 9.
+
+    On an edge it is the mean of both sides, and what a facet has where it runs on as drawn; inside it is the face's
+    own, changed as the edges are. Both sides interpolate the same numbers along an edge, so that they agree all along.
+
+    Parameters
+    ----------
+    own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices
+    """
+    agreed = np.concatenate([own[:, :N_NODES], at_corners], axis=1)
+    jump = np.zeros((len(own), N_ON_EDGES))
+    facets = np.matmul(NODES[:N_ON_EDGES], at_corners)
+    for edge in range(3):
+        nodes = 3 * edge + np.arange(3)
+        here = np.flatnonzero(beside.triangle[:, edge] >= 0)
+        mine = own[here[:, None], nodes]
+        other = beside.row[beside.triangle[here, edge]]
+        # it runs the other way there
+        theirs = own[other[:, None], 3 * beside.edge[here, edge, None].astype(int) + [2, 1, 0]]
+        agreed[here[:, None], nodes] = normalise(mine + theirs)
+        jump[here[:, None], nodes] = np.linalg.norm(mine - theirs, axis=2)
+        here = np.flatnonzero(beside.is_drawn[:, edge])
+        agreed[here[:, None], nodes] = facets[here[:, None], nodes]
+    around = np.r_[:N_ON_EDGES, N_NODES : N_NODES + 3]
+    agreed[:, N_ON_EDGES:N_NODES] += np.matmul(_INWARD, agreed[:, around] - own[:, around])
+    return agreed[:, :N_NODES], jump
+
+
+def _is_trusted(
+    corners: Floats, coefficients: Floats, at_corners: Floats, vertex: Ints, agreed: Floats, jump: Floats
+) -> Bools:
+    """Which curved faces (p,) are nearer to what was meant than their facets, as far as the fit can tell by itself.
+
+    Normals of neighbours differ by about what they are off by: by what the fit does not know. Beside the facet's the
+    face's normals are turned, and met elsewhere, by what it says to know better. A face is trusted if those around each
+    of its vertices are, on the whole; around one of them and by itself will do, so that a spoilt one takes few with it.
+
+    Parameters
+    ----------
+    corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals of the vertices (p, 3)
+    agreed, jump : of `_agree`
+    """
+    turned = ((agreed - normalise(np.matmul(NODES, at_corners))) ** 2).sum(axis=2).mean(axis=1)
+    # a ray that meets the face later, by its height, finds it turned by so much more
+    height = np.sqrt((np.matmul(AT_NODES, coefficients) ** 2).sum(axis=2).max(axis=1))
+    along, turn = (np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2).max(axis=1) for x in (corners, at_corners))
+    unsure, gained = (jump**2).mean(axis=1), (np.sqrt(turned) + height * turn / along) ** 2
+
+    def is_little(unsure: Floats, gained: Floats) -> Bools:
+        return unsure <= TRUSTED**2 * gained + AGREE**2
+
+    is_fine = is_little(*(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in (unsure, gained)))[vertex]
+    return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_little(unsure, gained))
 
 
 def make_curved(
@@ -304,8 +403,9 @@ def make_curved(
     is_joined: Bools,
     facets: Floats,
     has_mean_normals: bool,
-) -> CurvedFaces | None:
-    """Curved faces over those of the wanted triangles whose normals agree with their shape.
+    is_automatic: bool = False,
+) -> tuple[CurvedFaces | None, Bools]:
+    """Curved faces over those of the wanted triangles whose normals agree with their shape; which (t,) are doubted.
 
     Parameters
     ----------
@@ -315,6 +415,7 @@ def make_curved(
     edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
     facets : (t, 3) normals of the triangles, unit
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
+    is_automatic : faces that are no nearer to what was meant than the facets are doubted, and left flat
     """
     corners = vertices[triangles]
     asked = wanted
@@ -324,6 +425,7 @@ def make_curved(
     v = _find_vertices(vertices, triangles, corner_normals, least > 0, edges, is_joined)
     is_used = np.zeros(len(v.at), bool)
     is_used[v.of_corner[wanted]] = True
+    given = v.normal
     if has_mean_normals:
         v = replace(v, normal=_find_normals(v, is_used))
         wanted &= (np.einsum("tij,tj->ti", v.normal[v.of_corner], facets) > STEEPEST).all(axis=1)
@@ -344,36 +446,64 @@ def make_curved(
     fields = _fit_fields(v, is_used)
 
     chosen = np.flatnonzero(wanted)
-    coefficients = np.empty((len(chosen), N_TERMS, 3))
+    coefficients, own = np.empty((len(chosen), N_TERMS, 3)), np.empty((len(chosen), len(_AT), 3))
     is_whole = np.empty(len(chosen), bool)
     for k in range(0, len(chosen), CHUNK):
         some = slice(k, k + CHUNK)
+        at = corners[chosen[some]]
         offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
-        is_whole[some] = _is_whole(offsets, corners[chosen[some]])
+        own[some] = _normals_at_nodes(offsets, at)
+        is_whole[some] = _is_whole(offsets, at, own[some], facets[chosen[some]])
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
     if not is_whole.all():
-        chosen, coefficients = chosen[is_whole], coefficients[is_whole]
+        chosen, coefficients, own = chosen[is_whole], coefficients[is_whole], own[is_whole]
+    vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
+    agreed, jump = _agree(own, v.normal[vertex], beside)
+    is_doubted = np.zeros(len(triangles), bool)
+    if is_automatic:
+        is_trusted = _is_trusted(corners[chosen], coefficients, v.normal[vertex], vertex, agreed, jump)
+        if not is_trusted.all():
+            is_trusted &= ~np.isin(face[chosen], face[chosen[~is_trusted]])
+            is_doubted[chosen] = ~is_trusted
+            chosen, coefficients, own = chosen[is_trusted], coefficients[is_trusted], own[is_trusted]
+            vertex, beside = vertex[is_trusted], _Beside.of(chosen, len(triangles), edges, is_joined)
     if not len(chosen):
-        return None
-    row = np.full(len(triangles), -1, np.int32)
-    row[chosen] = np.arange(len(chosen))
+        return None, is_doubted
 
-    neighbour = np.full((len(chosen), 3), -1, np.int32)
-    neighbour_edge = np.zeros((len(chosen), 3), np.int8)
-    runs_on = is_joined & (row[edges.first] >= 0) & (row[edges.second] >= 0)
-    f, s, i, j = (x[runs_on] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
-    neighbour[row[f], i], neighbour_edge[row[f], i] = s, j
-    neighbour[row[s], j], neighbour_edge[row[s], j] = f, i
+    # what is drawn has the normals that were given: so have the faces around its vertices
+    is_drawn = np.zeros(len(v.at), bool)
+    is_drawn[v.of_corner[beside.row < 0]] = True
+    normal = np.where(is_drawn[:, None], given, v.normal)
+    if len(chosen) < len(triangles):
+        agreed, jump = _agree(own, normal[vertex], beside)
 
-    is_straight = neighbour < 0
+    is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
     bent_row = np.full(len(chosen), -1, np.int32)
     bent_row[held] = np.arange(len(held))
     bent = coefficients[held]
     offsets = np.matmul(AT_NODES, bent)
-    offsets[:, : N_NODES - 3] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
+    offsets[:, :N_ON_EDGES] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
     coefficients[held] = np.matmul(FROM_NODES, offsets)
-    vertex = v.of_corner[chosen]
-    coefficients = by_term(coefficients)
-    return CurvedFaces(corners, row, coefficients, neighbour, neighbour_edge, bent_row, bent, vertex, v.normal)
+
+    off = np.linalg.norm(np.concatenate([agreed, normal[vertex]], axis=1) - own, axis=2).max(axis=1)
+    set_by = np.flatnonzero(is_straight.any(axis=1) | (off > AGREE))
+    normal_row = np.full(len(chosen), -1, np.int32)
+    normal_row[set_by] = np.arange(len(set_by))
+    normal_terms = np.matmul(FROM_NODES, agreed[set_by] - np.matmul(NODES, normal[vertex[set_by]]))
+    curved = CurvedFaces(
+        corners=corners,
+        row=beside.row,
+        coefficients=by_term(coefficients),
+        neighbour=beside.triangle,
+        neighbour_edge=beside.edge,
+        vertex=vertex,
+        vertex_normal=normal,
+        normal_row=normal_row,
+        normal_terms=by_term(normal_terms),
+        jump=jump[:, 1::3].max(axis=1),  # in the middles of edges
+        bent_row=bent_row,
+        bent=bent,
+    )
+    return curved, is_doubted

@@ -37,7 +37,8 @@ class Surface:
     corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; curved faces over some triangles, or None;
     corner_normals (t, 3, 3) or None, used on the triangles that are flat with bent normals, is_bent (t,);
     patch (t,) label within this surface; n_open edges without a neighbour;
-    n_contradicted smooth triangles that stay flat because their normals contradict their shape
+    n_contradicted smooth triangles that stay flat because their normals contradict their shape; n_doubted because their
+    curved faces would be no nearer to what was meant
     """
 
     corners: Floats
@@ -48,6 +49,7 @@ class Surface:
     patch: Ints
     n_open: int
     n_contradicted: int
+    n_doubted: int
 
     def moved(self, motion: Motion) -> "Surface":
         """The same surface elsewhere."""
@@ -58,6 +60,11 @@ class Surface:
             curved=None if self.curved is None else self.curved.moved(motion),
             corner_normals=None if self.corner_normals is None else motion.directions(self.corner_normals),
         )
+
+    @property
+    def n_curved(self) -> int:
+        """Triangles with a curved face."""
+        return 0 if self.curved is None else len(self.curved.coefficients)
 
     @cached_property
     def bounds(self) -> Floats:
@@ -82,7 +89,7 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
     normals = geometric_normals(corners)
     edges = find_edges(index)
     is_bent = np.zeros(len(index), bool)
-    curved, n_contradicted = None, 0
+    curved, n_contradicted, n_doubted = None, 0, 0
     by_corner = np.broadcast_to(normals[:, None], corners.shape)
     if corner_normals is not None and mesh.is_smooth is not None and mesh.is_smooth[chosen].any():
         is_smooth = mesh.is_smooth[chosen]
@@ -94,17 +101,17 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
         n_contradicted = int((is_smooth & ~is_usable).sum())
     is_joined = find_joined(by_corner, edges)
-    if is_bent.any() and mesh.surface == "smooth":
+    if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
         # what rounding does to the slopes of faces through the vertices, against what bent normals miss
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
-            curved = make_curved(
-                mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals
-            )
+            given = mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals
+            curved, is_doubted = make_curved(*given, is_automatic=mesh.surface == "automatic")
             if curved is not None:
                 is_bent &= curved.row < 0
-            n_contradicted += int(is_bent.sum())
+            n_doubted = int(is_doubted.sum())
+            n_contradicted += int(is_bent.sum()) - n_doubted
     return Surface(
         corners,
         normals,
@@ -114,6 +121,7 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         components(len(index), edges.first[is_joined], edges.second[is_joined]),
         edges.n_open,
         n_contradicted,
+        n_doubted,
     )
 
 

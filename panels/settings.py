@@ -35,8 +35,27 @@ PLATE_MODELS = (
     ("RADIAL", "Radial Holes (DCRA)", "Such holes, turned with the azimuth about the plate's origin"),
 )
 SURFACES = (
-    ("SMOOTH", "Smooth", "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn"),
-    ("FACETS", "As Drawn", "The facets of the mesh as they are: smooth shading only interpolates their normals"),
+    (
+        "AUTOMATIC",
+        "Automatic",
+        "Smooth where the mesh is regular enough to tell the curved surface, as drawn elsewhere, face by face",
+        "NONE",
+        2,
+    ),
+    (
+        "SMOOTH",
+        "Smooth",
+        "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn",
+        "NONE",
+        0,
+    ),
+    (
+        "FACETS",
+        "As Drawn",
+        "The facets of the mesh as they are: smooth shading only interpolates their normals",
+        "NONE",
+        1,
+    ),
 )
 PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
@@ -185,7 +204,7 @@ class KirikoObject(bpy.types.PropertyGroup):
         name="Surface",
         description="What smooth-shaded faces stand for; facets bend the picture where a curved surface was meant",
         items=SURFACES,
-        default="SMOOTH",
+        default="AUTOMATIC",
     )
     use_resolution: BoolProperty(
         name="Own Resolution",

@@ -367,7 +367,7 @@ def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Obje
     thing.matrix_world = Matrix.Translation(centre.tolist()) @ Matrix.Scale(size, 4) @ turn @ fitting(thing)
     ours = thing.kiriko
     ours.role, ours.use_ior, ours.ior = "GLASS", True, dice.rng.uniform(1.3, 1.9)
-    ours.surface = dice.pick(("SMOOTH", "FACETS"))
+    ours.surface = dice.pick(("AUTOMATIC", "SMOOTH", "FACETS"))
     return thing
 
 
@@ -396,7 +396,7 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     ours.use_ior, ours.ior = dice.chance(0.5), dice.rng.uniform(1.3, 1.9)
     if dice.wild(0.15, "odd index"):
         ours.use_ior, ours.ior = True, dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
-    ours.surface = dice.pick(("SMOOTH", "SMOOTH", "FACETS"))
+    ours.surface = dice.pick(("AUTOMATIC", "AUTOMATIC", "SMOOTH", "FACETS"))
     if dice.wild(0.2, "priority"):
         ours.priority = int(dice.rng.integers(-3, 4))
     return thing

@@ -73,13 +73,16 @@ def is_top(ends: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("role", ["GLASS", "MIRROR"])
 def test_surface_is_set_on_the_object(read: Callable[[], Any], role: str) -> None:
-    """Smooth unless the artist says as drawn; glass and mirror alike."""
+    """Automatic unless the artist says otherwise; glass and mirror alike. Files that said so before still do."""
     thing = smooth(primitive("uvsphere", u_segments=8, v_segments=4, radius=1.0), role)
-    for choice, surface in ((None, "smooth"), ("FACETS", "facets"), ("SMOOTH", "smooth")):
+    choices = ((None, "automatic"), ("FACETS", "facets"), ("SMOOTH", "smooth"), ("AUTOMATIC", "automatic"))
+    for choice, surface in choices:
         if choice:
             thing.kiriko.surface = choice
         rig = read().rig
         assert [part.mesh.surface for part in (*rig.glasses, *rig.mirrors)] == [surface]
+    kinds = thing.kiriko.bl_rna.properties["surface"].enum_items
+    assert (kinds["SMOOTH"].value, kinds["FACETS"].value) == (0, 1)  # as files of the first release have them
 
 
 def test_surface_is_that_of_whoever_has_the_role(read: Callable[[], Any]) -> None:
@@ -274,8 +277,9 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     ],
 )
 def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) -> None:
-    """Remeshed and collapsed: followed as drawn they are nearer to what was meant, and nothing is said of it then."""
+    """Remeshed and collapsed: followed as smooth they are further from what was meant; else nothing is said of it."""
     thing = ball()
+    thing.kiriko.surface = "SMOOTH"
     modifier = thing.modifiers.new("Other", kind)
     for name, value in options.items():
         setattr(modifier, name, value)
@@ -284,9 +288,11 @@ def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) 
         return [note for note in read().notes if "beside the surface" in note]
 
     found = notes()
-    assert [("'Other' of" in note, note.endswith("Surface to As Drawn.")) for note in found] == [(True, True)] * is_told
-    thing.kiriko.surface = "FACETS"
-    assert notes() == []
+    assert [("'Other' of" in note, note.endswith("Surface to Automatic.")) for note in found] == [
+        (True, True)
+    ] * is_told
+    for thing.kiriko.surface in ("FACETS", "AUTOMATIC"):
+        assert notes() == []
 
 
 def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleType) -> None:

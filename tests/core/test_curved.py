@@ -4,12 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_irregular import CHOICES, MESHES, disturbed, errors
 from closed_forms import unit
 from marks import CASES, ORDER
-from reference_rigs import cube_rig, icosphere, mean_normals, rig, split_quads, torus, uv_ellipsoid, wavy_slab
+from reference_rigs import (
+    bottle,
+    cube_rig,
+    icosphere,
+    lathed,
+    mean_normals,
+    rig,
+    split_quads,
+    torus,
+    uv_ellipsoid,
+    wavy_slab,
+)
 
 from kiriko.core.accuracy import _Parabolic
-from kiriko.core.curved import POWERS, grid
+from kiriko.core.curved import POWERS, CurvedFaces, grid
 from kiriko.core.meshes import find_edges
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.ray_engine import Hits, Layer
@@ -280,6 +292,105 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     chords = exact[:, :1] * (1 - s)[:, None] + exact[:, 1:] * s[:, None]
     np.testing.assert_allclose(one[straight], chords[straight], rtol=0, atol=1e-15 * size)
     assert straight.any() == (name in (*MIXED, "lens") or surface.n_contradicted > 0)
+
+
+def one_useless_face():
+    mesh, bad = uv_ellipsoid(RADIUS), spoilt("NaN")
+    normals = mesh.corner_normals.copy()
+    normals[500] = bad.corner_normals[500]
+    return replace(mesh, corner_normals=normals)
+
+
+def vase():
+    s = np.linspace(0, 1, 17)
+    return lathed(0.02 * np.sin(np.pi * s) * (1 + 0.3 * np.cos(9 * s)), 0.06 * s)
+
+
+UNEVEN = {
+    "32 x 16": lambda: uv_ellipsoid((0.025, 0.020, 0.015)),
+    "noisy": lambda: disturbed("ball, 1280", 0, 1e-2),
+    "vertices aside": lambda: disturbed("ball, 1280", 0.3, 0),
+    "partly as drawn": lambda: replace(disturbed("ball, 5120", 0.3, 0), surface="automatic"),
+    "one useless face": one_useless_face,
+    "wavy slab": wavy_slab,
+    "vase": vase,
+}
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_normals_of_neighbours_agree_all_along_their_edge(name):
+    """To 2e-6 rad, however irregular the mesh, and where a curved face meets one as drawn; sharp edges stay sharp."""
+    mesh = UNEVEN[name]()
+    surface = make_surface(mesh)
+    curved, edges = surface.curved, find_edges(mesh.triangles)
+    by_corner = np.broadcast_to(surface.normals[:, None], surface.corners.shape).copy()
+    if surface.corner_normals is not None:
+        by_corner[surface.is_bent] = surface.corner_normals[surface.is_bent]
+    s = np.random.default_rng(4).uniform(0, 1, 9)
+
+    def along(k, e, s):
+        w = np.zeros((len(k), len(s), 3))
+        n = np.arange(len(k))
+        w[n, :, e], w[n, :, (e + 1) % 3] = 1 - s, s
+        normals = unit(np.einsum("nsc,nci->nsi", w, by_corner[k]))
+        bent = np.flatnonzero(curved.row[k] >= 0)
+        every = np.repeat(k[bent], len(s))
+        normals[bent] = curved.normals(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(-1, len(s), 3)
+        return normals
+
+    one = along(edges.first, edges.corner_first, s)
+    other = along(edges.second, edges.corner_second, 1 - s)
+    is_curved = (curved.row[edges.first] >= 0) | (curved.row[edges.second] >= 0)
+    is_joined = surface.patch[edges.first] == surface.patch[edges.second]
+    apart = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & is_joined]
+    assert len(apart) > 0
+    assert apart.max() < 2e-6
+    assert curved.jump.max() > 1e-5  # or there was nothing to do
+    drawn = curved.row < 0
+    assert drawn.any() == (name in ("partly as drawn", "one useless face", "wavy slab", "vase"))
+    sharp = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & ~is_joined]
+    assert (len(sharp) > 0) == (name in ("wavy slab", "one useless face"))
+    assert name != "wavy slab" or (sharp > 0.5).all()
+
+
+def test_faces_of_fine_regular_meshes_keep_their_own_normals():
+    """Where normals agree by themselves none is kept beside the face: tracing pays for what it needs."""
+    for mesh in (icosphere(RADIUS, 5), bottle()):
+        curved = make_surface(mesh).curved
+        is_straight = (curved.neighbour < 0).any(axis=1)
+        assert np.array_equal(curved.normal_row >= 0, is_straight)
+    assert (make_surface(uv_ellipsoid(RADIUS)).curved.normal_row >= 0).all()
+
+
+# Curved where the mesh can tell
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize(("aside", "noise"), [(0, 0), (0.2, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-3)])
+def test_automatic_is_nearly_as_good_as_the_better_choice(name, aside, noise):
+    """Against closed forms of what was meant, median and rms; single spoilt faces spread to their neighbours.
+
+    By a fifth, or a tenth of a display pixel: vertices moved by a fifth of an edge spoil some faces of the torus.
+    """
+    mesh = disturbed(name, aside, noise)
+    drawn, smooth, automatic = (errors(name, mesh, choice) for choice in CHOICES)
+    assert automatic.median < 1.2 * min(drawn.median, smooth.median) + 0.01
+    assert automatic.rms < 1.2 * min(drawn.rms, smooth.rms) + 0.1
+
+
+def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
+    """What is told is what is done, and a face that is followed as drawn is the mesh's own."""
+    noisy = disturbed("ball, 1280", 0, 1e-3)
+    for mesh, share in ((noisy, 0.0), (icosphere(RADIUS, 3), 1.0), (uv_ellipsoid(RADIUS), 1.0)):
+        surface = make_surface(replace(mesh, surface="automatic"))
+        assert surface.n_curved + surface.n_doubted == len(mesh.triangles)
+        assert surface.n_curved / len(mesh.triangles) == pytest.approx(share, abs=0.005)
+        assert surface.n_contradicted == 0
+        if surface.n_doubted:
+            facets = make_surface(replace(mesh, surface="facets"))
+            drawn = surface.is_bent
+            assert drawn.sum() == surface.n_doubted
+            assert np.array_equal(surface.corner_normals[drawn], facets.corner_normals[drawn])
 
 
 @closed
@@ -825,12 +936,8 @@ def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
     """On a small scalene triangle of a sphere: the middles of its sides stand on the sphere, to the fourth order."""
     random = np.random.default_rng(2)
     corners = unit(np.array([0.3, -0.2, 1.0]) + 0.02 * random.normal(size=(3, 3)))
-    none = np.full((1, 3), -1)
-    empty = np.empty((0, len(POWERS), 3))
-    faces = _Parabolic(
-        corners[None], np.zeros(1, np.int64), empty, none, none, none[:, 0], empty, none, np.empty((0, 3)),
-        corner_normals=corners[None],
-    )  # fmt: skip
+    columns = vars(CurvedFaces.none(corners[None])) | {"row": np.zeros(1, np.int64)}
+    faces = _Parabolic(**columns, corner_normals=corners[None])
     (terms,) = np.moveaxis(faces._paraboloids(np.zeros(1, np.int64)), 2, 0)
     for u, v in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
         at = corners[0] + sum(u**a * v**b * term for (a, b), term in zip(POWERS, terms, strict=True))

@@ -133,19 +133,21 @@ def test_an_irregular_mesh_on_its_surface_is_followed():
 
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.3, 1e-3), (0.0, 1e-2), (0.0, 1e-3)])
-def test_as_drawn_helps_where_it_is_told_to(aside, noise):
-    """Where the note says to set Surface to As Drawn, that brings landings nearer to the surface that was meant."""
+def test_automatic_helps_where_it_is_told_to(aside, noise):
+    """Where the note says to set Surface to Automatic, that brings landings nearer to the surface that was meant."""
     mesh = irregular_ball(4, aside, noise)
     (note,) = [note for note in notes_without_solving(mesh) if "The mesh costs" in note]
-    assert "the curved faces of 'glass' do not agree at their edges: set its Surface to As Drawn" in note
-    drawn = replace(mesh, surface="facets")
-    assert true_and_told(drawn)[0] < true_and_told(mesh)[0]
-    assert not any("set its Surface to As Drawn" in note for note in notes_without_solving(drawn))
+    assert "the curved faces of 'glass' contradict each other at their edges: set its Surface to Automatic" in note
+    automatic = replace(mesh, surface="automatic")
+    assert true_and_told(automatic)[0] < true_and_told(mesh)[0]
+    notes = notes_without_solving(automatic)
+    assert "'glass' is followed as drawn: its mesh is too irregular or too coarse to tell the curved surface." in notes
+    assert not any("set its Surface" in note for note in notes)
 
 
 @pytest.mark.parametrize("has_mean_normals", [False, True])
 @pytest.mark.parametrize("size", [(0.015, 0.010, 32, 16), (0.020, 0.005, 48, 12), (0.018, 0.007, 48, 24)])
-def test_as_drawn_is_not_told_where_it_makes_things_worse(size, has_mean_normals):
+def test_another_surface_is_not_told_where_it_makes_things_worse(size, has_mean_normals):
     """A regular torus, Blender's own among them: its normals jump because it is coarse, and facets are further off."""
     mesh = torus(*size)
     mesh = mean_normals(mesh) if has_mean_normals else mesh
@@ -153,7 +155,7 @@ def test_as_drawn_is_not_told_where_it_makes_things_worse(size, has_mean_normals
     assert 4 * rms_apart(fine, curved) < rms_apart(fine, drawn)
     notes = notes_without_solving(mesh, replace(NO_ERROR, facet_limited=0.1))
     assert any("a finer mesh" in note for note in notes)
-    assert not any("As Drawn" in note for note in notes)
+    assert not any("Surface" in note for note in notes)
 
 
 def traced_torus(mesh):
