@@ -80,6 +80,16 @@ def surface(arguments: argparse.Namespace) -> None:
     run_with_tests("bench_surface.py", arguments.rest)
 
 
+def irregular(arguments: argparse.Namespace) -> None:
+    """Measure what each choice of Surface makes of irregular and noisy meshes, against closed forms."""
+    run_with_tests("bench_irregular.py", arguments.rest)
+
+
+def glasses(arguments: argparse.Namespace) -> None:
+    """Measure solves through glass as artists bring it (further options go to scripts/bench_glasses.py)."""
+    run_in_blender("bench_glasses.py", arguments.rest)
+
+
 def curved(arguments: argparse.Namespace) -> None:
     """Measure what curved faces cost a ray."""
     run_with_tests("bench_curved.py", arguments.rest)
@@ -183,6 +193,8 @@ def main() -> None:
         live,
         lab,
         surface,
+        irregular,
+        glasses,
         fuzz,
         paper,
         pictures,

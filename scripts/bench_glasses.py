@@ -1,0 +1,47 @@
+"""Seconds and rays of solves through glass as artists bring it, by each choice of *Surface*.
+
+`python3 scripts/dev.py glasses [NAME ...]`. Processor seconds of whole solves at default settings, 512 x 512 pixels.
+`curved` is the share of the triangles with a curved face, `beyond` that of the view off by more than the tolerance.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from time import process_time
+
+from glasses import GLASSES, made
+from reference_rigs import rig
+
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import SurfaceChoice
+from kiriko.core.session import Session, finish
+
+CHOICES: tuple[SurfaceChoice, ...] = ("facets", "smooth", "automatic")
+BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"among {', '.join(GLASSES)}; all if there is none")
+    arguments = parser.parse_args()
+    for name in arguments.names:
+        if name not in GLASSES:
+            parser.error(f"There is no glass '{name}': choose among {', '.join(GLASSES)}.")
+    print(f"{'glass':<16}{'triangles':>10}{'surface':>11}{'curved':>8}{'CPU s':>8}{'rays':>10}{'beyond %':>10}")
+    for name in arguments.names or GLASSES:
+        mesh = made(name)
+        for choice in CHOICES:
+            a_rig = rig(replace(mesh, surface=choice), **BENCH)
+            share = sum(make_plan(a_rig, Settings()).n_curved) / len(mesh.triangles)
+            started = process_time()
+            solution = finish(Session().solve(a_rig, Settings()))
+            seconds = process_time() - started
+            error = solution.map_error
+            beyond = 100 * (error.facet_limited + error.unresolved)
+            told = f"{share:8.2f}{seconds:8.1f}{solution.n_rays:10d}{beyond:10.2f}"
+            print(f"{name:<16}{len(mesh.triangles):10d}{choice:>11}{told}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
