@@ -1,7 +1,8 @@
 """Seconds and rays of solves through glass as artists bring it, by each choice of *Surface*.
 
-`python3 scripts/dev.py glasses [NAME ...]`. Processor seconds of whole solves at default settings, 512 x 512 pixels.
-`curved` is the share of the triangles with a curved face, `beyond` that of the view off by more than the tolerance.
+`python3 scripts/dev.py glasses [--glass NAME ...]`. Processor seconds of whole solves at default settings, 512 x 512
+pixels. `curved` is the share of the triangles with a curved face, `beyond` that of the view off by more than the
+tolerance.
 """
 
 from __future__ import annotations
@@ -23,13 +24,10 @@ BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"among {', '.join(GLASSES)}; all if there is none")
+    parser.add_argument("--glass", nargs="+", metavar="NAME", choices=GLASSES, default=list(GLASSES), help="only these")
     arguments = parser.parse_args()
-    for name in arguments.names:
-        if name not in GLASSES:
-            parser.error(f"There is no glass '{name}': choose among {', '.join(GLASSES)}.")
     print(f"{'glass':<16}{'triangles':>10}{'surface':>11}{'curved':>8}{'CPU s':>8}{'rays':>10}{'beyond %':>10}")
-    for name in arguments.names or GLASSES:
+    for name in arguments.glass:
         mesh = made(name)
         for choice in CHOICES:
             a_rig = rig(replace(mesh, surface=choice), **BENCH)

@@ -1,8 +1,8 @@
 """Display error of irregular and noisy meshes by each choice of *Surface*, held to closed forms of what was meant.
 
-`python3 scripts/dev.py irregular`. Rays and errors are those of `dev.py surface`. Vertices are moved by up to a part of
-an edge and put back onto the surface, and then off it as a scanner's are, by a part of the size; normals are Blender's
-means. `curved` is the share of the triangles that *Automatic* follows as curved.
+`python3 scripts/dev.py irregular [--mesh NAME ...]`. Rays and errors are those of `dev.py surface`. Vertices are moved
+by up to a part of an edge and put back onto the surface, and then off it as a scanner's are, by a part of the size;
+normals are Blender's means. `curved` is the share of the triangles that *Automatic* follows as curved.
 """
 
 from __future__ import annotations
@@ -79,20 +79,20 @@ def errors(name: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
     px = np.linalg.norm(trace_all(plan, rays.origins, rays.directions).xy - rays.xy, axis=1)
     arrived = px[np.isfinite(px)]
     rms = float(np.sqrt((arrived**2).mean()))
-    quantiles = (float(np.quantile(arrived, q)) for q in (0.5, 0.99))
-    median, p99 = quantiles
+    median, p99 = (float(np.quantile(arrived, q)) for q in (0.5, 0.99))
     return Errors(median, rms, p99, len(px) - len(arrived), sum(plan.n_curved) / len(mesh.triangles))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.parse_args()
+    parser.add_argument("--mesh", nargs="+", metavar="NAME", choices=MESHES, default=list(MESHES), help="only these")
+    arguments = parser.parse_args()
     print(f"{'':<32}" + "".join(f"{choice:>30}" for choice in CHOICES))
     print(
         f"{'mesh':<14}{'aside':>8}{'noise':>8}  " + f"{'median':>10}{'rms':>10}{'99 % px':>10}" * 3 + f"{'curved':>9}"
     )
     worst = 0.0
-    for name in MESHES:
+    for name in arguments.mesh:
         cases = [(aside, 0.0) for aside in ASIDE] + [(0.0, noise) for noise in NOISE[1:]] + [(0.2, 1e-5), (0.2, 1e-3)]
         for aside, noise in cases:
             mesh = disturbed(name, aside, noise)
