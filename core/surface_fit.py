@@ -372,9 +372,9 @@ def _is_trusted(
 ) -> Bools:
     """Which curved faces (p,) are nearer to what was meant than their facets, as far as the fit can tell by itself.
 
-    Normals of neighbours differ by about what they are off by: by what the fit does not know. Beside the facet's the
-    face's normals are turned, and met elsewhere, by what it says to know better. A face is trusted if those around each
-    of its vertices are, on the whole; around one of them and by itself will do, so that a spoilt one takes few with it.
+    The jump of normals between neighbours is about their error. The gain of a face is the angle by which its normals
+    differ from the facet's, and by which its height turns them. Jumps have to be small beside gains: around each vertex
+    of the face, on the whole, or around one vertex and in the face itself, so that a spoilt face takes few with it.
 
     Parameters
     ----------
@@ -387,11 +387,11 @@ def _is_trusted(
     along, turn = (np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2).max(axis=1) for x in (corners, at_corners))
     unsure, gained = (jump**2).mean(axis=1), (np.sqrt(turned) + height * turn / along) ** 2
 
-    def is_little(unsure: Floats, gained: Floats) -> Bools:
+    def is_believed(unsure: Floats, gained: Floats) -> Bools:
         return unsure <= TRUSTED**2 * gained + AGREE**2
 
-    is_fine = is_little(*(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in (unsure, gained)))[vertex]
-    return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_little(unsure, gained))
+    is_fine = is_believed(*(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in (unsure, gained)))[vertex]
+    return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_believed(unsure, gained))
 
 
 def make_curved(
@@ -488,10 +488,10 @@ def make_curved(
     coefficients[held] = np.matmul(FROM_NODES, offsets)
 
     off = np.linalg.norm(np.concatenate([agreed, normal[vertex]], axis=1) - own, axis=2).max(axis=1)
-    set_by = np.flatnonzero(is_straight.any(axis=1) | (off > AGREE))
+    with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREE))
     normal_row = np.full(len(chosen), -1, np.int32)
-    normal_row[set_by] = np.arange(len(set_by))
-    normal_terms = np.matmul(FROM_NODES, agreed[set_by] - np.matmul(NODES, normal[vertex[set_by]]))
+    normal_row[with_terms] = np.arange(len(with_terms))
+    normal_terms = np.matmul(FROM_NODES, agreed[with_terms] - np.matmul(NODES, normal[vertex[with_terms]]))
     curved = CurvedFaces(
         corners=corners,
         row=beside.row,

@@ -11,14 +11,13 @@ import argparse
 from dataclasses import replace
 from time import process_time
 
+from bench_irregular import CHOICES
 from glasses import GLASSES, made
 from reference_rigs import rig
 
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.rig import SurfaceChoice
 from kiriko.core.session import Session, finish
 
-CHOICES: tuple[SurfaceChoice, ...] = ("facets", "smooth", "automatic")
 BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}
 
 

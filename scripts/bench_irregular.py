@@ -29,7 +29,7 @@ SEED = 6
 
 
 def onto_ball(places: Floats) -> Floats:
-    """The nearest places on the ball, of a radius of 1 m or 0.025."""
+    """The nearest places on the ball."""
     return BALL[0] * places / np.linalg.norm(places, axis=1, keepdims=True)
 
 
@@ -51,7 +51,10 @@ MESHES: dict[str, tuple[str, Callable[[], Mesh], Callable[[Floats], Floats]]] = 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one choice of surface, display px, over the rays that arrived; `lost` did not."""
+    """Errors of one choice of surface, display px, over the rays that arrived.
+
+    lost : rays that did not; curved : share, 0..1, of the triangles that are followed as curved
+    """
 
     median: float
     rms: float

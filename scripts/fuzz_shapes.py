@@ -110,6 +110,25 @@ def smooth(mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     return mesh
 
 
+def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh:
+    """The mesh with its vertices moved at random, by a standard deviation in its own units."""
+    places = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", places)
+    mesh.vertices.foreach_set("co", places + random.normal(0, noise, places.shape))
+    return mesh
+
+
+def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
+    """A profile of radii and heights, turned about z by a Screw modifier; shaded smooth."""
+    mesh = bpy.data.meshes.new("Profile")
+    mesh.from_pydata([(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], [])
+    thing = linked(mesh, "Turned")
+    screw = thing.modifiers.new("Screw", "SCREW")
+    screw.steps = screw.render_steps = steps
+    screw.use_merge_vertices, screw.use_smooth_shade, screw.use_normal_calculate = True, True, True
+    return thing
+
+
 def remeshed(random: Random) -> bpy.types.Object:
     """A body rebuilt of voxels, smooth: no vertex lies where it was meant to be."""
     mesh = random.choice([mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)])
@@ -123,10 +142,7 @@ def remeshed(random: Random) -> bpy.types.Object:
 def scan(random: Random) -> bpy.types.Object:
     """A noisy, irregular ball, smooth, as a scanner sees it, thinned out by a Decimate modifier."""
     mesh = mesh_of("icosphere", subdivisions=4, radius=0.5)
-    places = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", places)
-    mesh.vertices.foreach_set("co", places + random.normal(0, 10 ** random.uniform(-5, -2), places.shape))
-    thing = linked(smooth(mesh), "Scan")
+    thing = linked(smooth(shaken(mesh, 10 ** random.uniform(-5, -2), random)), "Scan")
     modifier = thing.modifiers.new("Decimate", "DECIMATE")
     modifier.ratio = random.uniform(0.1, 0.9)
     return thing
@@ -176,12 +192,7 @@ def wine_glass(random: Random) -> bpy.types.Object:
     """A profile turned by Screw, given a wall by Solidify and rounded by Subdivision."""
     profile = [(0.0, 0.0), (0.3, 0.0), (0.05, 0.05), (0.04, 0.4), (0.25, 0.6), (0.32, 0.8), (0.28, 1.0)]
     profile = [(x * random.uniform(0.9, 1.1), z) for x, z in profile]
-    mesh = bpy.data.meshes.new("Profile")
-    mesh.from_pydata([(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], [])
-    thing = linked(mesh, "Wine Glass")
-    screw = thing.modifiers.new("Screw", "SCREW")
-    screw.steps = screw.render_steps = int(random.integers(6, 12))
-    screw.use_merge_vertices, screw.use_smooth_shade, screw.use_normal_calculate = True, True, True
+    thing = turned(profile, int(random.integers(6, 12)))
     thing.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.02
     subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
     subdivision.levels = subdivision.render_levels = 1

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import bpy
 import numpy as np
-from fuzz_shapes import fitting, linked, mesh_of, smooth
+from fuzz_shapes import fitting, linked, mesh_of, shaken, smooth, turned
 from mathutils import Matrix
 
 from kiriko.core.blender_mesh import read_mesh
@@ -27,16 +27,6 @@ def add(thing: bpy.types.Object, kind: str, **options: object) -> None:
     modifier = thing.modifiers.new(kind.title(), kind)
     for name, value in options.items():
         setattr(modifier, name, value)
-
-
-def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
-    """A profile of radii and heights turned by Screw."""
-    mesh = bpy.data.meshes.new("Profile")
-    mesh.from_pydata([(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], [])
-    thing = linked(mesh, "Turned")
-    add(thing, "SCREW", steps=steps, render_steps=steps, use_merge_vertices=True, use_smooth_shade=True)
-    thing.modifiers[0].use_normal_calculate = True
-    return thing
 
 
 def wine_glass(levels: int = 2) -> bpy.types.Object:
@@ -75,10 +65,7 @@ def displaced() -> bpy.types.Object:
 def scan() -> bpy.types.Object:
     """A noisy ball thinned out to 5 000 triangles, as a scanner sees it."""
     mesh = mesh_of("icosphere", subdivisions=6, radius=0.5)
-    places = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", places)
-    mesh.vertices.foreach_set("co", places + np.random.default_rng(1).normal(0, 2e-4, places.shape))
-    thing = linked(smooth(mesh), "Scan")
+    thing = linked(smooth(shaken(mesh, 2e-4, np.random.default_rng(1))), "Scan")
     add(thing, "DECIMATE", ratio=5000 / len(mesh.polygons))
     return thing
 
