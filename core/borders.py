@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass, fields
+from math import isqrt
 
 import numpy as np
 
@@ -16,6 +17,11 @@ EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
 QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
+
+TILE = 64  # cells each way, after which the random places of samples begin anew
+NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
+GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
+MANY = 4  # branches at five places of a cell: as good as at each its own
 
 MOST_EVENTS = 12  # of a path that are kept
 
@@ -110,49 +116,129 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3)."""
+    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
+
+    samples (s,) are indices of points that stand for an area around them each, sample_area (s,) viewer px^2.
+    """
 
     points: Points
     quads: Ints
     triangles: Ints
+    samples: Ints
+    sample_area: Floats
 
 
-def cut(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Pieces]:
+def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
     A ray through the middle tells whether more goes on than the corners know. Where it takes another branch than the
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
-    quarters once more; of what is left then, or is a tangle, four triangles around the middle are cut.
+    quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
+
+    Bisection has no end where light is chaotic: there pixels are sampled. In a square (m,), by
+    number, in which a good part of the middles lie on other branches than the corners, they are all mixed ones;
+    elsewhere those with more branches than can be told apart, those of which several quarters hold branches that their
+    corners do not know, what quarters do not help, and those of which the pieces leave out a part, though all corners
+    are lit: between two borders another branch lies there.
     """
-    quads, last = cells[:0], []
+    quads, last, sampled = cells[:0], [], []
     triangles = [np.empty((0, 3), np.int64)]
+    is_chaotic, whole_of = np.zeros(len(cells), bool), np.arange(len(cells))
     for depth in range(QUARTERINGS + 1):
-        branch = points.branch[cells]
-        is_one = (branch == branch[:, :1]).all(axis=1)
-        mixed = np.flatnonzero(~is_one)
-        points, pieces, owner = yield from _cut(plan, points, cells[mixed])
         middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
-        off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle)
-        again = off > plan.settings.tolerance
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
+        if depth == 0:
+            is_chaotic = _in_chaos(points, cells, middle, square)
+        branch = points.branch[cells]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        hopeless = is_chaotic & ~is_one
+        sampled.append(cells[hopeless])
+        kept = np.flatnonzero(~hopeless)
+        cells, number, branch, is_one, is_chaotic, whole_of = (
+            values[kept] for values in (cells, number, branch, is_one, is_chaotic, whole_of)
+        )
+        mixed = np.flatnonzero(~is_one)
+        points, pieces, owner = yield from _cut(plan, points, cells[mixed])
+        off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle.at(kept))
+        again = off > plan.settings.tolerance
         whole = is_one & (branch[:, 0] != 0) & ~again
         if depth == 0:
             quads = cells[whole]
         else:
             triangles.append(_around(cells[whole], number[whole]))
-        triangles.append(pieces[~again[mixed[owner]]])
-        # quarters are of no use where five places lie on four branches and more, or the error is too large to get small
-        simple = again & (_n_branches(points, np.column_stack([cells, number])) < 4)
-        simple &= ~np.isfinite(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
-        simple &= depth < QUARTERINGS
+        n_met = n_branches(points, np.column_stack([cells, number]))
+        tangled = np.isinf(off)
+        if depth > 0:
+            is_chaotic |= np.bincount(whole_of[tangled], minlength=len(kept))[whole_of] > 1
+        tangled &= is_chaotic | (n_met >= MANY) | (depth == QUARTERINGS)
+        tangled |= _has_gaps(points, cells, pieces, mixed[owner])
+        sampled.append(cells[tangled])
+        triangles.append(pieces[~(again | tangled)[mixed[owner]]])
+        again &= ~tangled
+        # quarters are of no use where the error is too large to get small
+        simple = again & (n_met < MANY) & (depth < QUARTERINGS)
+        simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
         last.append(_around(cells[again & ~simple], number[again & ~simple]))
         points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
+        is_chaotic, whole_of = np.tile(is_chaotic[simple], 4), np.tile(np.arange(simple.sum()), 4)
     last = np.concatenate(last)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
-    return Pieces(points, quads, np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces]))
+    triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
+
+    places, area = _strata(points.view[np.concatenate(sampled)], plan.settings.effort)
+    found = yield from trace_points(plan, places)
+    return Pieces(points.and_more(found), quads, triangles, len(points) + np.arange(len(places)), area)
+
+
+def _in_chaos(points: Points, cells: Ints, middle: Points, square: Ints) -> Bools:
+    """Which cells (m, 4) lie in squares (m,), by number, whose borders are not worth looking for?
+
+    Their middles are on branches of which the corners know nothing, as often as the borders are many.
+    """
+    branch = points.branch[cells]
+    is_mixed = (branch != branch[:, :1]).any(axis=1)
+    is_new = is_mixed & (branch != middle.branch[:, None]).all(axis=1)
+    n_mixed, n_new = (np.bincount(square, some) for some in (is_mixed, is_new))
+    return ((n_new > 1) & (n_new > NEW * n_mixed))[square]
+
+
+def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
+    """Do the pieces (t, 3) of cells (m, 4) that own them (t,) leave out a part of one with all corners lit?"""
+    a, b, c = np.moveaxis(points.view[pieces], 1, 0)
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    covered = np.bincount(owner, area, len(cells))
+    side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
+    branch = points.branch[cells]
+    is_mixed = (branch != branch[:, :1]).any(axis=1)
+    return is_mixed & (branch != 0).all(axis=1) & (covered < (1 - GAP) * side**2)
+
+
+def samples_along(effort: int) -> int:
+    """Samples along a viewer pixel's side: their square is no more than the effort."""
+    return isqrt(effort)
+
+
+def _strata(corners: Floats, effort: int) -> tuple[Floats, Floats]:
+    """Random places (n, 2) in strata of square cells with corners (m, 4, 2), and the areas (n,) of these, viewer px.
+
+    A pixel has as many strata each way as the effort allows, a smaller cell its part of them. Places within a stratum
+    are the same in each solve of a picture of any size: noise that changed with the smallest step would flicker.
+    """
+    places, area = [np.empty((0, 2))], [np.empty(0)]
+    side = corners[:, 1, 0] - corners[:, 0, 0]
+    for size in np.unique(side):
+        k = max(1, int(samples_along(effort) * size))
+        first = corners[side == size, 0]
+        jitter = np.random.default_rng(0).random((TILE, TILE, k * k, 2))
+        column, row = (first / size).astype(np.int64).T % TILE
+        stratum = np.stack(np.meshgrid(np.arange(k), np.arange(k)), axis=-1).reshape(-1, 2)
+        at = first[:, None] + size / k * (stratum + jitter[row, column])
+        places.append(at.reshape(-1, 2))
+        area.append(np.full(len(first) * k * k, (size / k) ** 2))
+    return np.concatenate(places), np.concatenate(area)
 
 
 def _missed(
@@ -171,7 +257,7 @@ def _missed(
     return np.where(branch == middle.branch, off, np.inf)
 
 
-def _n_branches(points: Points, cells: Ints) -> Ints:
+def n_branches(points: Points, cells: Ints) -> Ints:
     """On how many different branches (m,), none being one, do points (m, k) lie?"""
     branch = np.sort(points.branch[cells], axis=1)
     return 1 + (branch[:, 1:] != branch[:, :-1]).sum(axis=1)

@@ -39,6 +39,7 @@ class Settings:
     max_events : surfaces a ray may meet before it counts as lost
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
+    effort : most rays for a viewer pixel where light is chaotic
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
     """
@@ -47,6 +48,7 @@ class Settings:
     max_events: int = 32
     only_through_glass: bool = True
     brightness: bool = False
+    effort: int = 16
     margin: int = 0
     wavelength: float = WAVELENGTH
 
@@ -59,6 +61,8 @@ class Settings:
             )
         if self.max_events < 1:
             raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
+        if self.effort < 1:
+            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 or more.")
 
 
 class Kind(IntEnum):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import COARSE, Accuracy, Tessellation
+from .borders import samples_along
 from .display import display_pixel
 from .meshes import SAME_NORMAL, find_edges, geometric_normals
 from .plan import Plan
@@ -64,6 +65,7 @@ def remarks_on(
         *_on_normals(rig, plan),
         *_on_doubted(rig, plan),
         *_on_cut_off(plan, misses, accuracy.caught),
+        *_on_chaos(plan, error),
         *_beyond_tolerance(rig, accuracy.tessellation, error),
         *_on_the_mesh(rig, plan, accuracy.tessellation),
         *_on_rounding(plan, accuracy.rounding),
@@ -117,6 +119,15 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
     yield Remark(text, is_warning=True)
 
 
+def _on_chaos(plan: Plan, error: MapError) -> Iterator[Remark]:
+    if error.sampled > BEYOND:
+        rays, millions = samples_along(plan.settings.effort) ** 2, number(error.n_samples / 1e6)
+        yield Remark(
+            f"Light is chaotic in {percent(error.sampled)} of what is seen: sampled by {rays} rays a viewer pixel,"
+            f" {millions} million in all. Four times the Effort takes four times as many there, and halves their noise."
+        )
+
+
 def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator[Remark]:
     beyond = error.facet_limited + error.unresolved
     if beyond > BEYOND:
@@ -145,6 +156,8 @@ def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
     facetted = next((glass for glass in rig.glasses if is_facetted(glass.mesh)), None)
     if facetted is not None:
         return f"shade '{facetted.name}' smooth if it is meant to be curved, or raise the viewer's resolution"
+    if error.noise > max(error.facet_limited, error.unresolved - error.noise):
+        return "raise Effort, or the viewer's resolution"
     return "raise the viewer's resolution"
 
 

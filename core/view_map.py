@@ -12,7 +12,17 @@ from functools import cached_property
 import numpy as np
 
 from . import interpolation
-from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_in_image, is_seen, trace_points
+from .borders import (
+    QUARTERINGS,
+    Paths,
+    Points,
+    cut,
+    in_triangles,
+    is_in_image,
+    is_seen,
+    samples_along,
+    trace_points,
+)
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
@@ -27,6 +37,7 @@ FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixe
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
 SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
+AROUND = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # corners of a unit square
 ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
 LAST = 0.999  # quantile of the error that keeps to the tolerance
 
@@ -41,7 +52,9 @@ class MapError:
         often because of the mesh's facets; and on all others
     facet_error, unresolved_error : rms of those shares, as far as it is known, display px
     cut_off : of `unresolved`, what is off because the ray there meets more surfaces than are allowed
-    n_checked : rays
+    sampled : share where light is chaotic, by samples
+    noise : of `unresolved`, the standard error of what they tell: with n samples a pixel 1 / sqrt n of that share
+    n_samples, n_checked : rays
     """
 
     rms: float
@@ -51,6 +64,9 @@ class MapError:
     unresolved: float
     unresolved_error: float
     cut_off: float
+    sampled: float
+    noise: float
+    n_samples: int
     n_checked: int
 
 
@@ -62,6 +78,7 @@ class ViewMap:
     points : traced, with viewer px and display px
     corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper left corner and side, viewer px, indices of points
     quads, triangles : (q, 4), (t, 3) indices of points, in order: whole pixels and pieces of pixels
+    samples, sample_area : (s,) indices of points where light is chaotic, and the area, viewer px^2, of each
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
     n_rays : rays traced
@@ -75,6 +92,8 @@ class ViewMap:
     nodes: Ints
     quads: Ints
     triangles: Ints
+    samples: Ints
+    sample_area: Floats
     reason: np.ndarray
     tolerance: float
     error: MapError
@@ -126,6 +145,19 @@ class ViewMap:
                 some = kind[first : first + QUADS_AT_ONCE]
                 points = self.points
                 yield points.view[some], points.xy[some], points.throughput[some].mean(axis=1)
+        landed = np.flatnonzero(self.points.branch[self.samples])
+        for first in range(0, len(landed), QUADS_AT_ONCE):
+            yield self._samples_as_squares(landed[first : first + QUADS_AT_ONCE])
+
+    def _samples_as_squares(self, some: Ints) -> tuple[Floats, Floats, Floats]:
+        """Squares around samples, as large as their strata, and as many display px, in the pixel that each lands in."""
+        points, samples = self.points, self.samples[some]
+        side = np.sqrt(self.sample_area[some])[:, None]
+        xy = points.xy[samples]
+        pixel = np.floor(xy)
+        xy = pixel + np.clip(xy - pixel, side / 2, 1 - side / 2)
+        view, xy = (middle[:, None] + side[..., None] * AROUND for middle in (points.view[samples], xy))
+        return view, xy, points.throughput[samples]
 
     def _quads_of(self, cells: Ints, m: int) -> tuple[Floats, Floats, Floats]:
         points, nodes = self.points, self.nodes[cells]
@@ -142,14 +174,23 @@ class ViewMap:
         return view[is_there], xy[is_there], throughput[is_there]
 
     def display_from_view(self, xy: Floats) -> Floats:
-        """Display pixels (n, 2) that viewer pixels (n, 2) show, also beyond a flat display; NaN where nothing lands."""
-        w, h = self.view_size
+        """Display pixels (n, 2) that viewer pixels (n, 2) show, also beyond a flat display; NaN where nothing lands.
+
+        Where light is chaotic this is the landing of the sample that is nearest.
+        """
         xy = np.asarray(xy, float)
+        found = self._by_cells(xy)
+        rays, samples = self._nearest_samples(xy)
+        is_open = np.isnan(found[rays, 0])
+        found[rays[is_open]] = self.points.xy[samples[is_open]]
+        return found
+
+    def _by_cells(self, xy: Floats) -> Floats:
+        """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is none."""
         found = np.full(xy.shape, np.nan)
         in_image = np.flatnonzero(((xy >= 0) & (xy <= self.view_size)).all(axis=1))
-        column, row = np.clip(xy[in_image].astype(np.int64), 0, (w - 1, h - 1)).T
-        pixel = row * w + column
-        owner = self._owner[row, column]
+        pixel = self._pixel(xy[in_image])
+        owner = self._owner.ravel()[pixel]
         smooth = np.flatnonzero(owner >= 0)
         rays, cells = in_image[smooth], owner[smooth]
         places = (xy[rays] - self.corner[cells]) / self.size[cells, None]
@@ -158,13 +199,29 @@ class ViewMap:
         rays, quads = in_image[whole], self.quads[-2 - owner[whole]]
         found[rays] = _bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
         triangles, of_pixel = self._triangles_by_pixel
-        first, last = (np.searchsorted(of_pixel, pixel, side) for side in ("left", "right"))
-        for k in range(int((last - first).max(initial=0))):
-            some = np.flatnonzero(first + k < last)
-            rays, corners = in_image[some], triangles[first[some] + k]
+        for some, k in _each_in(of_pixel, pixel):
+            rays, corners = in_image[some], triangles[k]
             inside, at = in_triangles(self.points.view[corners], self.points.xy[corners], xy[rays])
             found[rays[inside]] = at[inside]
         return found
+
+    def _nearest_samples(self, xy: Floats) -> tuple[Ints, Ints]:
+        """Which of viewer pixels (n, 2) are in or next to the stratum of a sample, and the point of the nearest one."""
+        order, of_pixel = self._samples_by_pixel
+        nearest, best = np.full(len(xy), -1), np.full(len(xy), np.inf)
+        for some, k in _each_in(of_pixel, self._pixel(xy)):
+            number = order[k]
+            off = np.abs(self.points.view[self.samples[number]] - xy[some]).max(axis=1)
+            is_nearer = off <= np.minimum(best[some], np.sqrt(self.sample_area[number]))
+            best[some[is_nearer]], nearest[some[is_nearer]] = off[is_nearer], self.samples[number[is_nearer]]
+        found = np.flatnonzero(nearest >= 0)
+        return found, nearest[found]
+
+    def _pixel(self, xy: Floats) -> Ints:
+        """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
+        w, h = self.view_size
+        column, row = np.clip(xy.astype(np.int64), 0, (w - 1, h - 1)).T
+        return row * w + column
 
     @property
     def is_one_cell(self) -> Bools:
@@ -188,8 +245,15 @@ class ViewMap:
         order = np.argsort(pixel, kind="stable")
         return self.triangles[order], pixel[order]
 
+    @cached_property
+    def _samples_by_pixel(self) -> tuple[Ints, Ints]:
+        """Numbers (s,) of samples in the order of their pixels, and these (s,)."""
+        pixel = self._pixel(self.points.view[self.samples])
+        order = np.argsort(pixel, kind="stable")
+        return order, pixel[order]
 
-NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -341,8 +405,10 @@ class _Sampling:
         # beside the glass there is nothing to find, but where something thin is near
         is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
         is_beside_glass &= ~np.broadcast_to(self._is_touched(finest)[:, None], is_there.shape)[is_there]
-        cells = cells[~is_aside & ~is_beside_glass]
-        pieces = yield from cut(self.plan, self.points, cells)
+        is_seen = ~is_aside & ~is_beside_glass
+        square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
+        cells = cells[is_seen]
+        pieces = yield from cut(self.plan, self.points, cells, square[is_seen])
         view_map = ViewMap(
             self.view_size,
             self.display_size,
@@ -352,6 +418,8 @@ class _Sampling:
             self._at_nodes(smooth),
             pieces.quads,
             pieces.triangles,
+            pieces.samples,
+            pieces.sample_area,
             self._reasons(),
             self.tolerance,
             NO_ERROR,
@@ -377,19 +445,27 @@ class _Sampling:
         area = np.repeat(
             [(smooth.size**2.0).sum() / max(n_smooth, 1), len(pixels) / max(n_pixels, 1)], [n_smooth, n_pixels]
         )
-        expected = view_map.display_from_view(at)
+        expected = view_map._by_cells(at)
+        is_sampled = np.zeros(len(at), bool)
+        is_sampled[view_map._nearest_samples(at)[0]] = True
+        is_sampled &= np.isnan(expected[:, 0])
         seen = is_seen(expected, found.xy, self.display_size) & ((at >= 0) & (at <= self.view_size)).all(axis=1)
+        whole = max(float(area[seen].sum()), 1e-300)
+        sampled = float(area[seen & is_sampled].sum() / whole)
+        seen &= ~is_sampled
         off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
         both = is_in_image(expected, self.display_size) & is_in_image(found.xy, self.display_size)
         off[~both[seen] & (off > self.tolerance)] = np.inf  # seen by one account only, however far away by the other
         area, is_one, is_cut_off = area[seen], is_one[seen], found.reason[seen] == Reason.CUT_OFF
-        whole = max(float(area.sum()), 1e-300)
         by_kind = []
         for kind in (is_one, ~is_one):
             above = kind & (off > self.tolerance)
             by_kind += [float(area[above].sum() / whole), _rms(off[above], area[above])]
         cut_off = float(area[~is_one & is_cut_off].sum() / whole)
-        return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, cut_off, n_checked=len(at))
+        noise = sampled / samples_along(self.plan.settings.effort)
+        by_kind[2] += noise
+        chaos = sampled, noise, len(view_map.samples)
+        return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, cut_off, *chaos, n_checked=len(at))
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's pixels: those not traced have that of a node nearby."""
@@ -409,6 +485,14 @@ def _by(values: Ints) -> Iterator[tuple[int, Ints]]:
     """Each different value, and where it stands."""
     for value in np.unique(values):
         yield int(value), np.flatnonzero(values == value)
+
+
+def _each_in(owners: Ints, wanted: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Places of wanted numbers (n,) in sorted owners (m,): which of those wanted have one more, and where."""
+    first, last = (np.searchsorted(owners, wanted, side) for side in ("left", "right"))
+    for k in range(int((last - first).max(initial=0))):
+        some = np.flatnonzero(first + k < last)
+        yield some, first[some] + k
 
 
 def _box(xy: Floats) -> tuple[Floats, Floats]:

@@ -98,6 +98,7 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
     return Settings(
         tolerance=ours.tolerance,
         max_events=ours.max_events,
+        effort=ours.effort,
         only_through_glass=ours.only_through_glass,
         brightness=ours.brightness,
         margin=ours.margin,

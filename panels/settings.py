@@ -408,6 +408,15 @@ class KirikoScene(bpy.types.PropertyGroup):
         max=10000,
         soft_max=256,
     )
+    effort: IntProperty(
+        name="Effort",
+        description="Most rays for a viewer pixel where light is chaotic: four times as many halve the noise there, and"
+        " take up to four times as long",
+        default=16,
+        min=1,
+        max=65536,
+        soft_max=1024,
+    )
     only_through_glass: BoolProperty(
         name="Only Through Glass",
         description="Only rays that went through glass carry the picture: those beside it would draw ghost lines",

@@ -22,6 +22,7 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         column.prop(ours, "brightness")
         column.prop(ours, "margin")
         column.prop(ours, "max_events")
+        column.prop(ours, "effort")
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")

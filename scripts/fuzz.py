@@ -244,7 +244,7 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
 def check_solution(scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray) -> None:
     """WrongError unless core alone comes to the same source image (h, w, 3), and its numbers are possible."""
     ours = scene.kiriko
-    names = ("tolerance", "max_events", "only_through_glass", "brightness", "margin")
+    names = ("tolerance", "max_events", "effort", "only_through_glass", "brightness", "margin")
     solution = finish(Session().solve(reading.rig, Settings(**{name: getattr(ours, name) for name in names})))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")

@@ -552,6 +552,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
     ours.max_events = int(dice.log(8, 64))
     if dice.wild(0.3, "odd number of events"):
         ours.max_events = round(dice.log(1, 10000))
+    ours.effort = int(dice.log(1, 64))
     ours.only_through_glass, ours.brightness = dice.chance(0.7), dice.chance(0.3)
     ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
     if dice.wild(0.15, "picture in the viewer's pixels"):

@@ -94,6 +94,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "lens": lambda rig: setattr(ours().viewer.data, "lens", ours().viewer.data.lens * 1.001),
     "tolerance": lambda rig: setattr(ours(), "tolerance", 0.2),
     "max events": lambda rig: setattr(ours(), "max_events", 31),
+    "effort": lambda rig: setattr(ours(), "effort", 25),
     "margin": lambda rig: setattr(ours(), "margin", 1),
     "brightness": lambda rig: setattr(ours(), "brightness", True),
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),

@@ -216,14 +216,20 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
 
 
 @pytest.mark.parametrize(
-    ("bends", "unresolved", "cut_off", "remedy"),
-    [(0.0, 0.1, 0.06, "raise Max Events"), (0.0, 0.1, 0.04, "raise the viewer"), (0.1, 0.05, 0.05, "raise the viewer")],
+    ("bends", "unresolved", "cut_off", "noise", "remedy"),
+    [
+        (0.0, 0.1, 0.06, 0.0, "raise Max Events"),
+        (0.0, 0.1, 0.04, 0.0, "raise the viewer"),
+        (0.1, 0.05, 0.05, 0.0, "raise the viewer"),
+        (0.0, 0.1, 0.0, 0.06, "raise Effort"),
+        (0.1, 0.1, 0.0, 0.06, "raise the viewer"),
+    ],
 )
-def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, remedy):
-    """Of a view that changes within pixels: where light that is cut off is most of it, Max Events."""
+def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, noise, remedy):
+    """Of a view that changes within pixels: light that is cut off, the noise of samples, or what bends there."""
     plan = make_plan(ball_rig(3, pixels=8), Settings())
     accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0)
-    error = replace(NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off)
+    error = replace(NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise)
     (remark,) = remarks_on(plan.rig, plan, accuracy, error, {}, np.zeros((1, 1, 3), np.float32))
     assert remedy in remark.text
 

@@ -1,0 +1,127 @@
+"""Where light is chaotic pixels are sampled: right on average, the nearer the more samples, and told.
+
+The judge is brute force: random rays, each on its own.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, cube_rig, icosphere, rig
+from work import drain, solve
+
+from kiriko.core.borders import _strata, samples_along
+from kiriko.core.errors import RigError
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.trace import trace_all
+from kiriko.core.view_map import sample
+
+PIXELS = 48
+BLOCKS = 32  # along the display, over which light is summed up
+
+
+@cache
+def facetted():
+    """A flat-shaded ball of 1280 facets: light goes through front and back ones in thousands of combinations."""
+    return rig(icosphere(0.025, 3, smooth=False), pixels=PIXELS, display=0.2, display_pixels=256)
+
+
+@cache
+def solved(effort=16):
+    return solve(facetted(), effort=effort)
+
+
+def on_blocks(weight):
+    """Light (BLOCKS, BLOCKS) on parts of the display, viewer px^2."""
+    step = weight.shape[0] // BLOCKS
+    return weight.reshape(BLOCKS, step, BLOCKS, step).sum(axis=(1, 3))
+
+
+@cache
+def brute_force(spp=200):
+    """The same light by random rays, and its standard error."""
+    a_rig = facetted()
+    xy = np.random.default_rng(5).random((spp * PIXELS**2, 2)) * PIXELS
+    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+    is_seen, pixel = landings.pixels(256, 256)
+    light = on_blocks(np.bincount(pixel[is_seen], minlength=256**2).reshape(256, 256)) / spp
+    return light, np.sqrt(np.maximum(light, 1 / spp) / spp)
+
+
+def test_the_light_is_that_of_random_rays():
+    """On each part of the display, within what both know; and in all."""
+    light, deviation = brute_force()
+    found = on_blocks(solved().weight)
+    assert solved().map_error.sampled > 0.2
+    assert abs(found.sum() - light.sum()) < 0.02 * light.sum()
+    # 16 samples a pixel know the light of a part that covers n pixels to 1 / sqrt(16 n)
+    error = np.hypot(deviation, np.sqrt(np.maximum(light, 1 / 16) / 16))
+    assert np.abs(found - light).max() < 5 * error.max()
+    assert np.sqrt(np.mean(((found - light) / error) ** 2)) < 1.2
+
+
+def test_four_times_the_effort_halves_the_noise():
+    """Of the light on single display pixels, against very many samples of the same pixels."""
+    many = solved(1024).weight
+    noise = [np.sqrt(np.mean((solved(effort).weight - many) ** 2)) for effort in (4, 16, 64)]
+    assert noise[1] < 0.6 * noise[0]
+    assert noise[2] < 0.6 * noise[1]
+
+
+def test_the_effort_bounds_the_rays():
+    for effort in (1, 8, 16):
+        error = solved(effort).map_error
+        assert 0 < error.n_samples <= effort * PIXELS**2
+        assert error.noise == pytest.approx(error.sampled / samples_along(effort))
+        assert error.noise <= error.unresolved <= 1
+
+
+def test_no_pixel_is_seen_more_than_whole():
+    """Strata make up the cells they stand for, and no sample leaves its pixel."""
+    assert solved().view_coverage.max() <= 1 + 1e-9
+    found = solved().view_map
+    assert found.sample_area.sum() <= PIXELS**2
+    shares = [view.mean(axis=1) for view, _, _ in found.pieces(at_pixels=True)]
+    pixels = np.floor(np.concatenate(shares)).astype(int)
+    assert pixels.min() >= 0
+    assert pixels.max() < PIXELS
+
+
+def test_the_map_gives_the_nearest_sample():
+    """At a sample the map gives its landing."""
+    found = solved().view_map
+    places = found.points.view[found.samples]
+    assert np.array_equal(found.display_from_view(places), found.points.xy[found.samples], equal_nan=True)
+
+
+def test_samples_stay_where_they_are():
+    """They depend on their cell alone: not on which others are sampled, nor on how many."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    cells = square + np.array([[3, 4], [7, 1], [70, 4]])[:, None]
+    every, area = _strata(cells, 16)
+    assert np.array_equal(every[16:32], _strata(cells[1:2], 16)[0])
+    assert (np.floor(every.reshape(3, 16, 2)) == cells[:, :1]).all()
+    assert len(np.unique(np.floor(4 * every[:16]), axis=0)) == 16  # one in each stratum
+    assert area.sum() == 3
+    quarters, areas = _strata(0.5 * square[None] + [3.5, 4.0], 16)
+    assert (np.floor(2 * quarters) == [7, 8]).all()
+    assert areas.sum() == 0.25
+
+
+@pytest.mark.parametrize("a_rig", [ball_rig(3, pixels=64), cube_rig(pixels=64)])
+def test_clear_glass_is_not_sampled(a_rig):
+    """But for the pixels in which a cube's corners are seen, where several edges meet."""
+    found = drain(sample(make_plan(a_rig, Settings())))
+    assert found.error.sampled < 0.005
+    assert found.sample_area.sum() < 0.005 * 64**2
+
+
+def test_chaos_is_told_with_what_more_effort_costs():
+    (told,) = [note for note in solved().notes if "chaotic" in note]
+    assert "Four times the Effort takes four times as many there, and halves their noise." in told
+
+
+def test_no_effort_is_refused():
+    with pytest.raises(RigError, match="Effort is 0 rays"):
+        replace(Settings(), effort=0).check()
