@@ -161,7 +161,7 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs]
     known = found.error.facet_limited + found.error.unresolved
     assert (off > tolerance).mean() < 1.5 * known + 2e-3
-    assert found.sample_area.sum() < 0.001 * 256**2
+    assert found.sample_area.sum() < 0.01 * 256**2
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs & ~is_sampled(found, at)]
     assert np.sqrt((off**2).mean()) < max(3 * found.error.rms, 0.1 * tolerance)
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.998
