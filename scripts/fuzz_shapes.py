@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import combinations
 
 import bmesh
 import bpy
@@ -14,6 +15,8 @@ import numpy as np
 from mathutils import Matrix
 
 Random = np.random.Generator
+
+SAME = 1e-7  # of the unit: nearer corners are one
 
 
 def shown_points(thing: bpy.types.Object) -> np.ndarray:
@@ -115,6 +118,27 @@ def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh
     places = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", places)
     mesh.vertices.foreach_set("co", places + random.normal(0, noise, places.shape))
+    return mesh
+
+
+def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
+    """What lies behind all planes, by their outward normals (p, 3) and distances (p,) from the origin: facets, flat."""
+    three = np.array(list(combinations(range(len(normals)), 3)))
+    three = three[np.abs(np.linalg.det(normals[three])) > 1e-6]
+    corners = np.linalg.solve(normals[three], distances[three][..., None])[..., 0]
+    corners = corners[(corners @ normals.T <= distances + SAME).all(axis=1)]
+    corners = np.unique(np.round(corners / SAME), axis=0) * SAME
+    faces = []
+    for normal, distance in zip(normals, distances, strict=True):
+        on_it = np.flatnonzero(np.abs(corners @ normal - distance) < 4 * SAME)
+        if len(on_it) < 3:
+            continue
+        across = np.linalg.svd(normal[None])[2][1:]
+        across[1] = np.cross(normal, across[0])
+        x, y = across @ (corners[on_it] - corners[on_it].mean(axis=0)).T
+        faces.append(on_it[np.argsort(np.arctan2(y, x))].tolist())
+    mesh = bpy.data.meshes.new("Behind")
+    mesh.from_pydata(corners.tolist(), [], faces)
     return mesh
 
 

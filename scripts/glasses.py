@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import bpy
 import numpy as np
-from fuzz_shapes import fitting, linked, mesh_of, shaken, smooth, turned
+from fuzz_shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
 from mathutils import Matrix
 
 from kiriko.core.blender_mesh import read_mesh
@@ -19,6 +19,21 @@ WINE_GLASS = [
     (0.0, 0.0), (0.02, 0.0), (0.034, 0.002), (0.030, 0.004), (0.008, 0.010), (0.004, 0.03), (0.004, 0.07),
     (0.008, 0.09), (0.025, 0.105), (0.036, 0.13), (0.038, 0.15), (0.034, 0.18), (0.032, 0.20),
 ]  # fmt: skip
+BOTTLE = [
+    (0.0, 0.0), (0.28, 0.0), (0.3, 0.03), (0.3, 0.55), (0.27, 0.65), (0.1, 0.75), (0.1, 1.0), (0.07, 1.0), (0.07, 0.75),
+    (0.24, 0.65), (0.27, 0.55), (0.27, 0.06), (0.0, 0.05),
+]  # fmt: skip
+# facets of a round brilliant: how many, the first one's turn in parts of a circle, elevation in degrees, distance from
+# the middle where the girdle has radius 1
+BRILLIANT = [
+    (1, 0.0, 90.0, 0.36),  # table
+    (8, 0.0, 55.5, 0.5955),  # crown mains
+    (8, 0.5, 68.3, 0.4905),  # stars
+    (16, 0.5, 48.0, 0.682),  # upper halves
+    (8, 0.0, -49.25, 0.6475),  # pavilion mains
+    (16, 0.5, -47.8, 0.6655),  # lower halves
+]
+GIRDLE = (32, 0.5, 0.0, 1.0)
 VASE = [(0.012, 0.0), (0.018, 0.012), (0.013, 0.028), (0.010, 0.040), (0.014, 0.050)]
 
 
@@ -62,11 +77,11 @@ def displaced() -> bpy.types.Object:
     return thing
 
 
-def scan() -> bpy.types.Object:
-    """A noisy ball thinned out to 5 000 triangles, as a scanner sees it."""
-    mesh = mesh_of("icosphere", subdivisions=6, radius=0.5)
+def scan(n_triangles: int = 5000) -> bpy.types.Object:
+    """A noisy ball thinned out to so many triangles, as a scanner sees it."""
+    mesh = mesh_of("icosphere", subdivisions=6 if n_triangles < 10_000 else 8, radius=0.5)
     thing = linked(smooth(shaken(mesh, 2e-4, np.random.default_rng(1))), "Scan")
-    add(thing, "DECIMATE", ratio=5000 / len(mesh.polygons))
+    add(thing, "DECIMATE", ratio=n_triangles / len(mesh.polygons))
     return thing
 
 
@@ -80,15 +95,88 @@ def remeshed_text() -> bpy.types.Object:
     return thing
 
 
+def bevelled_text() -> bpy.types.Object:
+    """A text with rounded edges; caps, bevels and sides share no vertices."""
+    data = bpy.data.curves.new("Text", "FONT")
+    data.body, data.extrude, data.bevel_depth, data.bevel_resolution = "Ki", 0.12, 0.03, 3
+    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(data, "Text")
+
+
+def ellipsoid() -> bpy.types.Object:
+    """A ball whose axes differ."""
+    mesh = mesh_of("icosphere", subdivisions=5, radius=0.5)
+    mesh.transform(Matrix.Diagonal((1.0, 0.8, 0.6, 1.0)))
+    return linked(smooth(mesh), "Ellipsoid")
+
+
+def bottle() -> bpy.types.Object:
+    """A hollow body that is turned: its profile is that of the wall."""
+    thing = turned(BOTTLE, 64)
+    add(thing, "SUBSURF", levels=2, quality=6)
+    return thing
+
+
+def turned_cube() -> bpy.types.Mesh:
+    """A cube, seen on an edge."""
+    mesh = mesh_of("cube", size=1.0)
+    mesh.transform(Matrix.Rotation(math.radians(15.8), 4, "Z"))
+    return mesh
+
+
+def gem() -> bpy.types.Object:
+    """A round brilliant of 57 facets and a girdle of 32, table towards the viewer."""
+    facets = [((k + first) / n, elevation, d) for n, first, elevation, d in [*BRILLIANT, GIRDLE] for k in range(n)]
+    turn, elevation, distances = np.array(facets).T
+    a, e = 2 * np.pi * turn, np.radians(elevation)
+    normals = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
+    mesh = behind(normals, distances)
+    mesh.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(mesh, "Gem")
+
+
+def cut_cylinder() -> bpy.types.Object:
+    """A cylinder of 24 sides with flat facets and bevelled rims."""
+    thing = linked(mesh_of("cone", cap_ends=True, segments=24, radius1=0.5, radius2=0.5, depth=1.0), "Cylinder")
+    add(thing, "BEVEL", width=0.06, limit_method="ANGLE")
+    return thing
+
+
+def bauble() -> bpy.types.Object:
+    """A thin-walled ball with a neck, open at its top: inside and outside are one surface."""
+    arc = [(math.sin(a) * 0.5, -math.cos(a) * 0.5) for a in np.linspace(0, math.pi - 0.2, 24)]
+    thing = turned([*arc, (0.1, 0.6)], 48)
+    add(thing, "SOLIDIFY", thickness=0.02)
+    return thing
+
+
+def nine_balls() -> bpy.types.Object:
+    """Balls side by side, by two Array modifiers."""
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=4, radius=0.5)), "Balls")
+    for offset in ((1.1, 0.0, 0.0), (0.0, 0.0, 1.1)):
+        add(thing, "ARRAY", count=3, relative_offset_displace=offset)
+    return thing
+
+
 GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
+    "cube": lambda: linked(turned_cube(), "Cube"),
+    "ellipsoid": ellipsoid,
+    "bottle": bottle,
     "wine glass": wine_glass,
     "vase": vase,
     "Suzanne": suzanne,
+    "text, bevelled": bevelled_text,
+    "text, remeshed": remeshed_text,
+    "gem": gem,
+    "cut cylinder": cut_cylinder,
     "displaced ball": displaced,
     "scan": scan,
-    "text, remeshed": remeshed_text,
+    "large scan": lambda: scan(100_000),
+    "bauble": bauble,
+    "nine balls": nine_balls,
 }
+INDICES = {"gem": 2.42}  # others are of 1.49
 BOWLS = {"wine glass": 0.14}  # m, the height that is looked at; others are looked at in their middle, SIZE across
 
 
