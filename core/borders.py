@@ -135,29 +135,22 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
     quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
 
-    Bisection has no end where light is chaotic: there pixels are sampled. In a square (m,), by
-    number, in which a good part of the middles lie on other branches than the corners, they are all mixed ones;
-    elsewhere those with more branches than can be told apart, those of which several quarters hold branches that their
-    corners do not know, what quarters do not help, and those of which the pieces leave out a part, though all corners
-    are lit: between two borders another branch lies there.
+    Bisection has no end where light is chaotic. There cells are sampled: all mixed pixels of a square (m,), by number, in
+    which a good part of the middles lie on other branches than the corners; those with more branches than can be told
+    apart; those of which the pieces leave out a part, though all corners are lit; and all mixed quarters.
     """
     quads, last, sampled = cells[:0], [], []
     triangles = [np.empty((0, 3), np.int64)]
-    is_chaotic, whole_of = np.zeros(len(cells), bool), np.arange(len(cells))
     for depth in range(QUARTERINGS + 1):
         middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
-        if depth == 0:
-            is_chaotic = _in_chaos(points, cells, middle, square)
         branch = points.branch[cells]
         is_one = (branch == branch[:, :1]).all(axis=1)
-        hopeless = is_chaotic & ~is_one
+        hopeless = ~is_one & (_in_chaos(points, cells, middle, square) if depth == 0 else True)
         sampled.append(cells[hopeless])
         kept = np.flatnonzero(~hopeless)
-        cells, number, branch, is_one, is_chaotic, whole_of = (
-            values[kept] for values in (cells, number, branch, is_one, is_chaotic, whole_of)
-        )
+        cells, number, branch, is_one = cells[kept], number[kept], branch[kept], is_one[kept]
         mixed = np.flatnonzero(~is_one)
         points, pieces, owner = yield from _cut(plan, points, cells[mixed])
         off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle.at(kept))
@@ -168,10 +161,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         else:
             triangles.append(_around(cells[whole], number[whole]))
         n_met = n_branches(points, np.column_stack([cells, number]))
-        tangled = np.isinf(off)
-        if depth > 0:
-            is_chaotic |= np.bincount(whole_of[tangled], minlength=len(kept))[whole_of] > 1
-        tangled &= is_chaotic | (n_met >= MANY) | (depth == QUARTERINGS)
+        tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS))
         tangled |= _has_gaps(points, cells, pieces, mixed[owner])
         sampled.append(cells[tangled])
         triangles.append(pieces[~(again | tangled)[mixed[owner]]])
@@ -181,7 +171,6 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
         last.append(_around(cells[again & ~simple], number[again & ~simple]))
         points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
-        is_chaotic, whole_of = np.tile(is_chaotic[simple], 4), np.tile(np.arange(simple.sum()), 4)
     last = np.concatenate(last)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)

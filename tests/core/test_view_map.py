@@ -146,13 +146,18 @@ def judged(scene, n=None):
 @pytest.mark.parametrize("tolerance", [0.1, 0.02])
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_map_keeps_the_tolerance(scene, tolerance):
-    """Held to a ray through each pixel's middle: 99.9 % within the tolerance, the covered masks agree to 0.999."""
+    """Held to a ray through each pixel's middle: 99.9 % within the tolerance, the covered masks agree to 0.999.
+
+    The few pixels that are sampled, where borders meet, are near to what the nearest sample says, and no nearer.
+    """
     a_rig, at, exact = judged(scene)
     found = view_map(a_rig, tolerance=tolerance)
     got = found.display_from_view(at)
     mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
     assert theirs.sum() > 10_000
-    assert np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs], 0.999) <= tolerance
+    is_cut = ~is_sampled(found, at)
+    assert is_cut[theirs].mean() > 0.99
+    assert np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs & is_cut], 0.999) <= tolerance
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.999
     # whatever the rays through the middles told the map: places that it has never seen
     _, at, exact = judged(scene, 20_000)
