@@ -135,9 +135,9 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
     quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
 
-    Bisection has no end where light is chaotic. There cells are sampled: all mixed pixels of a square (m,), by number, in
-    which a good part of the middles lie on other branches than the corners; those with more branches than can be told
-    apart; those of which the pieces leave out a part, though all corners are lit; and all mixed quarters.
+    Bisection has no end where light is chaotic. There cells are sampled: all mixed pixels of a square (m,), by number,
+    in which a good part of the middles lie on other branches than the corners; those with more branches than can be
+    told apart; those of which the pieces leave out a part, though all corners are lit; and all mixed quarters.
     """
     quads, last, sampled = cells[:0], [], []
     triangles = [np.empty((0, 3), np.int64)]
