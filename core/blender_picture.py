@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import ImageError
-from .memory import check_free
+from .free_memory import check_free
 
 LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
 UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}  # types of image that Blender shows and has no pixels of for others

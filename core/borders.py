@@ -6,6 +6,7 @@ from math import isqrt
 
 import numpy as np
 
+from .free_memory import OF_POINT, check_free
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
@@ -177,7 +178,9 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
     triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
 
-    places, area = _strata(points.view[np.concatenate(sampled)], plan.settings.effort)
+    sampled = np.concatenate(sampled)
+    check_samples(plan, points.view[sampled])
+    places, area = _strata(points.view[sampled], plan.settings.effort)
     found = yield from trace_points(plan, places)
     return Pieces(points.and_more(found), quads, triangles, len(points) + np.arange(len(places)), area)
 
@@ -208,6 +211,17 @@ def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
 def samples_along(effort: int) -> int:
     """Samples along a viewer pixel's side: their square is no more than the effort."""
     return isqrt(effort)
+
+
+def check_samples(plan: Plan, corners: Floats) -> None:
+    """Raise RigError when samples of square cells with corners (m, 4, 2) would take more memory than is free."""
+    viewer, effort = plan.rig.viewer, plan.settings.effort
+    area = ((corners[:, 1, 0] - corners[:, 0, 0]) ** 2).sum()
+    check_free(
+        OF_POINT * effort * float(area),
+        "Sampling where light is chaotic",
+        f"lower Effort ({effort}), or the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+    )
 
 
 def _strata(corners: Floats, effort: int) -> tuple[Floats, Floats]:

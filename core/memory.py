@@ -3,25 +3,18 @@
 The amounts are those that `dev.py bench` measures beside this estimate: within a factor of 2 from 100 MB on.
 """
 
-import ctypes
-import os
-import sys
-from pathlib import Path
-
 import numpy as np
 
-from .errors import RigError
+from .free_memory import OF_POINT, check_free
 from .meshes import SAME_NORMAL
 from .plan import Settings
 from .rig import Mesh, Rig
 from .shares import MOST_KEPT
 from .view_map import ViewMap
-from .words import number
 
 ALWAYS = 60e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
 OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 61, 2000, 300
-OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
 QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
 CELLS, RAYS, MOST_RAYS = 5, 40, 3  # times the 2/5th power of the same; for a cell, for a viewer pixel
@@ -103,46 +96,3 @@ def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
         "Painting what the borders in the glass cut to pieces",
         f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
     )
-
-
-def check_free(needed: float, work: str, remedy: str) -> None:
-    """Raise RigError, with the remedy, when some work would take more memory, bytes, than is free."""
-    free = available()
-    if free is not None and needed > free:
-        raise RigError(
-            f"{work} would take about {number(needed / 1e9)} GB of memory, but {number(free / 1e9)} GB are free:"
-            f" {remedy}."
-        )
-
-
-def available() -> float | None:
-    """Bytes of memory that are free; all there is where the system tells no more; None where it tells nothing."""
-    if sys.platform == "win32":
-        return _available_in_windows()
-    try:
-        kibibytes = dict(line.split(":") for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines())
-        return 1024.0 * int(kibibytes["MemAvailable"].split()[0])
-    except (OSError, KeyError, ValueError):
-        pass
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (OSError, ValueError):
-        return None
-
-
-class _MemoryStatus(ctypes.Structure):
-    """MEMORYSTATUSEX of the Windows API."""
-
-    _fields_ = [
-        ("length", ctypes.c_uint32),
-        ("load", ctypes.c_uint32),
-        *((name, ctypes.c_uint64) for name in ("total", "available", "page", "page_free", "virtual", "virtual_free")),
-        ("extended", ctypes.c_uint64),
-    ]  # fmt: skip
-
-
-def _available_in_windows() -> float | None:
-    status = _MemoryStatus()
-    status.length = ctypes.sizeof(status)
-    is_told = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
-    return float(status.available) if is_told else None

@@ -220,7 +220,7 @@ class ViewMap:
     def _pixel(self, xy: Floats) -> Ints:
         """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
         w, h = self.view_size
-        column, row = np.clip(xy.astype(np.int64), 0, (w - 1, h - 1)).T
+        column, row = np.clip(np.nan_to_num(xy), 0, (w - 1, h - 1)).astype(np.int64).T
         return row * w + column
 
     @property

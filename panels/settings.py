@@ -415,7 +415,7 @@ class KirikoScene(bpy.types.PropertyGroup):
         default=16,
         min=1,
         max=65536,
-        soft_max=1024,
+        soft_max=256,
     )
     only_through_glass: BoolProperty(
         name="Only Through Glass",

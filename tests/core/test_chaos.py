@@ -11,6 +11,7 @@ import pytest
 from reference_rigs import ball_rig, cube_rig, icosphere, rig
 from work import drain, solve
 
+from kiriko.core import free_memory
 from kiriko.core.borders import _strata, samples_along
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
@@ -120,6 +121,21 @@ def test_clear_glass_is_not_sampled(a_rig):
 def test_chaos_is_told_with_what_more_effort_costs():
     (told,) = [note for note in solved().notes if "chaotic" in note]
     assert "Four times the Effort takes four times as many there, and halves their noise." in told
+
+
+def test_more_samples_than_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr(free_memory, "available", lambda: 1e6)
+    with pytest.raises(
+        RigError, match=r"Sampling where light is chaotic would take about .* lower Effort \(1024\), or"
+    ):
+        drain(sample(make_plan(facetted(), Settings(effort=1024))))
+
+
+def test_places_outside_of_the_view_are_not_on_the_map():
+    """Nor what is no place."""
+    found = solved().view_map
+    places = np.array([[np.nan, 1.0], [-1.0, 5.0], [np.inf, 5.0], [5.0, 1e300]])
+    assert np.isnan(found.display_from_view(places)).all()
 
 
 def test_no_effort_is_refused():

@@ -12,7 +12,7 @@ import pytest
 from reference_rigs import ball_rig
 
 from environments import link_package
-from kiriko.core import memory
+from kiriko.core import free_memory
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings
 from kiriko.core.session import Session, finish
@@ -92,7 +92,7 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
     small = ball_rig(2, pixels=32, display_pixels=32)
     first = finish(session.solve(small))
     free = 10e6 if not change else 100e6
-    monkeypatch.setattr(memory, "available", lambda: free)
+    monkeypatch.setattr(free_memory, "available", lambda: free)
     side = change.get("picture", 64)
     large = ball_rig(
         2,
@@ -108,5 +108,5 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
 
 
 def test_what_is_free_is_known_here():
-    free = memory.available()
+    free = free_memory.available()
     assert free is None or 1e7 < free < 1e14
