@@ -19,7 +19,7 @@ QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
 
-TILE = 64  # cells each way, after which the random places of samples begin anew
+TILE, MOST_JITTER = 64, 1024  # cells each way, after which the random places of samples begin anew; samples each way
 NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
 GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
 MANY = 4  # branches at five places of a cell: as good as at each its own
@@ -209,7 +209,7 @@ def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
 
 
 def samples_along(effort: int) -> int:
-    """Samples along a viewer pixel's side: their square is no more than the effort."""
+    """Samples along a viewer pixel's side: their square is no more than the effort. Each quarter has one at least."""
     return isqrt(effort)
 
 
@@ -227,16 +227,17 @@ def check_samples(plan: Plan, corners: Floats) -> None:
 def _strata(corners: Floats, effort: int) -> tuple[Floats, Floats]:
     """Random places (n, 2) in strata of square cells with corners (m, 4, 2), and the areas (n,) of these, viewer px.
 
-    A pixel has as many strata each way as the effort allows, a smaller cell its part of them. Places within a stratum
-    are the same in each solve of a picture of any size: noise that changed with the smallest step would flicker.
+    A pixel has as many strata each way as the effort allows, a smaller cell its part of them, or one. Places within
+    a stratum are the same in each solve of a view of any size: noise that changed with the smallest step would flicker.
     """
     places, area = [np.empty((0, 2))], [np.empty(0)]
     side = corners[:, 1, 0] - corners[:, 0, 0]
     for size in np.unique(side):
         k = max(1, int(samples_along(effort) * size))
         first = corners[side == size, 0]
-        jitter = np.random.default_rng(0).random((TILE, TILE, k * k, 2))
-        column, row = (first / size).astype(np.int64).T % TILE
+        tile = max(1, min(TILE, MOST_JITTER // k))
+        jitter = np.random.default_rng(0).random((tile, tile, k * k, 2))
+        column, row = (first / size).astype(np.int64).T % tile
         stratum = np.stack(np.meshgrid(np.arange(k), np.arange(k)), axis=-1).reshape(-1, 2)
         at = first[:, None] + size / k * (stratum + jitter[row, column])
         places.append(at.reshape(-1, 2))

@@ -54,7 +54,10 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
 
 
 def n_shares_of_cut(view_map: ViewMap) -> float:
-    """About how many shares the pixels of a map make that are cut in pieces: one for each display pixel of a piece."""
+    """About how many shares the pixels of a map make that are cut in pieces, or sampled.
+
+    One for each display pixel of a piece, one for each sample.
+    """
     xy = view_map.points.xy[view_map.triangles]
     size = np.array(view_map.display_size)
     low, high = np.clip(xy.min(axis=1), 0, size), np.clip(xy.max(axis=1), 0, size)
@@ -62,7 +65,7 @@ def n_shares_of_cut(view_map: ViewMap) -> float:
     a, b = np.moveaxis(xy[:, 1:] - xy[:, :1], 1, 0)
     with np.errstate(over="ignore"):
         area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    return float(np.minimum(columns * rows, area + columns + rows).sum())
+    return float(np.minimum(columns * rows, area + columns + rows).sum()) + len(view_map.samples)
 
 
 def _n_curved(mesh: Mesh) -> int:
@@ -91,8 +94,10 @@ def check_memory(rig: Rig, settings: Settings) -> None:
 def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
     """Raise RigError when the shares of the pixels that borders run through would take more memory than is free."""
     viewer = rig.viewer
+    resolution = f"the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})"
+    is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
         estimated(rig, settings, view_map)["borders"],
         "Painting what the borders in the glass cut to pieces",
-        f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+        f"lower Effort ({settings.effort}), or {resolution}" if is_sampled else f"lower {resolution}",
     )

@@ -24,6 +24,7 @@ from .thin_parts import ThinParts
 Thing = TypeVar("Thing")
 
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
+MOST_EFFORT = 4096  # rays for a viewer pixel
 BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
@@ -39,7 +40,7 @@ class Settings:
     max_events : surfaces a ray may meet before it counts as lost
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
-    effort : most rays for a viewer pixel where light is chaotic
+    effort : most rays for a viewer pixel where light is chaotic, rounded down to a square; 1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
     """
@@ -61,8 +62,8 @@ class Settings:
             )
         if self.max_events < 1:
             raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
-        if self.effort < 1:
-            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 or more.")
+        if not 1 <= self.effort <= MOST_EFFORT:
+            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to {MOST_EFFORT}.")
 
 
 class Kind(IntEnum):

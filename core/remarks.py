@@ -65,7 +65,7 @@ def remarks_on(
         *_on_normals(rig, plan),
         *_on_doubted(rig, plan),
         *_on_cut_off(plan, misses, accuracy.caught),
-        *_on_chaos(plan, error),
+        *_on_chaos(rig, plan, error),
         *_beyond_tolerance(rig, accuracy.tessellation, error),
         *_on_the_mesh(rig, plan, accuracy.tessellation),
         *_on_rounding(plan, accuracy.rounding),
@@ -119,17 +119,21 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
     yield Remark(text, is_warning=True)
 
 
-def _on_chaos(plan: Plan, error: MapError) -> Iterator[Remark]:
+def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     if error.sampled > BEYOND:
-        rays, millions = samples_along(plan.settings.effort) ** 2, number(error.n_samples / 1e6)
+        smooth = _to_shade_smooth(rig)
+        n = samples_along(plan.settings.effort) ** 2
+        rays = "one ray stands for a viewer pixel" if n == 1 else f"up to {n} rays stand for a viewer pixel"
         yield Remark(
-            f"Light is chaotic in {percent(error.sampled)} of what is seen: sampled by {rays} rays a viewer pixel,"
-            f" {millions} million in all. Four times the Effort takes four times as many there, and halves their noise."
+            f"Light is chaotic in {percent(error.sampled)} of what is seen: {rays} there,"
+            f" {error.n_samples} in all. Four times the Effort takes four times as many, and halves their noise."
+            + (f" S{smooth[1:]}." if smooth else ""),
+            is_warning=True,
         )
 
 
 def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator[Remark]:
-    beyond = error.facet_limited + error.unresolved
+    beyond = error.facet_limited + error.unresolved - error.noise
     if beyond > BEYOND:
         yield Remark(
             f"{percent(beyond)} of what is seen is off by more than the tolerance, or lost, where the view through the"
@@ -153,12 +157,14 @@ def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
         return f"the faces of '{_name(rig, mesh.uneven)}' contradict each other: {_for_irregular(rig, mesh)}"
     if bends and mesh.error > 0:
         return "use a finer mesh, or raise the viewer's resolution"
+    smooth = _to_shade_smooth(rig)
+    return f"{smooth}, or raise the viewer's resolution" if smooth else "raise the viewer's resolution"
+
+
+def _to_shade_smooth(rig: Rig) -> str:
+    """What helps where the facets of a glass stand for a curved surface; nothing where there is none."""
     facetted = next((glass for glass in rig.glasses if is_facetted(glass.mesh)), None)
-    if facetted is not None:
-        return f"shade '{facetted.name}' smooth if it is meant to be curved, or raise the viewer's resolution"
-    if error.noise > max(error.facet_limited, error.unresolved - error.noise):
-        return "raise Effort, or the viewer's resolution"
-    return "raise the viewer's resolution"
+    return "" if facetted is None else f"shade '{facetted.name}' smooth if it is meant to be curved"
 
 
 def _for_irregular(rig: Rig, mesh: Tessellation) -> str:

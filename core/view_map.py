@@ -37,7 +37,7 @@ FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixe
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
 SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
-AROUND = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # corners of a unit square
+AROUND = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a unit square
 ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
 LAST = 0.999  # quantile of the error that keeps to the tolerance
 
@@ -133,7 +133,7 @@ class ViewMap:
     def pieces(self, at_pixels: bool = False) -> Iterator[tuple[Floats, Floats, Floats]]:
         """Quads and triangles (n, 4 or 3, 2) that make up the map, viewer px and display px, and throughput (n,).
 
-        Each lies within one viewer pixel when asked to.
+        Each lies within one viewer pixel when asked to, but for the squares around samples, whose middles do.
         """
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
         for m, cells in _by(parts):
@@ -153,11 +153,11 @@ class ViewMap:
         """Squares around samples, as large as their strata, and as many display px, in the pixel that each lands in."""
         points, samples = self.points, self.samples[some]
         side = np.sqrt(self.sample_area[some])[:, None]
-        xy = points.xy[samples]
-        pixel = np.floor(xy)
-        xy = pixel + np.clip(xy - pixel, side / 2, 1 - side / 2)
-        view, xy = (middle[:, None] + side[..., None] * AROUND for middle in (points.view[samples], xy))
-        return view, xy, points.throughput[samples]
+        pixel = np.floor(points.xy[samples])
+        low = pixel + np.clip(points.xy[samples] - pixel - side / 2, 0, 1 - side)
+        high = np.minimum(low + side, pixel + 1)  # or rounding would give the next pixel a share of nothing
+        view = points.view[samples, None] + side[..., None] * (AROUND - 0.5)
+        return view, np.where(AROUND, high[:, None], low[:, None]), points.throughput[samples]
 
     def _quads_of(self, cells: Ints, m: int) -> tuple[Floats, Floats, Floats]:
         points, nodes = self.points, self.nodes[cells]
@@ -208,7 +208,8 @@ class ViewMap:
     def _nearest_samples(self, xy: Floats) -> tuple[Ints, Ints]:
         """Which of viewer pixels (n, 2) are in or next to the stratum of a sample, and the point of the nearest one."""
         order, of_pixel = self._samples_by_pixel
-        nearest, best = np.full(len(xy), -1), np.full(len(xy), np.inf)
+        is_in_view = ((xy >= 0) & (xy <= self.view_size)).all(axis=1)
+        nearest, best = np.full(len(xy), -1), np.where(is_in_view, np.inf, -1.0)
         for some, k in _each_in(of_pixel, self._pixel(xy)):
             number = order[k]
             off = np.abs(self.points.view[self.samples[number]] - xy[some]).max(axis=1)

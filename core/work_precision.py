@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .image_io import encode
-from .plan import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
+from .plan import LEAST_TOLERANCE, MOST_EFFORT, MOST_TOLERANCE, Settings
 from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer
 from .rig import Rig
 from .session import Session, Solution, finish, within
@@ -28,6 +28,7 @@ SPPS = (1, 4, 16, 64, 256, 1024)
 RUNS = 5
 BUDGET = 60.0  # s for the splat
 FINER = 10.0  # than the finest rung is the reference
+MORE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
 LONG = 0.5  # s: a splat that takes longer is run once for each of the two pictures
 BUILD = ("fingerprint", "plan")  # parts of a solve that the splat needs as well, once for all samples
 REFINED = ("tracing", "shares")  # parts of a solve that depend on the tolerance
@@ -163,7 +164,9 @@ def measure(
     own = next((t for t in tolerances if isclose(t, settings.tolerance, rel_tol=1e-6)), settings.tolerance)
     ladder = sorted({*tolerances, own}, reverse=True)  # Blender has the settings' own in single precision
     detailed, dotted, about = pictures(rig, picture)
-    finest = replace(settings, tolerance=max(ladder[-1] / FINER, LEAST_TOLERANCE))
+    # samples are at the same places in each solve of the same effort: their noise would not be seen
+    effort = min(MORE_EFFORT * settings.effort, MOST_EFFORT)
+    finest = replace(settings, tolerance=max(ladder[-1] / FINER, LEAST_TOLERANCE), effort=effort)
     yield from within(Session().solve(rig, settings), 0.0, 0.03)
     memory = peak_memory()  # before the reference, which takes more than any solve
     reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)

@@ -410,11 +410,11 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     effort: IntProperty(
         name="Effort",
-        description="Most rays for a viewer pixel where light is chaotic: four times as many halve the noise there, and"
-        " take up to four times as long",
+        description="Most rays for a viewer pixel where light is chaotic, a square number: four times as many halve the"
+        " noise there, and take up to four times as long",
         default=16,
         min=1,
-        max=65536,
+        max=4096,
         soft_max=256,
     )
     only_through_glass: BoolProperty(

@@ -3,6 +3,7 @@
 The judge is brute force: random rays, each on its own.
 """
 
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 
@@ -12,9 +13,10 @@ from reference_rigs import ball_rig, cube_rig, icosphere, rig
 from work import drain, solve
 
 from kiriko.core import free_memory
-from kiriko.core.borders import _strata, samples_along
+from kiriko.core.borders import Points, _strata, samples_along
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
 from kiriko.core.view_map import sample
 
@@ -120,7 +122,8 @@ def test_clear_glass_is_not_sampled(a_rig):
 
 def test_chaos_is_told_with_what_more_effort_costs():
     (told,) = [note for note in solved().notes if "chaotic" in note]
-    assert "Four times the Effort takes four times as many there, and halves their noise." in told
+    assert f"up to 16 rays stand for a viewer pixel there, {solved().map_error.n_samples} in all." in told
+    assert "Four times the Effort takes four times as many, and halves their noise. Shade 'glass' smooth if" in told
 
 
 def test_more_samples_than_memory_holds_are_refused(monkeypatch):
@@ -136,8 +139,40 @@ def test_places_outside_of_the_view_are_not_on_the_map():
     found = solved().view_map
     places = np.array([[np.nan, 1.0], [-1.0, 5.0], [np.inf, 5.0], [5.0, 1e300]])
     assert np.isnan(found.display_from_view(places)).all()
+    edge = found.points.view[found.samples]
+    edge = edge[np.argsort(edge[:, 1])[:20]]
+    assert np.isnan(found.display_from_view(edge * [1, -1])).all()
 
 
-def test_no_effort_is_refused():
-    with pytest.raises(RigError, match="Effort is 0 rays"):
-        replace(Settings(), effort=0).check()
+@pytest.mark.parametrize("effort", [0, 5000])
+def test_no_effort_is_refused_and_too_much_of_it(effort):
+    with pytest.raises(RigError, match=f"Effort is {effort} rays for a viewer pixel: allow it 1 to 4096"):
+        replace(Settings(), effort=effort).check()
+
+
+@pytest.mark.parametrize("effort", [1, 4, 9, 16, 25, 49])
+def test_a_sample_lights_one_display_pixel(effort):
+    """The one that it lands in, with all that it stands for: rounding gives its neighbours nothing."""
+    n = 20_000
+    landings = np.random.default_rng(1).uniform(0, 300, (n, 2))
+    one = np.ones(n, np.uint64)
+    points = Points(np.random.default_rng(2).uniform(0, 48, (n, 2)), landings, one, one.astype(np.uint8), np.ones(n))
+    area = np.full(n, 1.0 / effort)
+    found = replace(solved().view_map, points=points, samples=np.arange(n), sample_area=area, display_size=(300, 300))
+    found = replace(found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0])
+    found = replace(found, corner=found.corner[:0], size=found.size[:0])
+    shares = [rasterise((300, 300), (48, 48), *piece) for piece in found.pieces(at_pixels=True)]
+    index = np.concatenate([some.display_index for some in shares])
+    column, row = landings.astype(int).T
+    assert np.array_equal(np.sort(index), np.sort(300 * row + column))
+    assert np.concatenate([some.area for some in shares]) == pytest.approx(1 / effort)
+
+
+def test_much_effort_for_few_pixels_takes_little_memory():
+    square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+    tracemalloc.start()
+    places, _ = _strata(square, 4096)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(places) == 4096
+    assert peak < 50e6
