@@ -21,6 +21,7 @@ BATCH = 8192  # rays that are traced in not much more time than a few
 
 TILE, MOST_JITTER = 64, 1024  # cells each way, after which the random places of samples begin anew; samples each way
 NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
+FEW = 1  # pixels of a square that are in doubt: as where edges meet, which is no chaos
 GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
 MANY = 4  # branches at five places of a cell: as good as at each its own
 
@@ -137,21 +138,23 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
 
     Bisection has no end where light is chaotic. There cells are sampled: all mixed pixels of a square (m,), by number,
-    in which a good part of the middles lie on other branches than the corners; those with more branches than can be
-    told apart; those of which the pieces leave out a part, though all corners are lit; and all mixed quarters.
+    in which a good part of the middles lie on other branches than the corners; and, in one in which more than a few
+    pixels are in doubt, those with more branches than can be told apart, those of which the pieces leave out a part,
+    though all corners are lit, and all mixed quarters.
     """
     quads, last, sampled = cells[:0], [], []
     triangles = [np.empty((0, 3), np.int64)]
+    is_calm = np.ones(len(cells), bool)
     for depth in range(QUARTERINGS + 1):
         middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
         branch = points.branch[cells]
         is_one = (branch == branch[:, :1]).all(axis=1)
-        hopeless = ~is_one & (_in_chaos(points, cells, middle, square) if depth == 0 else True)
+        hopeless = ~is_one & (_in_chaos(points, cells, middle, square) if depth == 0 else ~is_calm)
         sampled.append(cells[hopeless])
         kept = np.flatnonzero(~hopeless)
-        cells, number, branch, is_one = cells[kept], number[kept], branch[kept], is_one[kept]
+        cells, number, branch, is_one, is_calm = (values[kept] for values in (cells, number, branch, is_one, is_calm))
         mixed = np.flatnonzero(~is_one)
         points, pieces, owner = yield from _cut(plan, points, cells[mixed])
         off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle.at(kept))
@@ -162,8 +165,12 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         else:
             triangles.append(_around(cells[whole], number[whole]))
         n_met = n_branches(points, np.column_stack([cells, number]))
-        tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS))
-        tangled |= _has_gaps(points, cells, pieces, mixed[owner])
+        has_gaps = _has_gaps(points, cells, pieces, mixed[owner])
+        if depth == 0:
+            is_troubled = has_gaps | again & (~is_one | np.isinf(off))
+            is_calm = (np.bincount(square[kept], is_troubled) <= FEW)[square[kept]]
+        tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
+        tangled &= ~is_calm
         sampled.append(cells[tangled])
         triangles.append(pieces[~(again | tangled)[mixed[owner]]])
         again &= ~tangled
@@ -172,6 +179,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
         last.append(_around(cells[again & ~simple], number[again & ~simple]))
         points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
+        is_calm = np.tile(is_calm[simple], 4)
     last = np.concatenate(last)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
