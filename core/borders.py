@@ -21,6 +21,8 @@ BATCH = 8192  # rays that are traced in not much more time than a few
 
 TILE, MOST_JITTER = 64, 1024  # cells each way, after which the random places of samples begin anew; samples each way
 NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
+APART = 1.25  # display px between samples, the median of pixels in doubt: further apart they would leave gaps
+LEAST_ALONG = 4  # a viewer pixel, samples that this is asked for: who sets less Effort wants it faster, not slower
 FEW = 1  # pixels of a square that are in doubt: as where edges meet, which is no chaos
 GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
 MANY = 4  # branches at five places of a cell: as good as at each its own
@@ -151,7 +153,10 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         points = points.and_more(middle)
         branch = points.branch[cells]
         is_one = (branch == branch[:, :1]).all(axis=1)
-        hopeless = ~is_one & (_in_chaos(points, cells, middle, square) if depth == 0 else ~is_calm)
+        if depth == 0:
+            is_dense = _is_dense(points, cells[is_one], plan.settings.effort)
+        is_chaotic = is_dense & _in_chaos(points, cells, middle, square) if depth == 0 else ~is_calm
+        hopeless = ~is_one & is_chaotic
         sampled.append(cells[hopeless])
         kept = np.flatnonzero(~hopeless)
         cells, number, branch, is_one, is_calm = (values[kept] for values in (cells, number, branch, is_one, is_calm))
@@ -168,7 +173,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         has_gaps = _has_gaps(points, cells, pieces, mixed[owner])
         if depth == 0:
             is_troubled = has_gaps | again & (~is_one | np.isinf(off))
-            is_calm = (np.bincount(square[kept], is_troubled) <= FEW)[square[kept]]
+            is_calm = (np.bincount(square[kept], is_troubled) <= FEW)[square[kept]] | (not is_dense)
         tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
         tangled &= ~is_calm
         sampled.append(cells[tangled])
@@ -191,6 +196,15 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     places, area = _strata(points.view[sampled], plan.settings.effort)
     found = yield from trace_points(plan, places)
     return Pieces(points.and_more(found), quads, triangles, len(points) + np.arange(len(places)), area)
+
+
+def _is_dense(points: Points, pixels: Ints, effort: int) -> bool:
+    """Would samples of pixels like these (m, 4), each on one branch, light all of the display, or leave gaps?"""
+    lit = pixels[points.branch[pixels[:, 0]] != 0]
+    if not len(lit):
+        return True
+    a, b = points.xy[lit[:, 0]], points.xy[lit[:, 2]]
+    return float(np.median(np.linalg.norm(a - b, axis=1))) <= APART * 2**0.5 * max(samples_along(effort), LEAST_ALONG)
 
 
 def _in_chaos(points: Points, cells: Ints, middle: Points, square: Ints) -> Bools:
