@@ -2,11 +2,9 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass, fields
-from math import isqrt
 
 import numpy as np
 
-from .free_memory import OF_POINT, check_free
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
@@ -19,14 +17,14 @@ QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
 BATCH = 8192  # rays that are traced in not much more time than a few
 
-TILE, MOST_JITTER = 64, 1024  # cells each way, after which the random places of samples begin anew; samples each way
 NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
-APART = 1.25  # display px between samples, the median of pixels in doubt: further apart they would leave gaps
-LEAST_ALONG = 4  # a viewer pixel, samples that this is asked for: who sets less Effort wants it faster, not slower
 FEW = 1  # pixels of a square that are in doubt: as where edges meet, which is no chaos
 GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
 MANY = 4  # branches at five places of a cell: as good as at each its own
+APART = 1.25  # display px between samples, the median of pixels in doubt: further apart they would leave gaps
+LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is set to be faster, and never cuts instead
 
+OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 MOST_EVENTS = 12  # of a path that are kept
 
 
@@ -122,14 +120,13 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
 class Pieces:
     """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
 
-    samples (s,) are indices of points that stand for an area around them each, sample_area (s,) viewer px^2.
+    chaotic (c, 4) : cells that are not cut, because light is chaotic there
     """
 
     points: Points
     quads: Ints
     triangles: Ints
-    samples: Ints
-    sample_area: Floats
+    chaotic: Ints
 
 
 def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int, None, Pieces]:
@@ -139,132 +136,100 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
     quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
 
-    Bisection has no end where light is chaotic. There cells are sampled: all mixed pixels of a square (m,), by number,
-    in which a good part of the middles lie on other branches than the corners; and, in one in which more than a few
-    pixels are in doubt, those with more branches than can be told apart, those of which the pieces leave out a part,
-    though all corners are lit, and all mixed quarters.
+    Bisection has no end where light is chaotic. Not cut are all mixed pixels of a square (m,), by number, in which a
+    good part of the middles lie on other branches than the corners; and, in one in which more than a few pixels are
+    in doubt, those with more branches than can be told apart, those of which the pieces leave out a part, though all
+    corners are lit, and all mixed quarters.
     """
-    quads, last, sampled = cells[:0], [], []
+    quads, last, chaotic = cells[:0], [], []
     triangles = [np.empty((0, 3), np.int64)]
     is_calm = np.ones(len(cells), bool)
+
     for depth in range(QUARTERINGS + 1):
         middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
         branch = points.branch[cells]
         is_one = (branch == branch[:, :1]).all(axis=1)
+
         if depth == 0:
-            is_dense = _is_dense(points, cells[is_one], plan.settings.effort)
-        is_chaotic = is_dense & _in_chaos(points, cells, middle, square) if depth == 0 else ~is_calm
-        hopeless = ~is_one & is_chaotic
-        sampled.append(cells[hopeless])
-        kept = np.flatnonzero(~hopeless)
-        cells, number, branch, is_one, is_calm = (values[kept] for values in (cells, number, branch, is_one, is_calm))
+            is_dense = _is_dense(plan, points, cells[is_one])
+            is_given_up = is_dense & _in_chaos(branch, middle.branch, ~is_one, square)
+        else:
+            is_given_up = ~is_one & ~is_calm
+        chaotic.append(cells[is_given_up])
+        kept = np.flatnonzero(~is_given_up)
+        cells, number, branch, is_one, is_calm = (of[kept] for of in (cells, number, branch, is_one, is_calm))
+
         mixed = np.flatnonzero(~is_one)
         points, pieces, owner = yield from _cut(plan, points, cells[mixed])
         off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle.at(kept))
         again = off > plan.settings.tolerance
+        n_met = _n_branches(points, np.column_stack([cells, number]))
+        has_gaps = np.zeros(len(cells), bool)
+        has_gaps[mixed] = _has_gaps(points, cells[mixed], pieces, owner)
+
+        if depth == 0:
+            in_doubt = has_gaps | again & (~is_one | np.isinf(off))
+            n_in_doubt = np.bincount(square[kept], in_doubt)
+            is_calm = (n_in_doubt <= FEW)[square[kept]] | (not is_dense)
+        is_tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
+        is_tangled &= ~is_calm
+        chaotic.append(cells[is_tangled])
+
         whole = is_one & (branch[:, 0] != 0) & ~again
         if depth == 0:
             quads = cells[whole]
         else:
             triangles.append(_around(cells[whole], number[whole]))
-        n_met = n_branches(points, np.column_stack([cells, number]))
-        has_gaps = _has_gaps(points, cells, pieces, mixed[owner])
-        if depth == 0:
-            is_troubled = has_gaps | again & (~is_one | np.isinf(off))
-            is_calm = (np.bincount(square[kept], is_troubled) <= FEW)[square[kept]] | (not is_dense)
-        tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
-        tangled &= ~is_calm
-        sampled.append(cells[tangled])
-        triangles.append(pieces[~(again | tangled)[mixed[owner]]])
-        again &= ~tangled
+        triangles.append(pieces[~(again | is_tangled)[mixed[owner]]])
+
+        again &= ~is_tangled
         # quarters are of no use where the error is too large to get small
         simple = again & (n_met < MANY) & (depth < QUARTERINGS)
         simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
         last.append(_around(cells[again & ~simple], number[again & ~simple]))
         points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
         is_calm = np.tile(is_calm[simple], 4)
+
     last = np.concatenate(last)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
     triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
-
-    sampled = np.concatenate(sampled)
-    check_samples(plan, points.view[sampled])
-    places, area = _strata(points.view[sampled], plan.settings.effort)
-    found = yield from trace_points(plan, places)
-    return Pieces(points.and_more(found), quads, triangles, len(points) + np.arange(len(places)), area)
+    return Pieces(points, quads, triangles, np.concatenate(chaotic))
 
 
-def _is_dense(points: Points, pixels: Ints, effort: int) -> bool:
+def _is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
     """Would samples of pixels like these (m, 4), each on one branch, light all of the display, or leave gaps?"""
     lit = pixels[points.branch[pixels[:, 0]] != 0]
     if not len(lit):
         return True
-    a, b = points.xy[lit[:, 0]], points.xy[lit[:, 2]]
-    return float(np.median(np.linalg.norm(a - b, axis=1))) <= APART * 2**0.5 * max(samples_along(effort), LEAST_ALONG)
+    across = np.linalg.norm(points.xy[lit[:, 0]] - points.xy[lit[:, 2]], axis=1) / 2**0.5
+    return float(np.median(across)) <= APART * max(plan.settings.samples_along, LEAST_ALONG)
 
 
-def _in_chaos(points: Points, cells: Ints, middle: Points, square: Ints) -> Bools:
-    """Which cells (m, 4) lie in squares (m,), by number, whose borders are not worth looking for?
+def _in_chaos(branch: Words, of_middle: Words, is_mixed: Bools, square: Ints) -> Bools:
+    """Which mixed cells (m,) lie in squares (m,), by number, whose borders are not worth looking for?
 
-    Their middles are on branches of which the corners know nothing, as often as the borders are many.
+    Their middles are on branches (m,) of which the corners (m, 4) know nothing, as often as the borders are many.
     """
-    branch = points.branch[cells]
-    is_mixed = (branch != branch[:, :1]).any(axis=1)
-    is_new = is_mixed & (branch != middle.branch[:, None]).all(axis=1)
+    is_new = is_mixed & (branch != of_middle[:, None]).all(axis=1)
     n_mixed, n_new = (np.bincount(square, some) for some in (is_mixed, is_new))
-    return ((n_new > 1) & (n_new > NEW * n_mixed))[square]
+    return is_mixed & ((n_new > 1) & (n_new > NEW * n_mixed))[square]
 
 
 def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
     """Do the pieces (t, 3) of cells (m, 4) that own them (t,) leave out a part of one with all corners lit?"""
-    a, b, c = np.moveaxis(points.view[pieces], 1, 0)
-    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
-    covered = np.bincount(owner, area, len(cells))
+    covered = np.bincount(owner, areas(points.view[pieces]), len(cells))
     side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
-    branch = points.branch[cells]
-    is_mixed = (branch != branch[:, :1]).any(axis=1)
-    return is_mixed & (branch != 0).all(axis=1) & (covered < (1 - GAP) * side**2)
+    return (points.branch[cells] != 0).all(axis=1) & (covered < (1 - GAP) * side**2)
 
 
-def samples_along(effort: int) -> int:
-    """Samples along a viewer pixel's side: their square is no more than the effort. Each quarter has one at least."""
-    return isqrt(effort)
-
-
-def check_samples(plan: Plan, corners: Floats) -> None:
-    """Raise RigError when samples of square cells with corners (m, 4, 2) would take more memory than is free."""
-    viewer, effort = plan.rig.viewer, plan.settings.effort
-    area = ((corners[:, 1, 0] - corners[:, 0, 0]) ** 2).sum()
-    check_free(
-        OF_POINT * effort * float(area),
-        "Sampling where light is chaotic",
-        f"lower Effort ({effort}), or the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
-    )
-
-
-def _strata(corners: Floats, effort: int) -> tuple[Floats, Floats]:
-    """Random places (n, 2) in strata of square cells with corners (m, 4, 2), and the areas (n,) of these, viewer px.
-
-    A pixel has as many strata each way as the effort allows, a smaller cell its part of them, or one. Places within
-    a stratum are the same in each solve of a view of any size: noise that changed with the smallest step would flicker.
-    """
-    places, area = [np.empty((0, 2))], [np.empty(0)]
-    side = corners[:, 1, 0] - corners[:, 0, 0]
-    for size in np.unique(side):
-        k = max(1, int(samples_along(effort) * size))
-        first = corners[side == size, 0]
-        tile = max(1, min(TILE, MOST_JITTER // k))
-        jitter = np.random.default_rng(0).random((tile, tile, k * k, 2))
-        column, row = (first / size).astype(np.int64).T % tile
-        stratum = np.stack(np.meshgrid(np.arange(k), np.arange(k)), axis=-1).reshape(-1, 2)
-        at = first[:, None] + size / k * (stratum + jitter[row, column])
-        places.append(at.reshape(-1, 2))
-        area.append(np.full(len(first) * k * k, (size / k) ** 2))
-    return np.concatenate(places), np.concatenate(area)
+def areas(triangles: Floats) -> Floats:
+    """Areas (t,) of triangles (t, 3, 2)."""
+    a, b = np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)
+    return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _missed(
@@ -283,7 +248,7 @@ def _missed(
     return np.where(branch == middle.branch, off, np.inf)
 
 
-def n_branches(points: Points, cells: Ints) -> Ints:
+def _n_branches(points: Points, cells: Ints) -> Ints:
     """On how many different branches (m,), none being one, do points (m, k) lie?"""
     branch = np.sort(points.branch[cells], axis=1)
     return 1 + (branch[:, 1:] != branch[:, :-1]).sum(axis=1)

@@ -8,8 +8,6 @@ from pathlib import Path
 from .errors import RigError
 from .words import number
 
-OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
-
 
 def check_free(needed: float, work: str, remedy: str) -> None:
     """Raise RigError, with the remedy, when some work would take more memory, bytes, than is free."""

@@ -5,7 +5,8 @@ The amounts are those that `dev.py bench` measures beside this estimate: within 
 
 import numpy as np
 
-from .free_memory import OF_POINT, check_free
+from .borders import OF_POINT, areas
+from .free_memory import check_free
 from .meshes import SAME_NORMAL
 from .plan import Settings
 from .rig import Mesh, Rig
@@ -62,9 +63,8 @@ def n_shares_of_cut(view_map: ViewMap) -> float:
     size = np.array(view_map.display_size)
     low, high = np.clip(xy.min(axis=1), 0, size), np.clip(xy.max(axis=1), 0, size)
     columns, rows = (np.ceil(high) - np.floor(low)).T
-    a, b = np.moveaxis(xy[:, 1:] - xy[:, :1], 1, 0)
     with np.errstate(over="ignore"):
-        area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        area = areas(xy)
     return float(np.minimum(columns * rows, area + columns + rows).sum()) + len(view_map.samples)
 
 

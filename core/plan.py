@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
 from functools import cache
+from math import isqrt
 from typing import Any, TypeVar
 
 import numpy as np
@@ -52,6 +53,11 @@ class Settings:
     effort: int = 16
     margin: int = 0
     wavelength: float = WAVELENGTH
+
+    @property
+    def samples_along(self) -> int:
+        """Samples along a viewer pixel's side where light is chaotic; each quarter of a pixel has one at least."""
+        return isqrt(self.effort)
 
     def check(self) -> None:
         """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""

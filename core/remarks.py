@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import COARSE, Accuracy, Tessellation
-from .borders import samples_along
 from .display import display_pixel
 from .meshes import SAME_NORMAL, find_edges, geometric_normals
 from .plan import Plan
@@ -121,15 +120,16 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
 
 def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     if error.sampled > BEYOND:
-        smooth = _to_shade_smooth(rig)
-        n = samples_along(plan.settings.effort) ** 2
+        n = plan.settings.samples_along**2
         rays = "one ray stands for a viewer pixel" if n == 1 else f"up to {n} rays stand for a viewer pixel"
-        yield Remark(
+        text = (
             f"Light is chaotic in {percent(error.sampled)} of what is seen: {rays} there,"
             f" {error.n_samples} in all. Four times the Effort takes four times as many, and halves their noise."
-            + (f" S{smooth[1:]}." if smooth else ""),
-            is_warning=True,
         )
+        smooth = _to_shade_smooth(rig)
+        if smooth:
+            text += f" {smooth[0].upper()}{smooth[1:]}."
+        yield Remark(text, is_warning=True)
 
 
 def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator[Remark]:

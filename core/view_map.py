@@ -12,20 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from . import interpolation
-from .borders import (
-    QUARTERINGS,
-    Paths,
-    Points,
-    cut,
-    in_triangles,
-    is_in_image,
-    is_seen,
-    samples_along,
-    trace_points,
-)
+from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_in_image, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
+from .samples import sample_cells
 from .trace import Reason
 
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
@@ -180,15 +171,14 @@ class ViewMap:
         """
         xy = np.asarray(xy, float)
         found = self._by_cells(xy)
-        rays, samples = self._nearest_samples(xy)
-        is_open = np.isnan(found[rays, 0])
-        found[rays[is_open]] = self.points.xy[samples[is_open]]
+        rays, samples = self._nearest_samples(xy, np.isnan(found[:, 0]))
+        found[rays] = self.points.xy[samples]
         return found
 
     def _by_cells(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is none."""
         found = np.full(xy.shape, np.nan)
-        in_image = np.flatnonzero(((xy >= 0) & (xy <= self.view_size)).all(axis=1))
+        in_image = np.flatnonzero(is_in_image(xy, self.view_size))
         pixel = self._pixel(xy[in_image])
         owner = self._owner.ravel()[pixel]
         smooth = np.flatnonzero(owner >= 0)
@@ -205,23 +195,26 @@ class ViewMap:
             found[rays[inside]] = at[inside]
         return found
 
-    def _nearest_samples(self, xy: Floats) -> tuple[Ints, Ints]:
-        """Which of viewer pixels (n, 2) are in or next to the stratum of a sample, and the point of the nearest one."""
+    def _nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
+        """Which of those viewer pixels (n, 2) that are asked for (n,) are within a stratum's side of a sample.
+
+        And the point of the nearest one.
+        """
         order, of_pixel = self._samples_by_pixel
-        is_in_view = ((xy >= 0) & (xy <= self.view_size)).all(axis=1)
-        nearest, best = np.full(len(xy), -1), np.where(is_in_view, np.inf, -1.0)
-        for some, k in _each_in(of_pixel, self._pixel(xy)):
-            number = order[k]
-            off = np.abs(self.points.view[self.samples[number]] - xy[some]).max(axis=1)
-            is_nearer = off <= np.minimum(best[some], np.sqrt(self.sample_area[number]))
-            best[some[is_nearer]], nearest[some[is_nearer]] = off[is_nearer], self.samples[number[is_nearer]]
+        asked = np.flatnonzero(is_asked & is_in_image(xy, self.view_size))
+        nearest, best = np.full(len(xy), -1), np.full(len(xy), np.inf)
+        for some, k in _each_in(of_pixel, self._pixel(xy[asked])):
+            rays, number = asked[some], order[k]
+            off = np.abs(self.points.view[self.samples[number]] - xy[rays]).max(axis=1)
+            is_nearer = off <= np.minimum(best[rays], np.sqrt(self.sample_area[number]))
+            best[rays[is_nearer]], nearest[rays[is_nearer]] = off[is_nearer], self.samples[number[is_nearer]]
         found = np.flatnonzero(nearest >= 0)
         return found, nearest[found]
 
     def _pixel(self, xy: Floats) -> Ints:
         """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
         w, h = self.view_size
-        column, row = np.clip(np.nan_to_num(xy), 0, (w - 1, h - 1)).astype(np.int64).T
+        column, row = np.clip(xy, 0, (w - 1, h - 1)).astype(np.int64).T
         return row * w + column
 
     @property
@@ -241,15 +234,17 @@ class ViewMap:
     @cached_property
     def _triangles_by_pixel(self) -> tuple[Ints, Ints]:
         """Triangles (t, 3) in the order of their pixels, and these (t,)."""
-        middle = self.points.view[self.triangles].mean(axis=1).astype(np.int64)
-        pixel = middle[:, 1] * self.view_size[0] + middle[:, 0]
-        order = np.argsort(pixel, kind="stable")
-        return self.triangles[order], pixel[order]
+        order, pixel = self._by_pixel(self.points.view[self.triangles].mean(axis=1))
+        return self.triangles[order], pixel
 
     @cached_property
     def _samples_by_pixel(self) -> tuple[Ints, Ints]:
         """Numbers (s,) of samples in the order of their pixels, and these (s,)."""
-        pixel = self._pixel(self.points.view[self.samples])
+        return self._by_pixel(self.points.view[self.samples])
+
+    def _by_pixel(self, xy: Floats) -> tuple[Ints, Ints]:
+        """The order (n,) of viewer px (n, 2) by their pixels, and these pixels (n,), sorted."""
+        pixel = self._pixel(xy)
         order = np.argsort(pixel, kind="stable")
         return order, pixel[order]
 
@@ -410,17 +405,18 @@ class _Sampling:
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
         cells = cells[is_seen]
         pieces = yield from cut(self.plan, self.points, cells, square[is_seen])
+        samples, sample_area = yield from sample_cells(self.plan, pieces.points.view[pieces.chaotic])
         view_map = ViewMap(
             self.view_size,
             self.display_size,
-            pieces.points,
+            pieces.points.and_more(samples),
             smooth.corner,
             smooth.size,
             self._at_nodes(smooth),
             pieces.quads,
             pieces.triangles,
-            pieces.samples,
-            pieces.sample_area,
+            len(pieces.points) + np.arange(len(samples)),
+            sample_area,
             self._reasons(),
             self.tolerance,
             NO_ERROR,
@@ -448,9 +444,8 @@ class _Sampling:
         )
         expected = view_map._by_cells(at)
         is_sampled = np.zeros(len(at), bool)
-        is_sampled[view_map._nearest_samples(at)[0]] = True
-        is_sampled &= np.isnan(expected[:, 0])
-        seen = is_seen(expected, found.xy, self.display_size) & ((at >= 0) & (at <= self.view_size)).all(axis=1)
+        is_sampled[view_map._nearest_samples(at, np.isnan(expected[:, 0]))[0]] = True
+        seen = is_seen(expected, found.xy, self.display_size) & is_in_image(at, self.view_size)
         whole = max(float(area[seen].sum()), 1e-300)
         sampled = float(area[seen & is_sampled].sum() / whole)
         seen &= ~is_sampled
@@ -463,7 +458,7 @@ class _Sampling:
             above = kind & (off > self.tolerance)
             by_kind += [float(area[above].sum() / whole), _rms(off[above], area[above])]
         cut_off = float(area[~is_one & is_cut_off].sum() / whole)
-        noise = sampled / samples_along(self.plan.settings.effort)
+        noise = sampled / self.plan.settings.samples_along
         by_kind[2] += noise
         chaos = sampled, noise, len(view_map.samples)
         return MapError(_rms(off, area), _quantile(off, area, LAST), *by_kind, cut_off, *chaos, n_checked=len(at))

@@ -13,9 +13,10 @@ from reference_rigs import ball_rig, cube_rig, icosphere, rig
 from work import drain, solve
 
 from kiriko.core import free_memory
-from kiriko.core.borders import Points, _strata, samples_along
+from kiriko.core.borders import Points
 from kiriko.core.errors import RigError
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.samples import strata
 from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
 from kiriko.core.view_map import sample
@@ -76,7 +77,7 @@ def test_the_effort_bounds_the_rays():
     for effort in (1, 8, 16):
         error = solved(effort).map_error
         assert 0 < error.n_samples <= effort * PIXELS**2
-        assert error.noise == pytest.approx(error.sampled / samples_along(effort))
+        assert error.noise == pytest.approx(error.sampled / Settings(effort=effort).samples_along)
         assert error.noise <= error.unresolved <= 1
 
 
@@ -102,12 +103,12 @@ def test_samples_stay_where_they_are():
     """They depend on their cell alone: not on which others are sampled, nor on how many."""
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     cells = square + np.array([[3, 4], [7, 1], [70, 4]])[:, None]
-    every, area = _strata(cells, 16)
-    assert np.array_equal(every[16:32], _strata(cells[1:2], 16)[0])
+    every, area = strata(cells, 4)
+    assert np.array_equal(every[16:32], strata(cells[1:2], 4)[0])
     assert (np.floor(every.reshape(3, 16, 2)) == cells[:, :1]).all()
     assert len(np.unique(np.floor(4 * every[:16]), axis=0)) == 16  # one in each stratum
     assert area.sum() == 3
-    quarters, areas = _strata(0.5 * square[None] + [3.5, 4.0], 16)
+    quarters, areas = strata(0.5 * square[None] + [3.5, 4.0], 4)
     assert (np.floor(2 * quarters) == [7, 8]).all()
     assert areas.sum() == 0.25
 
@@ -171,7 +172,7 @@ def test_a_sample_lights_one_display_pixel(effort):
 def test_much_effort_for_few_pixels_takes_little_memory():
     square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
     tracemalloc.start()
-    places, _ = _strata(square, 4096)
+    places, _ = strata(square, 64)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(places) == 4096
