@@ -122,12 +122,16 @@ def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh
 
 
 def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
-    """What lies behind all planes, by their outward normals (p, 3) and distances (p,) from the origin: facets, flat."""
+    """The convex body behind all planes, by their outward normals (p, 3) and distances (p,) from the origin.
+
+    Its corners are where three planes meet and no other cuts them off.
+    """
     three = np.array(list(combinations(range(len(normals)), 3)))
     three = three[np.abs(np.linalg.det(normals[three])) > 1e-6]
     corners = np.linalg.solve(normals[three], distances[three][..., None])[..., 0]
     corners = corners[(corners @ normals.T <= distances + SAME).all(axis=1)]
     corners = np.unique(np.round(corners / SAME), axis=0) * SAME
+
     faces = []
     for normal, distance in zip(normals, distances, strict=True):
         on_it = np.flatnonzero(np.abs(corners @ normal - distance) < 4 * SAME)
@@ -137,6 +141,7 @@ def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
         across[1] = np.cross(normal, across[0])
         x, y = across @ (corners[on_it] - corners[on_it].mean(axis=0)).T
         faces.append(on_it[np.argsort(np.arctan2(y, x))].tolist())
+
     mesh = bpy.data.meshes.new("Behind")
     mesh.from_pydata(corners.tolist(), [], faces)
     return mesh

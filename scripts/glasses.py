@@ -85,22 +85,21 @@ def scan(n_triangles: int = 5000) -> bpy.types.Object:
     return thing
 
 
-def remeshed_text() -> bpy.types.Object:
-    """A text rebuilt of voxels, shaded smooth."""
+def text(**sizes: float) -> bpy.types.Object:
+    """A word, upright; caps, bevels and sides share no vertices."""
     data = bpy.data.curves.new("Text", "FONT")
-    data.body, data.extrude = "Ki", 0.15
-    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
-    thing = linked(data, "Text")
-    add(thing, "REMESH", mode="VOXEL", voxel_size=0.03, use_smooth_shade=True)
-    return thing
-
-
-def bevelled_text() -> bpy.types.Object:
-    """A text with rounded edges; caps, bevels and sides share no vertices."""
-    data = bpy.data.curves.new("Text", "FONT")
-    data.body, data.extrude, data.bevel_depth, data.bevel_resolution = "Ki", 0.12, 0.03, 3
+    data.body = "Ki"
+    for name, value in sizes.items():
+        setattr(data, name, value)
     data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
     return linked(data, "Text")
+
+
+def remeshed_text() -> bpy.types.Object:
+    """A text rebuilt of voxels, shaded smooth."""
+    thing = text(extrude=0.15)
+    add(thing, "REMESH", mode="VOXEL", voxel_size=0.03, use_smooth_shade=True)
+    return thing
 
 
 def ellipsoid() -> bpy.types.Object:
@@ -117,11 +116,11 @@ def bottle() -> bpy.types.Object:
     return thing
 
 
-def turned_cube() -> bpy.types.Mesh:
-    """A cube, seen on an edge."""
+def cube() -> bpy.types.Object:
+    """A cube, turned as in the reference rig, so that an edge is seen."""
     mesh = mesh_of("cube", size=1.0)
     mesh.transform(Matrix.Rotation(math.radians(15.8), 4, "Z"))
-    return mesh
+    return linked(mesh, "Cube")
 
 
 def gem() -> bpy.types.Object:
@@ -160,13 +159,13 @@ def nine_balls() -> bpy.types.Object:
 
 GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
-    "cube": lambda: linked(turned_cube(), "Cube"),
+    "cube": cube,
     "ellipsoid": ellipsoid,
     "bottle": bottle,
     "wine glass": wine_glass,
     "vase": vase,
     "Suzanne": suzanne,
-    "text, bevelled": bevelled_text,
+    "text, bevelled": lambda: text(extrude=0.12, bevel_depth=0.03, bevel_resolution=3),
     "text, remeshed": remeshed_text,
     "gem": gem,
     "cut cylinder": cut_cylinder,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from marks import ORDER
 from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
-from work import drain, solve
+from work import drain, is_sampled, solve
 
 from kiriko.core.borders import is_seen
 from kiriko.core.plan import Settings, make_plan
@@ -119,12 +119,6 @@ def on_display(xy, a_rig):
         return ((xy >= 0) & (xy <= (a_rig.display.width, a_rig.display.height))).all(axis=1)
 
 
-def is_sampled(found, at):
-    """Do places (n, 2) lie in pixels that are known by samples?"""
-    sampled = {tuple(pixel) for pixel in np.floor(found.points.view[found.samples])}
-    return np.array([tuple(pixel) in sampled for pixel in np.floor(at)])
-
-
 SCENES = {
     "ball": lambda: ball_rig(5, pixels=256),
     "cube": lambda: cube_rig(pixels=256),
@@ -224,9 +218,9 @@ def test_things_one_pixel_wide_are_found(thing):
     is_right = mine == theirs
     both = mine & theirs
     is_right[both] = np.linalg.norm(got[both] - exact[both], axis=1) < 0.5
-    # within a bubble as small as a pixel the map is a few samples
-    is_right |= is_sampled(found, at)
-    assert found.sample_area.sum() < 0.01 * pixels**2
+    if thing != "bubble":  # along a needle as thin as a pixel the map is a few samples
+        is_right |= is_sampled(found, at)
+        assert found.sample_area.sum() < 0.01 * pixels**2
     assert is_right[is_changed].mean() > 0.98
 
 

@@ -1,4 +1,6 @@
-"""Runs the generators that core's long work is made of."""
+"""Runs the generators that core's long work is made of, and tells where their map is exact."""
+
+import numpy as np
 
 from kiriko.core.plan import Settings
 from kiriko.core.session import Session
@@ -18,3 +20,9 @@ def drain(generator):
 
 def solve(rig, session=None, **settings):
     return drain((session or Session()).solve(rig, Settings(**settings)))
+
+
+def is_sampled(view_map, at):
+    """Do viewer px (n, 2) lie in pixels that are known by samples?"""
+    sampled = {tuple(pixel) for pixel in np.floor(view_map.points.view[view_map.samples])}
+    return np.array([tuple(pixel) in sampled for pixel in np.floor(at)])
