@@ -4,6 +4,7 @@ Both are made of triangles with corners (t, 3, 3) float32, of about unit size, a
 have origins and unit directions (n, 3) float32, and meet triangles from either side.
 """
 
+from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,13 @@ class BlenderBvh:
 
 
 Engine = Embree | BlenderBvh
+
+
+def engine_name() -> str:
+    """Name of the engine that will be made; Embree's where there is none."""
+    if find_spec("embreex") is None and find_spec("mathutils") is not None:
+        return BlenderBvh.name
+    return Embree.name
 
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:

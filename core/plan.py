@@ -10,8 +10,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from . import kernel
 from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
+from .engines import engine_name
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
 from .motion import Motion, find_motion
@@ -472,9 +474,14 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     def of_curved(name: str) -> tuple[int, ...]:
         return *of_glass(name), *(getattr(surface, name) for kind, surface, _ in sheets if kind == Kind.MIRROR)
 
-    engines = sorted({f"({layer.engine_name})" for layer in layers if layer.engine_name is not None})
+    has_engine = any(layer.has_engine for layer in layers)
+    no_kernel = kernel.left_out(layers, arrays)
     rules = {
-        " ".join(["ray engine", *engines]): (len(engines) > 0, "few flat faces"),
+        "compiled kernel": (no_kernel is None, no_kernel),
+        f"ray engine ({engine_name()})" if has_engine and no_kernel else "ray engine": (
+            has_engine and no_kernel is not None,
+            "the kernel has trees of its own" if has_engine else "few flat faces",
+        ),
         "curved faces": (
             any(surface.curved is not None for surface in surfaces),
             "no face that may be curved turns far",

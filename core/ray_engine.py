@@ -6,9 +6,11 @@ The engine (float32) only says *which* triangle; where the ray meets it is compu
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, product
 from .engines import Engine, Found, make_engine
@@ -99,6 +101,25 @@ Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 """Of hits of rays (indices): is it a true one, and is it one that cannot be?"""
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is asked for hits: whole triangles, then parts of others, all the same ones of each.
+
+    corners (p, 3, 3) in units of the layer's radius, from its centre; owner (t,) of whole triangles and each part, the
+    layer's triangle; n_whole; parts (k, 3, 3): barycentric corners of the parts in their triangle
+    """
+
+    corners: NDArray[np.float32]
+    owner: Ints
+    n_whole: int
+    parts: Floats
+
+    @cached_property
+    def engine(self) -> Engine:
+        """The ray engine, made when it is first asked."""
+        return make_engine(self.corners)
+
+
 class Layer:
     """Triangles that are asked together for the first hit of each ray.
 
@@ -112,21 +133,20 @@ class Layer:
         self.frames = Frames.of(corners)
         self.curved = curved
         self.n_triangles = len(corners)
-        # what the engine is asked about: whole triangles, then parts of others, each with the triangle that owns it
-        self._owner, self._n_whole, self._parts = np.arange(len(corners)), len(corners), np.eye(3)[None]
+        owner, n_whole, parts = np.arange(len(corners)), len(corners), np.eye(3)[None]
         if curved is not None:
             # curved faces are hidden behind triangles that lie just in front of them, several for each
             k = max(curved.parts(FINE, MOST_PARTS), PARTS_AT_EDGES if curved.has_straight_edges else 1)
-            weights, parts = grid(k)
+            weights, of_one = grid(k)
             flat = np.flatnonzero(curved.row < 0)
-            self._owner, self._parts = np.concatenate([flat, np.repeat(curved.triangle, k * k)]), weights[parts]
-            self._n_whole = len(flat)
+            owner, parts = np.concatenate([flat, np.repeat(curved.triangle, k * k)]), weights[of_one]
+            n_whole = len(flat)
             corners = np.concatenate([corners[flat], curved.hull(k)])
         self.bounds = box_of(corners)
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
-        self._engine = None if self.has_engine is False else self._build(corners)
+        self.asked = Asked(((corners - self.centre) / self.radius).astype(np.float32), owner, n_whole, parts)
 
     def moved(self, motion: Motion) -> "Layer":
         """The same layer elsewhere: rays are taken to where it was made, so that its engine stays as it is."""
@@ -144,14 +164,6 @@ class Layer:
     def has_engine(self) -> bool:
         """Few flat triangles need no ray engine."""
         return self.n_triangles > FEW_TRIANGLES or self.curved is not None
-
-    @property
-    def engine_name(self) -> str | None:
-        """Name of the ray engine, None where there is no need of one."""
-        return None if self._engine is None else self._engine.name
-
-    def _build(self, corners: Floats) -> Engine:
-        return make_engine(((corners - self.centre) / self.radius).astype(np.float32))
 
     def first_hits(self, *arguments: Any) -> Hits:
         """First true hits of rays, found at once; parameters as for `find_first_hits`."""
@@ -259,7 +271,7 @@ class Layer:
     def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[Found, Floats]:
         """What the engine finds from `start` on, and its distance as the engine has it."""
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
-        found = self._engine.shoot(moved.astype(np.float32), directions.astype(np.float32))
+        found = self.asked.engine.shoot(moved.astype(np.float32), directions.astype(np.float32))
         return found, start + found.distance.astype(float) * self.radius
 
     def _only_leaves_hull(self, found: Found, directions: Floats, far: Floats, leaves: Bools) -> Bools:
@@ -272,20 +284,20 @@ class Layer:
         area = np.sqrt(product(normal, normal))  # twice the area, in units of the engine
         is_steep = product(normal, directions.T) > STEEP * area
         is_near = (far / self.radius) ** 2 < NEAR**2 * area
-        return ~leaves & is_steep & is_near & (found.triangle >= self._n_whole)
+        return ~leaves & is_steep & is_near & (found.triangle >= self.asked.n_whole)
 
     def _refine(
         self, found: Found, chosen: Bools, origins: Floats, directions: Floats, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
         """Hits (n,) in float64 of the chosen ones that the engine found, of which some may come to nothing."""
         prim = found.triangle[chosen].astype(np.int64)
-        k = self._owner[prim]
+        k = self.asked.owner[prim]
         if self.curved is None:
             return self._on_facets(k, origins, directions), np.ones(len(k), bool)
         is_curved = self.curved.row[k] >= 0
         u, v = (column[chosen].astype(float) for column in (found.u, found.v))
-        in_parts = np.flatnonzero(prim >= self._n_whole)
-        part = self._parts[(prim[in_parts] - self._n_whole) % len(self._parts)]
+        in_parts = np.flatnonzero(prim >= self.asked.n_whole)
+        part = self.asked.parts[(prim[in_parts] - self.asked.n_whole) % len(self.asked.parts)]
         u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
         if is_curved.all():
             return self._on_curved(k, u, v, origins, directions, leaves)

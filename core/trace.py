@@ -1,5 +1,6 @@
 """Follows a batch of rays to their landings."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple
@@ -7,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from . import kernel
 from .curved import EDGE
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
@@ -131,8 +133,8 @@ class _Rays:
         self, origins: Floats, directions: Floats, course: Words | None, is_recorded: bool, light: PlateLight = "imaged"
     ) -> None:
         n = len(origins)
-        self.positions = np.array(origins, float)
-        self.directions = np.array(directions, float)
+        self.positions = np.array(origins, float, order="C")
+        self.directions = np.array(directions, float, order="C")
         self.mask = np.zeros(n, np.uint64)
         self.cluster = np.zeros(n, np.int64)
         self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # of those still under way in the end
@@ -221,6 +223,30 @@ def tracing(
 
 
 def _following(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> Pauses[None]:
+    """Follow rays to their ends: by the compiled kernel where it can, else event by event."""
+    if not kernel.can_follow(plan, rays, steps is not None):
+        yield from _by_events(plan, rays, steps)
+        return
+    ways, reached = yield from kernel.follow(plan, rays, steps is not None)
+    if reached:
+        raise ReachedError(reached)
+    if ways is not None:
+        steps += _steps_of(plan, rays, ways)
+
+
+def _steps_of(plan: Plan, rays: _Rays, ways: kernel.Ways) -> Iterator[Step]:
+    """What became of rays at each event, from their ways."""
+    for event in range(ways.met.shape[1]):
+        met, left = np.flatnonzero(ways.met[:, event] >= 0), np.flatnonzero(ways.left_at == event)
+        if not len(met) + len(left):
+            return
+        triangle = ways.met[met, event]
+        ends = left, rays.positions[left], rays.directions[left]
+        yield Step(met, ways.places[met, event], plan.patch[triangle], triangle, *ends)
+
+
+def _by_events(plan: Plan, rays: _Rays, steps: list[Step] | None) -> Pauses[None]:
+    """Follow rays, all of them from one event to the next."""
     for _ in range(plan.settings.max_events):
         if not len(rays.live):
             break

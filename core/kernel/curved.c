@@ -1,0 +1,234 @@
+/* Curved faces: where rays meet them. Ray by ray what core/curved.py does for many at once. */
+
+#include <string.h>
+
+#include "kiriko.h"
+
+#define ITERATIONS 12
+#define PATIENCE 6
+#define HOPELESS 0.05
+#define CONVERGED 3e-6
+#define ASIDE 0.6
+#define WALKS 8
+#define MOST_AROUND 13 /* a face, its neighbours, and theirs */
+
+static const double STARTS[4][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
+
+/* Coefficients of points relative to the first corner. */
+void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
+    const double *from = curved->coefficients + 3 * N_TERMS * curved->row[k], *corner = curved->corners + 9 * k;
+    if (!curved->lower) {
+        memcpy(c, from, sizeof(double) * N_TERMS * 3);
+    } else {
+        for (int i = 0; i < N_TERMS; i++)
+            for (int j = 0; j < 3; j++) {
+                c[i][j] = 0;
+                for (int m = 0; m < N_TERMS; m++) c[i][j] += curved->lower[N_TERMS * i + m] * from[3 * m + j];
+            }
+    }
+    for (int j = 0; j < 3; j++) {
+        c[0][j] += corner[3 + j] - corner[j];
+        c[1][j] += corner[6 + j] - corner[j];
+    }
+}
+
+static void value(const double c[N_TERMS][3], double u, double v, double *at) {
+    for (int j = 0; j < 3; j++) {
+        double u1 = c[0][j], v1 = c[1][j], u2 = c[2][j], uv = c[3][j], v2 = c[4][j], u3 = c[5][j], u2v = c[6][j];
+        double uv2 = c[7][j], v3 = c[8][j], u4 = c[9][j], u3v = c[10][j], u2v2 = c[11][j], uv3 = c[12][j];
+        double v4 = c[13][j];
+        double in_v = v1 + u * (uv + u * (u2v + u * u3v)) + v * (v2 + u * (uv2 + u * u2v2) + v * (v3 + u * uv3 + v * v4));
+        at[j] = u * (u1 + u * (u2 + u * (u3 + u * u4))) + v * in_v;
+    }
+}
+
+static void value_and_slopes(const double c[N_TERMS][3], double u, double v, double *at, double *by_u, double *by_v) {
+    for (int j = 0; j < 3; j++) {
+        double u1 = c[0][j], v1 = c[1][j], u2 = c[2][j], uv = c[3][j], v2 = c[4][j], u3 = c[5][j], u2v = c[6][j];
+        double uv2 = c[7][j], v3 = c[8][j], u4 = c[9][j], u3v = c[10][j], u2v2 = c[11][j], uv3 = c[12][j];
+        double v4 = c[13][j];
+        double p3 = u3 + u * u4, p2 = u2 + u * p3, p1 = u1 + u * p2;
+        double r = u * u3v, s = u * u2v2, r2 = u2v + r, r1 = uv + u * r2, s1 = uv2 + s;
+        double a1 = v1 + u * r1, a2 = v2 + u * s1, a3 = v3 + u * uv3;
+        double b1 = r1 + u * (r2 + r), b2 = s1 + s;
+        double q3 = a3 + v * v4, q2 = a2 + v * q3, q1 = a1 + v * q2;
+        at[j] = u * p1 + v * q1;
+        by_u[j] = p1 + u * (p2 + u * (p3 + u * u4)) + v * (b1 + v * (b2 + v * uv3));
+        by_v[j] = q1 + v * (q2 + v * (q3 + v * v4));
+    }
+}
+
+/* The next u, v by Newton's method; returns the step's size before it was limited. */
+static double step(const double c[N_TERMS][3], const double *away, const double *d, double *u, double *v) {
+    double at[3], by_u[3], by_v[3], across[3], normal[3];
+    value_and_slopes(c, *u, *v, at, by_u, by_v);
+    for (int j = 0; j < 3; j++) at[j] += away[j];
+    cross(at, d, across);
+    cross(by_u, by_v, normal);
+    double inverse = 1.0 / dot(d, normal);
+    double du = dot(across, by_v) * inverse, dv = -dot(across, by_u) * inverse;
+    double size = fabs(du) > fabs(dv) ? fabs(du) : fabs(dv);
+    if (du != du || dv != dv) size = NAN;
+    double limit = fmin(0.5 / size, 1.0);
+    *u = fmin(fmax(*u + limit * du, -1.0), 2.0);
+    *v = fmin(fmax(*v + limit * dv, -1.0), 2.0);
+    return size;
+}
+
+static bool goes_on(double u, double v, double size) {
+    return !(size < CONVERGED) && u > -ASIDE && v > -ASIDE && 1.0 - u - v > -ASIDE;
+}
+
+/* Newton's method on what of point(u, v) - origin is across the ray; steps and range are limited. */
+static bool newton(const double c[N_TERMS][3], const double *away, const double *d, Hit *hit) {
+    double size = 0, at[3], by_u[3], by_v[3];
+    for (int turn = 0; turn < ITERATIONS; turn++) {
+        size = step(c, away, d, &hit->u, &hit->v);
+        if (turn < 1) continue;
+        if (!goes_on(hit->u, hit->v, size) || (turn >= PATIENCE && !(size < HOPELESS))) break;
+    }
+    value_and_slopes(c, hit->u, hit->v, at, by_u, by_v);
+    for (int j = 0; j < 3; j++) at[j] += away[j];
+    hit->distance = dot(d, at);
+    cross(by_u, by_v, hit->facing);
+    hit->enters = dot(d, hit->facing) < 0;
+    return size < CONVERGED;
+}
+
+/* The place on a neighbour across an edge next to where u, v left the face. */
+static void step_over(const Curved *curved, int64_t row, int edge, double *u, double *v) {
+    double along = edge == 0 ? *u : edge == 1 ? *v : 1 - *u - *v; /* weight of the corner in which the edge ends */
+    along = along < 0 ? 0 : along > 1 ? 1 : along;
+    double weights[3] = {0, 0, 0};
+    int theirs = (int)curved->neighbour_edge[3 * row + edge];
+    weights[theirs] = along; /* it runs the other way there */
+    weights[(theirs + 1) % 3] = 1 - along;
+    *u = weights[1];
+    *v = weights[2];
+}
+
+/* A root on a face or, after some walks, on another; of whichever side. */
+static bool find_root(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
+                      int walks, Hit *hit) {
+    double c[N_TERMS][3], away[3];
+    hit->triangle = triangle;
+    hit->is_curved = true;
+    hit->u = u;
+    hit->v = v;
+    for (int walk = 0; walk < walks; walk++) {
+        int64_t k = hit->triangle, row = curved->row[k];
+        load_face(curved, k, c);
+        for (int j = 0; j < 3; j++) away[j] = curved->corners[9 * k + j] - o[j];
+        bool done = newton(c, away, d, hit);
+        double outside[3] = {hit->v, 1 - hit->u - hit->v, hit->u}; /* distances from the edges */
+        int edge = 0;
+        for (int e = 1; e < 3; e++)
+            if (outside[e] < outside[edge]) edge = e;
+        if (outside[edge] >= -EDGE) return done;
+        if (!done && outside[edge] > -ASIDE) return false;
+        int64_t next = curved->neighbour[3 * row + edge];
+        if (next < 0) return false;
+        hit->triangle = next;
+        step_over(curved, row, edge, &hit->u, &hit->v);
+    }
+    return false;
+}
+
+static double facing_along(const double c[N_TERMS][3], const double *d, double u, double v, double *by_u, double *by_v) {
+    double at[3], normal[3];
+    value_and_slopes(c, u, v, at, by_u, by_v);
+    cross(by_u, by_v, normal);
+    return dot(d, normal);
+}
+
+static double or_zero(double x) { return x == x ? x : 0; }
+
+/* A place about as far beyond where the ray touches the surface as u, v are before it, or the reverse. */
+static void across(const Curved *curved, int64_t k, const double *d, double *u, double *v) {
+    double c[N_TERMS][3], by_u[3], by_v[3], other_u[3], other_v[3];
+    load_face(curved, k, c);
+    double here = facing_along(c, d, *u, *v, by_u, by_v);
+    double uu = dot(by_u, by_u), uv = dot(by_u, by_v), vv = dot(by_v, by_v), du = dot(d, by_u), dv = dot(d, by_v);
+    double a = (vv * du - uv * dv) / (uu * vv - uv * uv), b = (uu * dv - uv * du) / (uu * vv - uv * uv);
+    double size = fabs(a) > fabs(b) ? fabs(a) : fabs(b), far = 1e-3;
+    a /= size;
+    b /= size;
+    double way = -2 * here * far / (facing_along(c, d, *u + far * a, *v + far * b, other_u, other_v) - here);
+    way = or_zero(way);
+    way = way < -1 ? -1 : way > 1 ? 1 : way;
+    *u += way * or_zero(a);
+    *v += way * or_zero(b);
+}
+
+/* Replace a root on the wrong side by the nearest on the right one, from many places on the faces around. */
+static void search_around(const Curved *curved, const double *o, const double *d, bool leaves, Hit *hit) {
+    int64_t around[MOST_AROUND];
+    int n = 1, first = 0;
+    around[0] = hit->triangle;
+    for (int ring = 0; ring < 2; ring++) {
+        int last = n;
+        for (; first < last; first++)
+            for (int e = 0; e < 3; e++) {
+                int64_t k = curved->neighbour[3 * curved->row[around[first]] + e];
+                bool is_known = k < 0;
+                for (int i = 0; i < n && !is_known; i++) is_known = around[i] == k;
+                if (!is_known && n < MOST_AROUND) around[n++] = k;
+            }
+    }
+    double wrong = hit->distance;
+    Hit best = *hit;
+    bool is_found = false;
+    for (int i = 0; i < n; i++)
+        for (int s = 0; s < 4; s++) {
+            Hit other;
+            if (!find_root(curved, around[i], STARTS[s][0], STARTS[s][1], o, d, WALKS, &other)) continue;
+            /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */
+            if (other.enters == leaves || !((other.distance - wrong) * (leaves ? 1.0 : -1.0) > 0)) continue;
+            if (is_found && other.distance >= best.distance) continue;
+            best = other;
+            is_found = true;
+        }
+    *hit = best;
+}
+
+/* The normal by which a face refracts. */
+static void bend(const Curved *curved, Hit *hit) {
+    copy(hit->facing, hit->normal);
+    if (!curved->normal_terms) return;
+    int64_t row = curved->row[hit->triangle], terms = curved->normal_row[row];
+    if (terms < 0) return;
+    double c[N_TERMS][3], at[3];
+    const double *corner[3];
+    memcpy(c, curved->normal_terms + 3 * N_TERMS * terms, sizeof c);
+    for (int i = 0; i < 3; i++) corner[i] = curved->vertex_normal + 3 * curved->vertex[3 * row + i];
+    for (int j = 0; j < 3; j++) {
+        c[0][j] += corner[1][j] - corner[0][j];
+        c[1][j] += corner[2][j] - corner[0][j];
+    }
+    value(c, hit->u, hit->v, at);
+    for (int j = 0; j < 3; j++) hit->normal[j] = corner[0][j] + at[j];
+}
+
+static bool is_odd(const Hit *hit, bool leaves, double least) {
+    return hit->enters == leaves && (leaves || hit->distance > least);
+}
+
+/* Where a ray meets the curved surface, beginning at u, v of a triangle; false where it does not.
+
+   leaves : does the ray come from within, so that only a hit from behind can be; NULL: from either side
+   least : a root this near is that of a ray that has just left the surface
+   is_last : all faces near the ray are asked, so that those around need not be searched */
+bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
+                 const bool *leaves, double least, bool is_last, Hit *hit) {
+    int walks = is_last ? 2 : WALKS;
+    if (!find_root(curved, triangle, u, v, o, d, walks, hit)) return false;
+    if (leaves && is_odd(hit, *leaves, least)) {
+        Hit other;
+        double x = hit->u, y = hit->v;
+        across(curved, hit->triangle, d, &x, &y);
+        if (find_root(curved, hit->triangle, x, y, o, d, walks, &other) && other.enters != *leaves) *hit = other;
+        if (!is_last && is_odd(hit, *leaves, least) && hit->distance > least) search_around(curved, o, d, *leaves, hit);
+    }
+    bend(curved, hit);
+    return true;
+}

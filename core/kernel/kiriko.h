@@ -1,0 +1,185 @@
+/* What Python hands over, and the small things that all files need.
+
+   Every structure is mirrored in __init__.py, field by field, and its size is compared when the library is loaded. All
+   lengths are in m, directions are unit vectors, and the names are those of core/plan.py, core/ray_engine.py and
+   core/curved.py, which say what they mean. */
+
+#ifndef KIRIKO_H
+#define KIRIKO_H
+
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define KIRIKO_API __declspec(dllexport)
+#else
+#define KIRIKO_API __attribute__((visibility("default")))
+#endif
+
+#define N_TERMS 14
+#define MOST_LAYERS 256
+#define EDGE 1e-10          /* barycentric slack, as in curved.py */
+#define WIDER 1e-6          /* for a ray that met nothing, as in ray_engine.py */
+#define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
+
+typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY } Kind;
+
+typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
+
+typedef enum { PASS = 1, TIR = 2, AT_PLATE = 3, AT_MIRROR = 4, LAND = 5 } Event;
+
+/* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on, or,
+   where that is 0, is the node `first`. Boxes that are not there are met by no ray. */
+typedef struct {
+    float sides[6][4];
+    int32_t first[4], count[4];
+} Node;
+
+typedef struct {
+    const Node *nodes;
+    const int32_t *items;   /* at each position */
+} Tree;
+
+typedef struct {
+    double *corners;        /* (t, 3, 3) */
+    int64_t *row;           /* (t,) */
+    double *coefficients;   /* (p, 14, 3) */
+    int64_t *neighbour;     /* (p, 3) */
+    int64_t *neighbour_edge;
+    int64_t *vertex;        /* (p, 3) */
+    double *vertex_normal;  /* (f, 3) */
+    int64_t *normal_row;    /* (p,) */
+    double *normal_terms;   /* (q, 14, 3), NULL where each face refracts by its own normals */
+    double *lower;          /* (14, 14), NULL for degree 4 */
+    float *hull;            /* (p', 3, 3) by position, in units of the layer's radius, from its centre */
+    int64_t *owner;         /* (flat + curved faces,) */
+    double *parts;          /* (n_parts, 3, 3) */
+    int64_t n_whole, n_parts;
+    Tree over_hull;
+} Curved;
+
+typedef struct {
+    int64_t n_triangles;
+    double *frames;         /* (t, 4, 3): corner, normal, axis_u, axis_v */
+    int64_t *numbers;       /* (t,) in the plan */
+    uint64_t *closed_bits;  /* (clusters,) */
+    uint64_t *solid_bits;   /* (clusters,), NULL with sheets */
+    Curved *curved;         /* NULL where all is flat */
+    double *rotation;       /* (3, 3), NULL where nothing has moved */
+    double shift[3];
+    double low[3], high[3], centre[3], radius, tolerance;
+    int64_t has_engine, n_starts;
+    Tree over_faces;
+} Layer;
+
+typedef struct {
+    double *normals, *corner_normals;  /* (t, 3), (t, 3, 3) or NULL */
+    uint8_t *is_bent;                  /* (t,) */
+    int64_t *patch, *part;             /* (t,) */
+    int64_t *kind, *cluster, *sheet;   /* (p,) */
+    uint8_t *is_closed, *is_clear;     /* (p,), (p, 2) */
+    uint64_t *bit;                     /* (p,) */
+    int64_t *index_row;                /* (solids,) */
+    double *indices;
+    int64_t n_triangles, n_open, n_aside, n_layers;
+    int64_t *open_part;                /* (n_open,) */
+    double *open_box, *aside_box;      /* (n, 2, 3) */
+    Layer *layers;
+    int64_t *order;                    /* (n_layers,) in which they are asked */
+    double merge_distance;
+    int64_t max_events, only_through_glass, brightness;
+    int64_t has_plane, display_start;
+    double plane_corner[3], plane_normal[3], plane_pixels[6], plane_origin[2];
+    double *display_uv;                /* (., 3, 2) */
+    double display_size[2];
+} Plan;
+
+/* State of n rays, as trace.py's _Rays has it, and what is written down of their ways. */
+typedef struct {
+    int64_t n;
+    double *positions, *directions;    /* (n, 3) */
+    uint64_t *mask;
+    int64_t *cluster;
+    uint8_t *reason;
+    uint64_t *branch;
+    double *xy, *throughput;           /* (n, 2), (n,) */
+    int64_t *n_events;
+    uint8_t *has_met_glass, *has_met_plate, *plate_path;
+    int64_t *last_part, *leak;
+    uint64_t *course;                  /* (n, width), or NULL */
+    int64_t width, is_recorded, is_imaged;
+    int64_t *n_words;
+    uint8_t *is_astray, *has_ended;
+    int64_t n_steps;                   /* 0 where no way is written down */
+    double *places;                    /* (n, n_steps, 3) */
+    int64_t *met;                      /* (n, n_steps) triangles */
+    int64_t *left_at;                  /* (n,) event at which nothing more was met, -1 where the ray ended otherwise */
+    uint8_t *is_reached;               /* (n_aside,) */
+} Rays;
+
+/* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
+typedef struct {
+    double distance, u, v;
+    int64_t triangle;
+    bool enters, is_curved;
+    double facing[3], normal[3];       /* of curved faces, not unit */
+} Hit;
+
+static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static inline void cross(const double *a, const double *b, double *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static inline void copy(const double *from, double *to) {
+    for (int i = 0; i < 3; i++) to[i] = from[i];
+}
+
+/* Scale to length 1; zero stays zero. */
+static inline void normalise(double *a) {
+    double length = sqrt(dot(a, a));
+    if (!(length > 0)) return;
+    for (int i = 0; i < 3; i++) a[i] /= length;
+}
+
+static inline bool is_within(double u, double v, double slack) {
+    return u >= -slack && v >= -slack && u + v <= 1 + slack;
+}
+
+/* Distances at which a ray enters and leaves a box; enter > leave is a miss. A ray within a face of it gives NaN, which
+   the comparisons pass over. */
+static inline void slab(const double *low, const double *high, const double *o, const double *inverse, double *enter,
+                        double *leave) {
+    for (int i = 0; i < 3; i++) {
+        double a = (low[i] - o[i]) * inverse[i], b = (high[i] - o[i]) * inverse[i];
+        double near = a < b ? a : b, far = a < b ? b : a;
+        if (a != a || b != b) continue;
+        if (near > *enter) *enter = near;
+        if (far < *leave) *leave = far;
+    }
+}
+
+/* curved.c */
+void load_face(const Curved *curved, int64_t triangle, double c[N_TERMS][3]);
+bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
+                 const bool *leaves, double least, bool is_last, Hit *hit);
+
+/* layers.c */
+typedef struct {
+    const Plan *plan;
+    uint64_t mask;
+    int64_t cluster, last_part, gap;
+    double gap_distance;
+} Sides;
+
+void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit);
+
+/* threads.c */
+typedef void (*Work)(void *context, int64_t first, int64_t last);
+void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads);
+
+#endif

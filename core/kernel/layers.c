@@ -1,0 +1,269 @@
+/* The first true hit of a ray in a layer: ray by ray what core/ray_engine.py does for many at once. */
+
+#include <float.h>
+
+#include "kiriko.h"
+#include "tree.h"
+
+#define STEEP 0.5 /* cosine, and parts of a triangle's size: so a ray leaves the hull that has left the faces */
+#define NEAR 0.1
+#define HULL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the hull */
+#define MOST_ASKED 200  /* hulls met on the way of one ray: its steps are doubled each time */
+
+static const double STARTS[4][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
+
+typedef struct {
+    const Layer *layer;
+    Sides *sides;
+    const double *o, *d;
+    const bool *leaves;
+    double start;    /* from where the tree is asked, m */
+    double tolerance, slack;
+    double wrong;    /* distance of the nearest hit that cannot be */
+    Hit *hit;
+} Search;
+
+/* Is a hit true, by the sides of its face (decision 1 in docs/design.md)? is_wrong: it is one that cannot be. */
+static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
+    Sides *sides = search->sides;
+    const Plan *plan = sides->plan;
+    int64_t part = plan->part[search->layer->numbers[hit->triangle]];
+    uint64_t bit = plan->bit[part];
+    double t = hit->distance, tolerance = search->tolerance;
+    bool fits = hit->enters != ((sides->mask & bit) && sides->cluster == plan->cluster[part]);
+    bool is_last = plan->sheet[part] == sides->last_part;
+    bool is_behind = bit && !fits && t > tolerance;
+    *is_wrong = is_behind && plan->is_closed[part];
+    if (is_behind && !plan->is_closed[part] && t < sides->gap_distance) {
+        sides->gap = part;
+        sides->gap_distance = t;
+    }
+    /* what touches may be a little behind; not so other faces of what was just met, however thin it is */
+    if (bit) return fits && t > (is_last ? -1e-3 : -1.0) * tolerance;
+    return t > tolerance || (!is_last && t > -1e-3 * tolerance);
+}
+
+/* Where a ray meets the plane of a triangle, if that is within it but for a slack. */
+static bool on_facet(const Search *search, int64_t k, double slack, Hit *hit) {
+    const Layer *layer = search->layer;
+    const double *corner = layer->frames + 12 * k, *normal = corner + 3;
+    const double *o = search->o, *d = search->d;
+    double slope = dot(d, normal), away[3], inside[3];
+    for (int j = 0; j < 3; j++) away[j] = corner[j] - o[j];
+    double t = dot(away, normal) / slope;
+    if (!(fabs(t) <= DBL_MAX)) return false;
+    for (int j = 0; j < 3; j++) inside[j] = o[j] + t * d[j] - corner[j];
+    hit->distance = t;
+    hit->u = dot(inside, corner + 6);
+    hit->v = dot(inside, corner + 9);
+    hit->triangle = k;
+    hit->enters = slope < 0;
+    hit->is_curved = false;
+    return is_within(hit->u, hit->v, slack);
+}
+
+/* Take a hit if it is true and the nearest so far. */
+static void consider(Search *search, const Hit *found, double *far) {
+    bool is_wrong;
+    if (!(found->distance > -search->tolerance) || !(found->distance < search->hit->distance)) return;
+    if (accept(search, found, &is_wrong)) {
+        *search->hit = *found;
+        double left = (found->distance - search->start + search->tolerance) / search->layer->radius;
+        if (far && left < *far) *far = left;
+    } else if (is_wrong && found->distance < search->wrong) {
+        search->wrong = found->distance;
+    }
+}
+
+static void visit_face(void *context, int32_t position, double *far) {
+    Search *search = context;
+    int32_t k = search->layer->over_faces.items[position];
+    const Curved *curved = search->layer->curved;
+    Hit found;
+    if (!curved || curved->row[k] < 0) {
+        if (on_facet(search, k, search->slack, &found)) consider(search, &found, far);
+        return;
+    }
+    for (int s = 0; s < search->layer->n_starts; s++) {
+        const double *at = STARTS[s];
+        if (meet_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
+                        &found))
+            consider(search, &found, far);
+    }
+}
+
+/* Ask all faces that the ray may meet, exactly. */
+static void search_faces(Search *search, double slack, double far) {
+    const Layer *layer = search->layer;
+    double from[3];
+    search->slack = slack;
+    search->wrong = INFINITY;
+    for (int j = 0; j < 3; j++) from[j] = (search->o[j] + search->start * search->d[j] - layer->centre[j]) / layer->radius;
+    far = (far + search->tolerance - search->start) / layer->radius;
+    visit_tree(&layer->over_faces, from, search->d, &far, visit_face, search);
+}
+
+typedef struct {
+    const Curved *curved;
+    const double *o, *d;
+    double u, v, along, area;
+    int32_t position;
+} Shot;
+
+static void visit_hull(void *context, int32_t position, double *far) {
+    Shot *shot = context;
+    const float *p = shot->curved->hull + 9 * (int64_t)position;
+    double e1[3], e2[3], away[3], normal[3], across[3];
+    for (int j = 0; j < 3; j++) {
+        e1[j] = (double)p[3 + j] - p[j];
+        e2[j] = (double)p[6 + j] - p[j];
+        away[j] = shot->o[j] - p[j];
+    }
+    cross(e1, e2, normal);
+    double slope = -dot(shot->d, normal), inverse = 1.0 / slope;
+    cross(away, shot->d, across);
+    double t = dot(away, normal) * inverse, u = dot(e2, across) * inverse, v = -dot(e1, across) * inverse;
+    if (!(t > 0 && t < *far && is_within(u, v, HULL_SLACK))) return;
+    *far = t;
+    shot->position = position;
+    shot->u = u;
+    shot->v = v;
+    shot->along = -slope;
+    shot->area = sqrt(dot(normal, normal));
+}
+
+/* Does what was found tell that a ray only comes out of the hull, having left the faces just behind it? */
+static bool only_leaves_hull(const Shot *shot, double far, bool is_whole, bool leaves) {
+    bool is_steep = shot->along > STEEP * shot->area, is_near = far * far < NEAR * NEAR * shot->area;
+    return !leaves && is_steep && is_near && !is_whole;
+}
+
+/* Follow a ray from one triangle of the hull to the next until there is a true hit. Returns whether it must have met
+   something else. */
+static bool ask_hull(Search *search, double enter, bool is_inside) {
+    const Layer *layer = search->layer;
+    const Curved *curved = layer->curved;
+    const double *o = search->o, *d = search->d, radius = layer->radius;
+    double step = 3 * FLOAT32 * radius, start = enter > 0 ? enter - 2 * layer->tolerance : step;
+    bool is_lost = false;
+
+    for (int asked = 0; asked < MOST_ASKED; asked++) {
+        double from[3], far = INFINITY;
+        for (int j = 0; j < 3; j++) from[j] = (o[j] + start * d[j] - layer->centre[j]) / radius;
+        Shot shot = {.curved = curved, .o = from, .d = d, .position = -1};
+        visit_tree(&curved->over_hull, from, d, &far, visit_hull, &shot);
+        if (shot.position < 0) return is_lost || is_inside;
+        double at = start + far * radius;
+        int32_t asked_for = curved->over_hull.items[shot.position];
+        bool is_whole = asked_for < curved->n_whole;
+        if (!search->leaves || !only_leaves_hull(&shot, at / radius, is_whole, *search->leaves)) {
+            int64_t k = curved->owner[asked_for];
+            Hit found;
+            bool is_met = true, is_wrong = false;
+            if (curved->row[k] < 0) {
+                on_facet(search, k, INFINITY, &found);
+                is_met = fabs(dot(d, layer->frames + 12 * k + 3)) > 0;
+            } else {
+                double u = shot.u, v = shot.v;
+                if (!is_whole) {
+                    const double *w = curved->parts + 9 * ((asked_for - curved->n_whole) % curved->n_parts);
+                    u = (1 - shot.u - shot.v) * w[1] + shot.u * w[4] + shot.v * w[7];
+                    v = (1 - shot.u - shot.v) * w[2] + shot.u * w[5] + shot.v * w[8];
+                }
+                is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
+            }
+            if (is_met && accept(search, &found, &is_wrong)) {
+                *search->hit = found;
+                return is_lost;
+            }
+            is_lost |= is_wrong;
+        }
+        start = (at > start ? at : start) + step;
+        step *= 2;
+    }
+    return is_lost || is_inside;
+}
+
+static void turn(const double *rotation, bool is_back, double *vector) {
+    double from[3];
+    copy(vector, from);
+    for (int i = 0; i < 3; i++) {
+        vector[i] = 0;
+        for (int j = 0; j < 3; j++) vector[i] += rotation[is_back ? 3 * j + i : 3 * i + j] * from[j];
+    }
+}
+
+static void find(Search *search, double within) {
+    const Layer *layer = search->layer;
+    const double *o = search->o, *d = search->d;
+    Sides *sides = search->sides;
+    double low[3], high[3], inverse[3], enter = -INFINITY, leave = INFINITY;
+    bool is_inside = sides->mask & layer->closed_bits[sides->cluster];
+
+    for (int j = 0; j < 3; j++) {
+        low[j] = layer->low[j] - layer->tolerance;
+        high[j] = layer->high[j] + layer->tolerance;
+        inverse[j] = 1 / d[j];
+    }
+    slab(low, high, o, inverse, &enter, &leave);
+    if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
+    if (!layer->has_engine) {
+        for (int64_t k = 0; k < layer->n_triangles; k++) {
+            Hit found;
+            if (on_facet(search, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
+        }
+        return;
+    }
+
+    search->start = (enter > 0 ? enter : 0) - 2 * layer->tolerance;
+    bool is_lost;
+    if (layer->curved) {
+        is_lost = ask_hull(search, enter, is_inside);
+    } else {
+        search_faces(search, EDGE, is_inside ? INFINITY : within);
+        is_lost = search->wrong < search->hit->distance || (is_inside && search->hit->triangle < 0);
+    }
+    if (!is_lost) return;
+    /* what was found, if anything, may lie beyond a face that was missed: all faces are asked, with more slack */
+    Hit kept = *search->hit;
+    search->hit->distance = INFINITY;
+    search->hit->triangle = -1;
+    search_faces(search, WIDER, INFINITY);
+    if (search->hit->triangle < 0) *search->hit = kept;
+}
+
+/* The first true hit of a ray in a layer; its triangle is the plan's. */
+void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit) {
+    double from[3], along[3];
+    bool leaves = false;
+    bool has_sides = layer->curved && layer->solid_bits;
+    if (has_sides) leaves = sides->mask & layer->solid_bits[sides->cluster];
+    copy(o, from);
+    copy(d, along);
+    if (layer->rotation) {
+        for (int j = 0; j < 3; j++) from[j] -= layer->shift[j];
+        turn(layer->rotation, true, from);
+        turn(layer->rotation, true, along);
+    }
+    double merge = sides->plan->merge_distance;
+    Search search = {
+        .layer = layer,
+        .sides = sides,
+        .o = from,
+        .d = along,
+        .leaves = has_sides ? &leaves : NULL,
+        .tolerance = layer->tolerance > merge ? layer->tolerance : merge,
+        .wrong = INFINITY,
+        .hit = hit,
+    };
+    hit->distance = INFINITY;
+    hit->triangle = -1;
+    hit->is_curved = false;
+    find(&search, within);
+    if (hit->triangle < 0) return;
+    hit->triangle = layer->numbers[hit->triangle];
+    if (hit->is_curved && layer->rotation) {
+        turn(layer->rotation, false, hit->facing);
+        turn(layer->rotation, false, hit->normal);
+    }
+}

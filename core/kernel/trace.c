@@ -1,0 +1,356 @@
+/* Follows rays to their ends: ray by ray what core/trace.py does for many at once. */
+
+#include "kiriko.h"
+
+#define IMAGED 1 /* of PlatePath */
+#define RAYS_AT_ONCE 64 /* that one thread takes up: enough that taking them costs nothing */
+
+typedef struct {
+    const Plan *plan;
+    Rays *rays;
+    int64_t i; /* the ray */
+    Hit *by_layer;
+} Ray;
+
+static void add_to_branch(Ray *ray, int64_t patch, Event event) {
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    uint64_t word = (uint64_t)(patch * 8 + event + 1);
+    uint64_t mixed = (rays->branch[i] ^ word) * UINT64_C(0x9E3779B97F4A7C15);
+    rays->branch[i] = mixed ^ (mixed >> 29);
+    if (!rays->course) return;
+    int64_t at = rays->n_words[i]++;
+    uint64_t *mine = rays->course + i * rays->width + at;
+    if (rays->is_recorded) {
+        if (at < rays->width) *mine = rays->branch[i];
+        return;
+    }
+    rays->is_astray[i] = (at < rays->width ? *mine : 0) != rays->branch[i];
+    rays->has_ended[i] |= rays->is_astray[i];
+}
+
+/* Take a ray out of open solids that it has left through a gap: beyond the box, or where it meets nothing. */
+static void leave_gaps(Ray *ray, const Hit *hit) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    const double *at = rays->positions + 3 * i;
+    for (int64_t n = 0; n < plan->n_open; n++) {
+        int64_t number = plan->open_part[n];
+        if (!(rays->mask[i] & plan->bit[number]) || rays->cluster[i] != plan->cluster[number]) continue;
+        if (hit) {
+            const double *box = plan->open_box + 6 * n;
+            int64_t part = plan->part[hit->triangle];
+            bool is_beyond = plan->bit[part] && plan->cluster[part] != plan->cluster[number];
+            for (int j = 0; j < 3; j++) is_beyond |= at[j] < box[j] || at[j] > box[3 + j];
+            if (!is_beyond || part == number) continue;
+        }
+        rays->mask[i] &= ~plan->bit[number];
+        rays->leak[i] = number;
+    }
+}
+
+/* Note which boxes of what stands aside a ray enters on its way. */
+static void keep_clear(Ray *ray, double distance) {
+    const Plan *plan = ray->plan;
+    const double *o = ray->rays->positions + 3 * ray->i, *d = ray->rays->directions + 3 * ray->i;
+    double inverse[3] = {1 / d[0], 1 / d[1], 1 / d[2]};
+    for (int64_t n = 0; n < plan->n_aside; n++) {
+        const double *box = plan->aside_box + 6 * n;
+        double enter = -INFINITY, leave = INFINITY;
+        slab(box, box + 3, o, inverse, &enter, &leave);
+        if (enter <= leave && leave >= 0 && enter <= distance)
+            __atomic_store_n(ray->rays->is_reached + n, 1, __ATOMIC_RELAXED);
+    }
+}
+
+static bool find_first_hit(Ray *ray, Hit *first) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
+    Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY};
+    double nearest = INFINITY;
+
+    for (int64_t n = 0; n < plan->n_layers; n++) {
+        const Layer *layer = plan->layers + plan->order[n];
+        double tolerance = layer->tolerance > plan->merge_distance ? layer->tolerance : plan->merge_distance;
+        Hit *hit = ray->by_layer + plan->order[n];
+        first_hit(layer, &sides, o, d, nearest + tolerance, hit);
+        if (hit->distance < nearest) nearest = hit->distance;
+    }
+    *first = ray->by_layer[0];
+    for (int64_t n = 1; n < plan->n_layers; n++)
+        if (ray->by_layer[n].distance < first->distance) *first = ray->by_layer[n];
+    if (plan->n_aside) keep_clear(ray, first->distance);
+    if (sides.gap_distance < first->distance) rays->leak[i] = sides.gap;
+    return first->triangle >= 0;
+}
+
+/* Where a ray meets the plane of a flat display: display px, distance, m, and does it meet its front? */
+static bool on_plane(const Ray *ray, double *xy, double *t) {
+    const Plan *plan = ray->plan;
+    const double *o = ray->rays->positions + 3 * ray->i, *d = ray->rays->directions + 3 * ray->i;
+    double slope = dot(d, plan->plane_normal), away[3], at[3];
+    for (int j = 0; j < 3; j++) away[j] = plan->plane_corner[j] - o[j];
+    *t = dot(away, plan->plane_normal) / slope;
+    for (int j = 0; j < 3; j++) at[j] = o[j] + *t * d[j] - plan->plane_corner[j];
+    for (int k = 0; k < 2; k++) xy[k] = dot(plan->plane_pixels + 3 * k, at) + plan->plane_origin[k];
+    return slope < 0 && *t > 0;
+}
+
+static bool is_on_image(const Plan *plan, const double *xy) {
+    for (int k = 0; k < 2; k++) {
+        double size = plan->display_size[k];
+        if (!(xy[k] >= -EDGE * size && xy[k] <= (1 + EDGE) * size)) return false;
+    }
+    return true;
+}
+
+static void put_xy(Ray *ray, const double *xy) {
+    ray->rays->xy[2 * ray->i] = xy[0];
+    ray->rays->xy[2 * ray->i + 1] = xy[1];
+}
+
+static void end_without_hit(Ray *ray) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    rays->reason[i] = rays->mask[i]              ? LOST_INSIDE
+                      : !rays->has_met_glass[i] ? MISSED_GLASS
+                      : !rays->has_met_plate[i] ? MISSED_PLATE
+                                                : MISSED_DISPLAY;
+    double xy[2], t;
+    if (!plan->has_plane || rays->reason[i] != MISSED_DISPLAY || !on_plane(ray, xy, &t)) return;
+    put_xy(ray, xy);
+    add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
+}
+
+/* End a ray that has nothing before it but a flat display. */
+static void land_beyond_plate(Ray *ray) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    rays->has_ended[i] = true;
+    if (rays->n_events[i] >= plan->max_events) return;
+    double xy[2], t;
+    bool is_front = on_plane(ray, xy, &t), hits = t > 0 && is_on_image(plan, xy);
+    if (hits) {
+        for (int j = 0; j < 3; j++) rays->positions[3 * i + j] += t * rays->directions[3 * i + j];
+        rays->n_events[i]++;
+    }
+    bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
+    rays->reason[i] = hits && !counts             ? MISSED_GLASS
+                      : hits && !is_front         ? BLOCKED
+                      : hits                      ? ARRIVED
+                      : !rays->has_met_glass[i] ? MISSED_GLASS
+                                                  : MISSED_DISPLAY;
+    if (!is_front || (rays->reason[i] != ARRIVED && rays->reason[i] != MISSED_DISPLAY)) return;
+    put_xy(ray, xy);
+    add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
+}
+
+/* Geometric and shading normal, both turned against the ray. */
+static void find_normals(const Plan *plan, const double *d, const Hit *hit, double *geometric, double *shading) {
+    copy(plan->normals + 3 * hit->triangle, geometric);
+    copy(geometric, shading);
+    if (hit->is_curved) {
+        copy(hit->facing, geometric);
+        copy(hit->normal, shading);
+        normalise(geometric);
+        normalise(shading);
+    } else if (plan->corner_normals && plan->is_bent[hit->triangle]) {
+        const double *corners = plan->corner_normals + 9 * hit->triangle;
+        double w = 1 - hit->u - hit->v;
+        for (int j = 0; j < 3; j++) shading[j] = w * corners[j] + hit->u * corners[3 + j] + hit->v * corners[6 + j];
+        normalise(shading);
+    }
+    if (!hit->enters)
+        for (int j = 0; j < 3; j++) {
+            geometric[j] = -geometric[j];
+            shading[j] = -shading[j];
+        }
+    /* where the shading normal looks away from the ray the face's own one is kept */
+    if (dot(d, shading) >= 0) copy(geometric, shading);
+}
+
+static void reflect(const double *d, const double *normal, double *out) {
+    double twice = 2.0 * dot(d, normal);
+    for (int j = 0; j < 3; j++) out[j] = d[j] - twice * normal[j];
+}
+
+/* Unpolarised Fresnel transmittance of power; 0 at grazing. */
+static double transmittance(double c1, double c2, double eta) {
+    double s = (eta * c1 - c2) / (eta * c1 + c2), p = (c1 - eta * c2) / (c1 + eta * c2);
+    s = s == s ? s : 1;
+    p = p == p ? p : 1;
+    return 1.0 - 0.5 * (s * s + p * p);
+}
+
+/* Snell's law, as optics.refract; returns whether light is totally reflected. */
+static bool refract(const double *d, const double *normal, double n1, double n2, double *out, double *passed) {
+    double eta = n1 / n2, c = -dot(d, normal), tangential[3];
+    for (int j = 0; j < 3; j++) tangential[j] = d[j] + c * normal[j];
+    double k = c * c + (n2 - n1) / n2 * (1.0 + eta) * dot(tangential, tangential);
+    if (k < 0) {
+        reflect(d, normal, out);
+        *passed = 1;
+        return true;
+    }
+    double root = sqrt(k);
+    for (int j = 0; j < 3; j++) out[j] = eta * d[j] + (eta * c - root) * normal[j];
+    *passed = transmittance(c, root, eta);
+    return false;
+}
+
+static double index_of(const Plan *plan, int64_t part, uint64_t mask) {
+    return plan->indices[plan->index_row[part] + (mask ? 64 - __builtin_clzll(mask) : 0)];
+}
+
+static void set_direction(Ray *ray, double *out) {
+    normalise(out);
+    copy(out, ray->rays->directions + 3 * ray->i);
+}
+
+/* Cross or mirror at an interface; faces of other solids at the same place are crossed together with it. */
+static void meet_glass(Ray *ray, const Hit *hit) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i, part = plan->part[hit->triangle];
+    uint64_t before = rays->cluster[i] == plan->cluster[part] ? rays->mask[i] : 0;
+    rays->cluster[i] = plan->cluster[part];
+    uint64_t after = before ^ plan->bit[part];
+    for (int64_t n = 0; n < plan->n_layers; n++) {
+        const Hit *other = ray->by_layer + n;
+        if (other->triangle < 0 || other->triangle == hit->triangle) continue;
+        if (fabs(other->distance - hit->distance) <= plan->merge_distance)
+            after ^= plan->bit[plan->part[other->triangle]];
+    }
+    double n1 = index_of(plan, part, before), n2 = index_of(plan, part, after);
+    rays->has_met_glass[i] = true;
+    if (n1 == n2) {
+        rays->mask[i] = after;
+        return;
+    }
+    const double *d = rays->directions + 3 * i;
+    double geometric[3], shading[3], out[3], passed;
+    find_normals(plan, d, hit, geometric, shading);
+    bool is_tir = refract(d, shading, n1, n2, out, &passed);
+    /* a bent normal can send light to the wrong side of the face it met: there the face's own normal is used */
+    if ((dot(out, geometric) > 0) != is_tir) is_tir = refract(d, geometric, n1, n2, out, &passed);
+    set_direction(ray, out);
+    if (is_tir) rays->last_part[i] = part;
+    rays->mask[i] = is_tir ? before : after;
+    if (plan->brightness) rays->throughput[i] *= passed;
+    add_to_branch(ray, plan->patch[hit->triangle], is_tir ? TIR : PASS);
+}
+
+static void meet_plate(Ray *ray, const Hit *hit) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i, part = plan->part[hit->triangle];
+    const double *normal = plan->normals + 3 * hit->triangle;
+    double *d = rays->directions + 3 * i, out[3];
+    reflect(d, normal, out); /* what is along the plate turns round, what is along the normal stays */
+    for (int j = 0; j < 3; j++) d[j] = -out[j];
+    if (rays->plate_path[i] < IMAGED) rays->plate_path[i] = IMAGED;
+    rays->has_met_plate[i] = true;
+    add_to_branch(ray, plan->patch[hit->triangle], AT_PLATE);
+    if (plan->is_clear[2 * part + (dot(d, normal) > 0)]) land_beyond_plate(ray);
+}
+
+static void meet_mirror(Ray *ray, const Hit *hit) {
+    const double *d = ray->rays->directions + 3 * ray->i;
+    double geometric[3], shading[3], out[3];
+    find_normals(ray->plan, d, hit, geometric, shading);
+    reflect(d, shading, out);
+    if (dot(out, geometric) < 0) reflect(d, geometric, out);
+    set_direction(ray, out);
+    add_to_branch(ray, ray->plan->patch[hit->triangle], AT_MIRROR);
+}
+
+/* End here: with a landing when the light came by glass and plate to the display's front. */
+static void meet_display(Ray *ray, const Hit *hit) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    bool is_front = dot(rays->directions + 3 * i, plan->normals + 3 * hit->triangle) < 0;
+    bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
+    rays->reason[i] = !counts                                        ? MISSED_GLASS
+                      : !rays->has_met_plate[i] && rays->is_imaged ? MISSED_PLATE
+                      : !is_front                                    ? BLOCKED
+                                                                     : ARRIVED;
+    add_to_branch(ray, plan->patch[hit->triangle], LAND);
+    if (rays->reason[i] != ARRIVED) return;
+    const double *uv = plan->display_uv + 6 * (hit->triangle - plan->display_start);
+    double w = 1 - hit->u - hit->v, at[2];
+    for (int k = 0; k < 2; k++) at[k] = w * uv[k] + hit->u * uv[2 + k] + hit->v * uv[4 + k];
+    double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
+    put_xy(ray, xy);
+    if (!is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
+}
+
+static void follow_one(Ray *ray) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    for (int64_t event = 0; event < plan->max_events; event++) {
+        Hit hit;
+        if (!find_first_hit(ray, &hit)) {
+            leave_gaps(ray, NULL);
+            end_without_hit(ray);
+            if (rays->n_steps) rays->left_at[i] = event;
+            return;
+        }
+        double *at = rays->positions + 3 * i, *d = rays->directions + 3 * i;
+        for (int j = 0; j < 3; j++) at[j] += hit.distance * d[j];
+        rays->n_events[i]++;
+        leave_gaps(ray, &hit);
+        if (event < rays->n_steps) {
+            copy(at, rays->places + 3 * (i * rays->n_steps + event));
+            rays->met[i * rays->n_steps + event] = hit.triangle;
+        }
+        int64_t part = plan->part[hit.triangle];
+        Kind kind = (Kind)plan->kind[part];
+        /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
+        if (kind != GLASS || hit.distance > plan->merge_distance) rays->last_part[i] = plan->sheet[part];
+        switch (kind) {
+            case GLASS: meet_glass(ray, &hit); break;
+            case PLATE: meet_plate(ray, &hit); break;
+            case MIRROR: meet_mirror(ray, &hit); break;
+            case BLOCKER: rays->reason[i] = BLOCKED; return;
+            case DISPLAY: meet_display(ray, &hit); return;
+        }
+        if (rays->has_ended[i]) return;
+    }
+}
+
+typedef struct {
+    const Plan *plan;
+    Rays *rays;
+    int64_t first;
+} Batch;
+
+static void follow_some(void *context, int64_t first, int64_t last) {
+    Batch *batch = context;
+    Hit by_layer[MOST_LAYERS];
+    Ray ray = {batch->plan, batch->rays, 0, by_layer};
+    for (int64_t i = first; i < last; i++) {
+        ray.i = batch->first + i;
+        follow_one(&ray);
+    }
+}
+
+/* Follow rays from `first` to before `last` to their ends, in that many threads; the result is the same for any
+   number. */
+KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64_t last, int64_t n_threads) {
+    Batch batch = {plan, rays, first};
+    share_out(follow_some, &batch, last - first, RAYS_AT_ONCE, n_threads);
+}
+
+/* Number I of what __init__.py compares with its own: sizes of the structures, and the most layers of a plan. */
+KIRIKO_API int64_t kiriko_layout(int64_t i) {
+    const int64_t numbers[] = {sizeof(Node), sizeof(Tree), sizeof(Curved), sizeof(Layer),
+                               sizeof(Plan), sizeof(Rays), MOST_LAYERS};
+    return numbers[i];
+}

@@ -1,0 +1,186 @@
+/* Trees of boxes, cut where by the surface area heuristic rays are likely to have the least to do. */
+
+#include <stdlib.h>
+
+#include "kiriko.h"
+#include "tree.h"
+
+#define BINS 16
+#define FEW 4          /* items that are not parted any further */
+#define MOST_ITEMS 16  /* that stay together although parting them seems to win nothing */
+#define BY_HALVES 40   /* depth from which on boxes are simply halved, so that no tree is deeper than MOST_DEPTH */
+#define MOST_DEPTH 80
+
+typedef struct {
+    double low[3], high[3];
+} Box;
+
+/* A box of a tree of pairs: as in Node, with two boxes in place of four. */
+typedef struct {
+    Box box;
+    int32_t first, count;
+} Pair;
+
+static const Box NOTHING = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+
+static void grow(Box *box, const double *low, const double *high) {
+    for (int i = 0; i < 3; i++) {
+        if (low[i] < box->low[i]) box->low[i] = low[i];
+        if (high[i] > box->high[i]) box->high[i] = high[i];
+    }
+}
+
+static double half_area(const Box *box) {
+    double x = box->high[0] - box->low[0], y = box->high[1] - box->low[1], z = box->high[2] - box->low[2];
+    return x < 0 ? 0 : x * y + y * z + z * x;
+}
+
+static double middle(const double *box, int axis) { return 0.5 * (box[axis] + box[3 + axis]); }
+
+static int bin_of(double at, double low, double scale) {
+    int bin = (int)((at - low) * scale);
+    return bin < 0 ? 0 : bin < BINS ? bin : BINS - 1;
+}
+
+/* The axis and the bin before which items are best parted; false where that wins nothing. */
+static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const Box *centres, const Box *whole,
+                     int *axis, int *cut) {
+    double best = n <= MOST_ITEMS ? n * half_area(whole) : INFINITY;
+    bool is_found = false;
+    for (int a = 0; a < 3; a++) {
+        double width = centres->high[a] - centres->low[a];
+        if (!(width > 0)) continue;
+        double scale = BINS / width;
+        Box in_bin[BINS];
+        int32_t count[BINS] = {0};
+        for (int b = 0; b < BINS; b++) in_bin[b] = NOTHING;
+        for (int32_t i = 0; i < n; i++) {
+            const double *box = boxes + 6 * (int64_t)items[i];
+            int b = bin_of(middle(box, a), centres->low[a], scale);
+            grow(&in_bin[b], box, box + 3);
+            count[b]++;
+        }
+        double after[BINS];
+        Box grown = NOTHING;
+        int32_t number = 0;
+        for (int b = BINS - 1; b > 0; b--) {
+            grow(&grown, in_bin[b].low, in_bin[b].high);
+            number += count[b];
+            after[b] = number * half_area(&grown);
+        }
+        grown = NOTHING;
+        number = 0;
+        for (int b = 1; b < BINS; b++) {
+            grow(&grown, in_bin[b - 1].low, in_bin[b - 1].high);
+            number += count[b - 1];
+            double cost = number * half_area(&grown) + after[b];
+            if (number && number < n && cost < best) {
+                best = cost;
+                *axis = a;
+                *cut = b;
+                is_found = true;
+            }
+        }
+    }
+    return is_found;
+}
+
+/* Make a tree of pairs; returns the number of boxes. */
+static int64_t make_pairs(int64_t n, const double *boxes, Pair *pairs, int32_t *items) {
+    struct { int32_t pair, first, count, depth; } todo[MOST_DEPTH + 2];
+    int64_t n_pairs = 1;
+    int n_todo = 1;
+    for (int64_t i = 0; i < n; i++) items[i] = (int32_t)i;
+    todo[0].pair = todo[0].first = todo[0].depth = 0;
+    todo[0].count = (int32_t)n;
+
+    while (n_todo) {
+        n_todo--;
+        int32_t first = todo[n_todo].first, count = todo[n_todo].count, depth = todo[n_todo].depth;
+        Pair *pair = pairs + todo[n_todo].pair;
+        int32_t *mine = items + first;
+        Box whole = NOTHING, centres = NOTHING;
+        for (int32_t i = 0; i < count; i++) {
+            const double *box = boxes + 6 * (int64_t)mine[i];
+            double centre[3] = {middle(box, 0), middle(box, 1), middle(box, 2)};
+            grow(&whole, box, box + 3);
+            grow(&centres, centre, centre);
+        }
+        pair->box = whole;
+        pair->first = first;
+        pair->count = count;
+        if (count <= FEW) continue;
+
+        int axis = 0, cut = 0;
+        int32_t n_before = 0;
+        if (depth < BY_HALVES && best_cut(boxes, mine, count, &centres, &whole, &axis, &cut)) {
+            double scale = BINS / (centres.high[axis] - centres.low[axis]);
+            for (int32_t i = 0; i < count; i++) {
+                const double *box = boxes + 6 * (int64_t)mine[i];
+                if (bin_of(middle(box, axis), centres.low[axis], scale) >= cut) continue;
+                int32_t item = mine[i];
+                mine[i] = mine[n_before];
+                mine[n_before++] = item;
+            }
+        } else if (count > MOST_ITEMS) {
+            n_before = count / 2; /* all in one place, or far down: any halves will do */
+        }
+        if (!n_before || n_before == count) continue;
+
+        pair->first = (int32_t)n_pairs;
+        pair->count = 0;
+        for (int half = 0; half < 2; half++) {
+            todo[n_todo].pair = (int32_t)n_pairs++;
+            todo[n_todo].first = half ? first + n_before : first;
+            todo[n_todo].count = half ? count - n_before : n_before;
+            todo[n_todo].depth = depth + 1;
+            n_todo++;
+        }
+    }
+    return n_pairs;
+}
+
+/* Make a tree of n boxes (n, 2, 3), which are about 1 in size: nodes, n of them at the most, and items (n,). Returns the
+   number of nodes, 0 where memory is short. */
+KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes, int32_t *items) {
+    Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
+    int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair that a node stands for */
+    int64_t n_nodes = 1;
+    if (!pairs || !pair_of) {
+        free(pairs);
+        free(pair_of);
+        return 0;
+    }
+    make_pairs(n, boxes, pairs, items);
+    pair_of[0] = 0;
+    for (int64_t i = 0; i < n_nodes; i++) {
+        /* of a pair's two boxes the larger is parted, then of all three */
+        int32_t of[4] = {pair_of[i]};
+        int n_of = 1;
+        while (n_of < 4) {
+            int largest = -1;
+            for (int k = 0; k < n_of; k++)
+                if (!pairs[of[k]].count && (largest < 0 || half_area(&pairs[of[k]].box) > half_area(&pairs[of[largest]].box)))
+                    largest = k;
+            if (largest < 0) break;
+            int32_t first = pairs[of[largest]].first;
+            of[largest] = first;
+            of[n_of++] = first + 1;
+        }
+        for (int k = 0; k < 4; k++) {
+            const Pair *pair = k < n_of ? pairs + of[k] : NULL;
+            for (int a = 0; a < 3; a++) {
+                nodes[i].sides[2 * a][k] = pair ? (float)pair->box.low[a] - ROUNDING : INFINITY;
+                nodes[i].sides[2 * a + 1][k] = pair ? (float)pair->box.high[a] + ROUNDING : -INFINITY;
+            }
+            nodes[i].count[k] = pair ? pair->count : 0;
+            nodes[i].first[k] = pair ? pair->first : 0;
+            if (!pair || pair->count) continue;
+            pair_of[n_nodes] = of[k];
+            nodes[i].first[k] = (int32_t)n_nodes++;
+        }
+    }
+    free(pairs);
+    free(pair_of);
+    return n_nodes;
+}
