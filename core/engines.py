@@ -4,7 +4,7 @@ Both are made of triangles with corners (t, 3, 3) float32, of about unit size, a
 have origins and unit directions (n, 3) float32, and meet triangles from either side.
 """
 
-from importlib.util import find_spec
+from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -78,8 +78,12 @@ Engine = Embree | BlenderBvh
 
 def engine_name() -> str:
     """Name of the engine that will be made; Embree's where there is none."""
-    if find_spec("embreex") is None and find_spec("mathutils") is not None:
-        return BlenderBvh.name
+    for module, engine in (("embreex", Embree), ("mathutils", BlenderBvh)):
+        try:
+            import_module(module)
+        except ImportError:
+            continue
+        return engine.name
     return Embree.name
 
 

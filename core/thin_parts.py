@@ -11,6 +11,7 @@ from .rig import Bools, Floats, Ints
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
 PAIRS_AT_ONCE, TRIANGLES_AT_ONCE = 1 << 18, 1 << 13
+AT_A_TIME = 2  # parts, of the boxes of each level, that are looked into one after the other
 WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 
@@ -95,16 +96,27 @@ class ThinParts:
         at_once = max(1, PAIRS_AT_ONCE // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
-            i += first
-            for level, boxes in enumerate(self._boxes):
-                if level:
-                    i, node = self._within(level, i, node)
-                near = _is_in_boxes(bundles, i, *(np.take(side, node, axis=1) for side in boxes))
-                i, node = i[near], node[near]
-            for some in np.split(np.arange(len(i)), range(TRIANGLES_AT_ONCE, len(i), TRIANGLES_AT_ONCE)):
-                near = self._is_near(bundles.ends[i[some]], node[some])
-                touched[bundles.owner[i[some[near]]]] = True
+            self._look_into(0, bundles, i + first, node, touched)
         return touched
+
+    def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> None:
+        """Mark whose bundles i (n,) come near a triangle in boxes `node` (n,) of a level.
+
+        A bundle is done with as soon as it is near one: so some of its boxes are looked into at a time, here and there.
+        """
+        for start in range(AT_A_TIME):
+            j, some = i[start::AT_A_TIME], node[start::AT_A_TIME]
+            left = np.flatnonzero(~touched[bundles.owner[j]])
+            for chunk in np.split(left, range(TRIANGLES_AT_ONCE, len(left), TRIANGLES_AT_ONCE)):
+                j_some, k = j[chunk], some[chunk]
+                if not len(k):
+                    continue
+                near = _is_in_boxes(bundles, j_some, *(np.take(side, k, axis=1) for side in self._boxes[level]))
+                j_some, k = j_some[near], k[near]
+                if level + 1 < len(self._boxes):
+                    self._look_into(level + 1, bundles, *self._within(level + 1, j_some, k), touched)
+                else:
+                    touched[bundles.owner[j_some[self._is_near(bundles.ends[j_some], k)]]] = True
 
     def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
         """Pairs of bundles and boxes of a level, from those of the level above."""

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 
+import build_kernel
 from environments import (
     BENCH,
     MUTANTS,
@@ -32,6 +33,7 @@ def setup(arguments: argparse.Namespace) -> None:
     for name, version in PYTHONS.items():
         python = find_python(version)
         print(f"{name}: {set_up(name, python) if python else f'no Python {version} was found'}")
+    build_kernel.provide()
 
 
 def demo(arguments: argparse.Namespace) -> None:
@@ -57,6 +59,7 @@ def fuzz(arguments: argparse.Namespace) -> None:
 def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
     answer_help(script, rest)
+    build_kernel.provide()
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
         folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"  # with the tests' rigs
@@ -143,6 +146,7 @@ def lab(arguments: argparse.Namespace) -> None:
 def run_with_tests(script: str, rest: list[str], environment: str | None = None, **extra: str) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
     answer_help(script, rest)
+    build_kernel.provide()
     newest, python = newest_blender()
     interpreter = set_up(environment or newest, python)
     path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))

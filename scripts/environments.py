@@ -25,6 +25,8 @@ PYTHONS = {**BLENDERS, "core": "3.11"}
 # Without Blender, for any Python that has one, and set up only when `dev.py compare` and `dev.py mutants` ask for them.
 BENCH = "bench"
 MUTANTS = "mutants"
+# The C compiler of scripts/build_kernel.py.
+KERNEL = "kernel"
 
 # What Blender needs and a bare Debian or Ubuntu lacks; without the last two EEVEE aborts the process.
 LIBRARIES = "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1 libgl1-mesa-dri"

@@ -141,7 +141,7 @@ def copied() -> Iterator[Path]:
 def run(tree: Path, command: Sequence[str], log: Path, seconds: float | None = None) -> int | None:
     """Exit code of this Python with arguments, in a copy; None where it takes longer."""
     # bytecode is found by a file's second and size, and a mutant may have both of the file it stands for
-    variables = clean_environment(PYTHONDONTWRITEBYTECODE="1", KIRIKO_REACH=str(OUT), **ONE_THREAD)
+    variables = clean_environment(PYTHONDONTWRITEBYTECODE="1", KIRIKO_REACH=str(OUT), KIRIKO_KERNEL="off", **ONE_THREAD)
     with log.open("w", encoding="utf-8") as output:
         try:
             return subprocess.run(

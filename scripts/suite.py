@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+import build_kernel
 from environments import BLENDERS, ONE_THREAD, PYTHONS, ROOT, ToolError, clean_environment, find_python, set_up
 
 LOGS = ROOT / "out" / "test"
@@ -24,17 +25,20 @@ STILL_MINUTES = 15.0  # a step that prints nothing for so long hangs; the slowes
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
+# What holds for many cases, and is run with the kernel and without it; the oldest numpy runs all else without it.
+BOTH_WAYS = tuple(f"tests/core/test_{name}.py" for name in ("properties", "leaks", "curved", "trace", "closed_forms"))
 SLOWEST_OF_ALL = 8  # tests named at the end
 
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the suite: arguments for the Python of an environment."""
+    """One command of the suite: arguments for the Python of an environment; and is it run without the kernel?"""
 
     name: str
     environment: str
     arguments: Sequence[str]
     after: str | None = None
+    without_kernel: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,13 @@ def steps(tools: str, newest: str) -> list[Step]:
         Step("package", tools, ("scripts/package.py",)),
         Step("scripts", tools, (*pytest, "tests/scripts")),
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
-        *(Step(f"blender-{short}", name, (*by_name[name], "tests/blender")) for name, short in blenders.items()),
-        Step("core-oldest-numpy", "core", (*older, "tests/core")),
+        Step("core-numpy-alone", newest, (*pytest, *BOTH_WAYS), without_kernel=True),
+        *(
+            Step(f"blender-{short}", name, (*by_name[name], "tests/blender"), without_kernel=short.startswith("4.2"))
+            for name, short in blenders.items()
+        ),
+        Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
+        Step("kernel-sanitised", newest, ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py")),
         *(Step(f"install-{short}", name, (*pytest, "tests/package"), "package") for name, short in blenders.items()),
     ]
 
@@ -91,6 +100,7 @@ def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
 def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
     """Set up what the steps need, run them, print the results; whether all is well."""
     newest = next(name for name, version in BLENDERS.items() if find_python(version))
+    build_kernel.provide()
     todo = chosen(steps(tools, newest), prefixes)
     interpreters: dict[str, Path] = {}
     for name in dict.fromkeys(step.environment for step in todo):
@@ -132,7 +142,10 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
         process = subprocess.Popen(
             [interpreter, *step.arguments, *counted],
             cwd=ROOT,
-            env=clean_environment(**ONE_THREAD),  # steps that run side by side want no second thread each
+            env=clean_environment(
+                **ONE_THREAD,  # steps that run side by side want no second thread each
+                **({"KIRIKO_KERNEL": "off"} if step.without_kernel else {}),
+            ),
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

@@ -9,10 +9,12 @@ import tempfile
 import hypothesis
 import pytest
 
+import build_kernel
 from environments import link_package
 
 # The folder is in sys.path by pyproject.toml; Python may have noted that it did not exist yet.
 link_package()
+build_kernel.provide()
 importlib.invalidate_caches()
 
 # Read by bpy when it is imported: the user's own extensions and settings must not get in.

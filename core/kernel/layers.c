@@ -18,6 +18,7 @@ typedef struct {
     const double *o, *d;
     const bool *leaves;
     double start;    /* from where the tree is asked, m */
+    double least;    /* hits that are nearer are those of what was just met */
     double tolerance, slack;
     double wrong;    /* distance of the nearest hit that cannot be */
     Hit *hit;
@@ -65,7 +66,7 @@ static bool on_facet(const Search *search, int64_t k, double slack, Hit *hit) {
 /* Take a hit if it is true and the nearest so far. */
 static void consider(Search *search, const Hit *found, double *far) {
     bool is_wrong;
-    if (!(found->distance > -search->tolerance) || !(found->distance < search->hit->distance)) return;
+    if (!(found->distance > search->least) || !(found->distance < search->hit->distance)) return;
     if (accept(search, found, &is_wrong)) {
         *search->hit = *found;
         double left = (found->distance - search->start + search->tolerance) / search->layer->radius;
@@ -220,6 +221,8 @@ static void find(Search *search, double within) {
     if (layer->curved) {
         is_lost = ask_hull(search, enter, is_inside);
     } else {
+        /* at a vertex or an edge the faces around are met at once: one is enough, but where there is no other way out */
+        if (!(enter > 0)) search->least = 3 * FLOAT32 * layer->radius;
         search_faces(search, EDGE, is_inside ? INFINITY : within);
         is_lost = search->wrong < search->hit->distance || (is_inside && search->hit->triangle < 0);
     }
@@ -228,6 +231,7 @@ static void find(Search *search, double within) {
     Hit kept = *search->hit;
     search->hit->distance = INFINITY;
     search->hit->triangle = -1;
+    search->least = -layer->tolerance;
     search_faces(search, WIDER, INFINITY);
     if (search->hit->triangle < 0) *search->hit = kept;
 }
@@ -253,6 +257,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
         .d = along,
         .leaves = has_sides ? &leaves : NULL,
         .tolerance = layer->tolerance > merge ? layer->tolerance : merge,
+        .least = -layer->tolerance,
         .wrong = INFINITY,
         .hit = hit,
     };

@@ -31,6 +31,7 @@ from test_trace import (  # noqa: F401 - collected here as well
     test_solids_far_apart_share_nothing,
 )
 
+from kiriko.core import kernel
 from kiriko.core.engines import make_engine
 from kiriko.core.session import Session, finish
 from kiriko.core.trace import trace_all
@@ -49,6 +50,8 @@ PLANS = {
 def _no_embree(monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex", None)
     assert make_engine(ONE_TRIANGLE).name == "Blender's BVH"
+    with kernel.off():
+        yield
 
 
 @pytest.mark.parametrize("name", ["ball 1280", "torus", "cylinder 8 x 1", "wavy slab"])
@@ -66,6 +69,8 @@ def test_flat_faces_are_met_as_in_float64():
 def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
     """The same branches, and landings to 1e-8 px: curved faces are searched from slightly other places."""
     by_blender = PLANS[name]()
+    engines = [layer.asked.engine for layer in by_blender.layers]  # they are made when they are first asked
+    assert {engine.name for engine in engines} == {"Blender's BVH"}
     monkeypatch.undo()
     by_embree = PLANS[name]()
     assert [plan.used[0] for plan in (by_blender, by_embree)] == ["ray engine (Blender's BVH)", "ray engine (Embree)"]

@@ -22,7 +22,7 @@ from reference_rigs import (
 )
 from work import drain, solve
 
-from kiriko.core import ray_engine, reach, surfaces
+from kiriko.core import kernel, ray_engine, reach, surfaces
 from kiriko.core import session as session_module
 from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import rounding_error, tessellation
@@ -105,8 +105,15 @@ def test_only_a_changed_mesh_builds_an_engine(monkeypatch):
     a_rig = small()
     solve(a_rig, kept)
     built = []
-    original = ray_engine.Layer._build
-    monkeypatch.setattr(ray_engine.Layer, "_build", lambda self, corners: built.append(1) or original(self, corners))
+
+    original = ray_engine.Asked
+
+    def counted(corners, *others):
+        if len(corners) > ray_engine.FEW_TRIANGLES:
+            built.append(1)
+        return original(corners, *others)
+
+    monkeypatch.setattr(ray_engine, "Asked", counted)
     v = a_rig.viewer
     moved = replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),))
     assert np.array_equal(solve(moved, kept).source, solve(moved).source)
@@ -258,9 +265,12 @@ def test_a_rig_that_cannot_be_solved_is_told_in_one_sentence(name):
 
 def test_solutions_say_what_was_left_out():
     """A rig of few flat faces builds no engine and says so, as others say which; overlapping solids are counted."""
-    flat = solve(rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16))
+    few = rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16)
+    with kernel.off():
+        flat, curved = solve(few), solve(small())
     assert "ray engine (few flat faces)" in flat.left_out
-    assert "ray engine (Embree)" in solve(small()).used
+    assert "ray engine (Embree)" in curved.used
+    assert any(words.startswith("compiled kernel") for words in curved.left_out)
     assert any("disjoint" in words for words in flat.left_out)
     nested = (Glass("a", box([0.3, 0.02, 0.3])), Glass("b", box([0.02, 0.01, 0.02])))
     both = solve(rig(nested, pixels=16, display_pixels=16))

@@ -1,4 +1,4 @@
-"""Solving takes one thread: the BLAS behind numpy is not asked for products and systems of small matrices.
+"""Solving takes one thread, but for the kernel's: BLAS is not asked for products and systems of small matrices.
 
 Its threads cost more than they save there, and wait for each other where others want the processor.
 """
@@ -23,7 +23,7 @@ import json, time
 from dataclasses import replace
 import numpy as np
 from reference_rigs import ball_rig, bottle, mean_normals, rig, torus
-from kiriko.core import simulation
+from kiriko.core import kernel, simulation
 from kiriko.core.misalignment import moved, turned
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import MirrorArray
@@ -41,6 +41,7 @@ def turned_twice(a_rig):
         motion = turned(np.array([0, 0, 1.0]), degrees, np.zeros(3))
         finish(session.solve(replace(a_rig, glasses=(moved(a_rig.glasses[0], motion),)), Settings()))
 
+kernel.use_threads(1)
 solve = lambda a_rig: finish(Session().solve(a_rig, Settings()))
 np.ones((64, 64)) @ np.ones((64, 64))  # whatever it takes to begin
 time.sleep(0.5)  # threads that were begun look for work for a moment

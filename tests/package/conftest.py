@@ -19,6 +19,7 @@ EXTENSION = "bl_ext.user_default.kiriko"
 ROOT = Path(__file__).resolve().parent.parent.parent
 PLATFORMS = {
     ("Linux", "x86_64"): "linux_x64",
+    ("Linux", "aarch64"): "linux_arm64",
     ("Windows", "AMD64"): "windows_x64",
     ("Darwin", "x86_64"): "macos_x64",
     ("Darwin", "arm64"): "macos_arm64",
@@ -28,21 +29,21 @@ Command = Callable[[list[str]], int]
 
 
 class BundledOnly:
-    """Import finder that takes embreex from the profile, where Blender has unpacked the extension's wheels.
+    """Import finder that takes embreex and the kernel from the profile, where Blender has unpacked the wheels.
 
-    The environment of the tests has an embreex too, which would hide that the bundled one is missing.
+    The environment of the tests has both, too, which would hide that a bundled one is missing.
     """
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find embreex in the profile; leave other modules to the finders after this one."""
-        if name != "embreex":
+        """Find what is bundled in the profile; leave other modules to the finders after this one."""
+        if name not in ("embreex", "kiriko_kernel"):
             return None
         wheels = Path(os.environ["BLENDER_USER_RESOURCES"], "extensions", ".local").glob("lib/*/site-packages")
         spec = importlib.machinery.PathFinder.find_spec(name, [str(folder) for folder in wheels])
         if spec is None:
-            raise ModuleNotFoundError("the extension brought no embreex", name=name)
+            raise ModuleNotFoundError(f"the extension brought no {name}", name=name)
         return spec
 
 

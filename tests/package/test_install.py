@@ -9,6 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
+EXTENSION = "bl_ext.user_default.kiriko"
+
 
 @pytest.fixture
 def rig(installed: str, tmp_path: Path) -> Path:
@@ -32,29 +34,43 @@ def test_installed_extension_breaks_no_policy(installed: str) -> None:
     assert addon_utils._extensions_warnings_get() == {}
 
 
-def solve() -> str:
-    """Press Solve, look at the source image, which is not black, and return the ray engine that was used."""
+def solve() -> list[str]:
+    """Press Solve, look at the source image, which is not black, and return what was used."""
     before = set(bpy.data.images)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     (source,) = set(bpy.data.images) - before
     assert np.isfinite(brightness(source)).all()
     assert (brightness(source) > 0).mean() > 0.01  # the picture fills a good part of the display
-    (engine,) = (name for name in json.loads(bpy.context.scene.kiriko.result.details)["used"] if "engine" in name)
-    return engine
+    return json.loads(bpy.context.scene.kiriko.result.details)["used"]
+
+
+def scale_glass(factor: float) -> None:
+    """Give the glass another shape, of which Kiriko keeps nothing."""
+    (glass,) = (thing for thing in bpy.context.scene.objects if thing.kiriko.role == "GLASS")
+    glass.scale *= factor
 
 
 def test_solve_from_the_zip(rig: Path) -> None:
-    """Two clicks after the install there is a source image that is not black, traced by the bundled embreex."""
-    assert solve() == "ray engine (Embree)"
+    """Two clicks after the install there is a source image that is not black, traced by the bundled kernel."""
+    assert "compiled kernel" in solve()
+    loading = sys.modules[f"{EXTENSION}.core.kernel.loading"]
+    assert loading.find_library().is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
+
+
+def test_solve_without_the_kernel(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it does not run, the bundled embreex is asked."""
+    monkeypatch.setenv("KIRIKO_KERNEL", "off")
+    scale_glass(0.99)
+    assert "ray engine (Embree)" in solve()
     assert Path(sys.modules["embreex"].__file__).is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
 
 
-def test_solve_from_a_zip_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the zip for Windows on Arm has, which is all but embreex, makes a source image as well."""
+def test_solve_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With neither of both a source image is made as well."""
+    monkeypatch.setenv("KIRIKO_KERNEL", "off")
     monkeypatch.setitem(sys.modules, "embreex", None)
-    (glass,) = (thing for thing in bpy.context.scene.objects if thing.kiriko.role == "GLASS")
-    glass.scale *= 0.99  # another shape, of which Kiriko keeps no ray engine
-    assert solve() == "ray engine (Blender's BVH)"
+    scale_glass(0.98)
+    assert "ray engine (Blender's BVH)" in solve()
 
 
 def test_command_line(rig: Path, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path) -> None:

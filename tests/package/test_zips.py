@@ -1,21 +1,36 @@
 import re
 import tomllib
+from io import BytesIO
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
 
+import build_kernel
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 MANIFEST = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-# Platform of a zip -> how its wheels' names end.
+# Platform of a zip -> how the names of its wheels of embreex end.
 WHEEL_ENDS = {
     "linux_x64": "manylinux_2_28_x86_64",
     "windows_x64": "win_amd64",
     "macos_x64": "macosx_13_0_x86_64",
     "macos_arm64": "macosx_13_0_arm64",
 }
-WITHOUT_WHEELS = {"windows_arm64"}
-ZIPS = [*WHEEL_ENDS, *WITHOUT_WHEELS]
+WITHOUT_EMBREE = {"windows_arm64", "linux_arm64"}
+ZIPS = [*WHEEL_ENDS, *WITHOUT_EMBREE]
+KERNELS = {target.platform.replace("-", "_"): target for target in build_kernel.TARGETS}
+# What a library needs from its system, beside what every one of that system has.
+FORMATS = {"linux": b"\x7fELF", "windows": b"MZ", "macos": b"\xcf\xfa\xed\xfe"}
+
+
+def kernel_in(path: Path, platform: str) -> bytes:
+    """The library in the kernel's wheel in a zip."""
+    with ZipFile(path) as archive:
+        (name,) = (name for name in archive.namelist() if Path(name).name.startswith(build_kernel.MODULE))
+        wheel = archive.read(name)
+    with ZipFile(BytesIO(wheel)) as archive:
+        return archive.read(f"{build_kernel.MODULE}/kernel.{KERNELS[platform].ending}")
 
 
 def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
@@ -26,21 +41,34 @@ def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
 @pytest.mark.parametrize("platform", WHEEL_ENDS)
 def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -> None:
     """A zip bundles embreex for its own platform, once for each Python of Blender 4.2 - 5.2 and distributions."""
-    wheels = [name for name in contents[platform] if name.endswith(".whl")]
+    wheels = [name for name in contents[platform] if Path(name).name.startswith("embreex")]
     assert all(name.endswith(f"{WHEEL_ENDS[platform]}.whl") for name in wheels)
     assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313", "cp314"]
 
 
-@pytest.mark.parametrize("platform", WITHOUT_WHEELS)
-def test_zip_without_wheels_is_like_the_others(
+@pytest.mark.parametrize("platform", ZIPS)
+def test_zip_has_its_own_kernel(zips: dict[str, Path], contents: dict[str, list[str]], platform: str) -> None:
+    """A zip bundles the kernel of its own platform, of the sources' version, in that platform's format."""
+    (wheel,) = (name for name in contents[platform] if Path(name).name.startswith(build_kernel.MODULE))
+    assert Path(wheel).name == build_kernel.wheel_name(KERNELS[platform])
+    library = kernel_in(zips[platform], platform)
+    assert library.startswith(FORMATS[platform.partition("_")[0]])
+    for name in (b"kiriko_follow", b"kiriko_make_tree", b"kiriko_layout"):
+        assert name in library
+    assert len(library) < 200_000
+
+
+@pytest.mark.parametrize("platform", WITHOUT_EMBREE)
+def test_zip_without_embreex_is_like_the_others(
     zips: dict[str, Path], contents: dict[str, list[str]], platform: str
 ) -> None:
-    """A zip for a platform without embreex differs from the others in its wheels alone, and lists none to Blender."""
-    others = [name for name in contents["linux_x64"] if not name.endswith(".whl")]
-    assert sorted(contents[platform]) == sorted(others)
+    """A zip for a platform without embreex differs from the others in its wheels alone, and lists only its kernel."""
+    others, own = ([name for name in contents[which] if not name.endswith(".whl")] for which in ("linux_x64", platform))
+    assert sorted(own) == sorted(others)
     with ZipFile(zips[platform]) as archive:
         generated = tomllib.loads(archive.read("blender_manifest.toml").decode())["build"]["generated"]
-    assert generated == {"platforms": [platform.replace("_", "-")], "wheels": []}
+    assert generated["platforms"] == [platform.replace("_", "-")]
+    assert [Path(wheel).name for wheel in generated["wheels"]] == [build_kernel.wheel_name(KERNELS[platform])]
 
 
 @pytest.mark.parametrize("platform", ZIPS)
@@ -64,7 +92,8 @@ def test_bundled_embreex_is_the_tested_one() -> None:
     """The bundled wheels are of the same version of embreex as the one the tests run with."""
     pins = (ROOT / "scripts" / "requirements-test.txt").read_text(encoding="utf-8")
     tested = re.search(r"^embreex==(\S+)$", pins, re.MULTILINE)[1]
-    assert {Path(wheel).name.split("-")[1] for wheel in MANIFEST["wheels"]} == {tested}
+    bundled = [Path(wheel).name for wheel in MANIFEST["wheels"] if "embreex" in wheel]
+    assert {name.split("-")[1] for name in bundled} == {tested}
 
 
 def test_changelog_has_the_version() -> None:

@@ -1,0 +1,76 @@
+"""Finds and loads the library, unless it is switched off."""
+
+import ctypes
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from .structures import NODE, STRUCTURES
+
+MODULE = "kiriko_kernel"
+SWITCH = "KIRIKO_KERNEL"  # environment variable: "off" for numpy's way, or the file of another library
+ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
+MOST_LAYERS = 256
+
+_threads = 0  # as many as the machine has
+
+
+def use_threads(number: int) -> None:
+    """Let the kernel have so many threads from now on; 0: as many as the machine has. Results are the same."""
+    global _threads
+    _threads = number
+
+
+def n_threads() -> int:
+    """How many threads the kernel may have."""
+    return _threads or os.cpu_count() or 1
+
+
+def find_library() -> Path | None:
+    """The file of the library that the wheel brought, or that was asked for; None where there is none."""
+    if os.environ.get(SWITCH):
+        return Path(os.environ[SWITCH])
+    spec = find_spec(MODULE)
+    folders = (spec and spec.submodule_search_locations) or []
+    return next((path for folder in folders for path in Path(folder).glob(f"*.{ENDINGS[os.name]}")), None)
+
+
+@cache
+def _load() -> ctypes.CDLL | None:
+    """The library, if it can be loaded and its structures are those of this version."""
+    path = find_library()
+    if path is None:
+        return None
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError:  # made for another processor or system
+        return None
+    number, pointer = ctypes.c_int64, ctypes.c_void_p
+    library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
+    library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, pointer, pointer, pointer]
+    library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [pointer, pointer, number, number, number]
+    expected = [NODE.itemsize, *map(ctypes.sizeof, STRUCTURES), MOST_LAYERS]
+    is_known = [library.kiriko_layout(i) for i in range(len(expected))] == expected
+    return library if is_known else None
+
+
+_is_off = False
+
+
+@contextmanager
+def off() -> Iterator[None]:
+    """Within this context numpy's way is taken."""
+    global _is_off
+    before, _is_off = _is_off, True
+    try:
+        yield
+    finally:
+        _is_off = before
+
+
+def library() -> ctypes.CDLL | None:
+    """The library; None where it is not there, fits not, or is switched off."""
+    return None if _is_off or os.environ.get(SWITCH) == "off" else _load()

@@ -1,0 +1,189 @@
+"""Plans as the kernel reads them: the arrays of numpy's way, where they are, and trees over what rays meet."""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..curved import LOWER, STARTS, TO_BEZIER, CurvedFaces
+from ..plate import ArrayFrame
+from ..ray_engine import MANY_TRIANGLES, Layer
+from ..rig import Floats, Ints
+from .loading import MOST_LAYERS, library
+from .structures import NODE, CurvedStructure, LayerStructure, Made, PlanStructure, TreeStructure
+
+if TYPE_CHECKING:
+    from ..plan import Plan
+
+BEZIER_AT_ONCE = 1 << 14  # faces
+SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
+
+
+class _Boxes:
+    """A tree over boxes (n, 2, 3), which are about 1 in size; items (n,) are which of them is at each position."""
+
+    def __init__(self, boxes: Floats) -> None:
+        boxes = np.ascontiguousarray(boxes, float)
+        n = len(boxes)
+        nodes, self.items = np.empty(n, NODE), np.empty(n, np.int32)
+        n_nodes = library().kiriko_make_tree(n, boxes.ctypes.data, nodes.ctypes.data, self.items.ctypes.data)
+        if not n_nodes:
+            raise MemoryError
+        self._nodes = nodes[:n_nodes].copy()
+        self.structure = TreeStructure(self._nodes.ctypes.data, self.items.ctypes.data)
+
+
+def _boxes(corners: NDArray[np.floating]) -> Floats:
+    """Boxes (n, 2, 3) of triangles (n, 3, 3) or other sets of points."""
+    return np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
+
+
+def _grown(boxes: Floats) -> Floats:
+    """Boxes (n, 2, 3) a little larger."""
+    more = SLACK * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+    boxes[:, 0] -= more[:, None]
+    boxes[:, 1] += more[:, None]
+    return boxes
+
+
+def _face_boxes(layer: Layer) -> Floats:
+    """Boxes (t, 2, 3) that hold a layer's faces, in units of its radius, from its centre."""
+    boxes = _boxes(layer.corners)
+    curved = layer.curved
+    if curved is not None:
+        triangle = curved.triangle
+        for first in range(0, len(triangle), BEZIER_AT_ONCE):
+            some = triangle[first : first + BEZIER_AT_ONCE]
+            points = np.einsum("bt,tjn->nbj", TO_BEZIER, curved._load(some)) + curved.corners[some, :1]
+            boxes[some] = _boxes(points)
+    return _grown((boxes - layer.centre) / layer.radius)
+
+
+_over_faces: WeakKeyDictionary[object, _Boxes] = WeakKeyDictionary()
+_over_hull: WeakKeyDictionary[object, _Boxes] = WeakKeyDictionary()
+_of_faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
+_of_plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
+
+
+def _kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
+    if key not in cache:
+        cache[key] = make()
+    return cache[key]
+
+
+def _make_curved(curved: CurvedFaces) -> Made:
+    made = Made(CurvedStructure)
+    for name in ("corners", "coefficients", "vertex_normal"):
+        made.point(name, getattr(curved, name), float)
+    for name in ("row", "neighbour", "neighbour_edge", "vertex", "normal_row"):
+        made.point(name, getattr(curved, name), np.int64)
+    if curved.has_given_normals:
+        made.point("normal_terms", curved.normal_terms, float)
+    if curved.degree != 4:
+        made.point("lower", LOWER[curved.degree], float)
+    return made
+
+
+def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None) -> Made:
+    made = Made(LayerStructure)
+    frames, curved = layer.frames, layer.curved
+    sides = (frames.corner, frames.normal, frames.axis_u, frames.axis_v)
+    made.point("frames", np.stack(sides, axis=1), float)
+    made.point("numbers", numbers, np.int64)
+    made.point("closed_bits", closed, np.uint64)
+    made.point("solid_bits", solid, np.uint64)
+    if layer.motion is not None:
+        made.point("rotation", layer.motion.rotation, float)
+        made.set(shift=layer.motion.shift)
+    made.set(
+        n_triangles=layer.n_triangles,
+        low=layer.bounds[0],
+        high=layer.bounds[1],
+        centre=layer.centre,
+        radius=layer.radius,
+        tolerance=layer.tolerance,
+        has_engine=layer.has_engine,
+        n_starts=len(STARTS) if layer.n_triangles < MANY_TRIANGLES else 1,
+    )
+    if layer.has_engine:
+        tree = _kept(_over_faces, frames if curved is None else curved, lambda: _Boxes(_face_boxes(layer)))
+        made.keep(tree)
+        made.structure.over_faces = tree.structure
+    if curved is not None:
+        asked = layer.asked
+        faces = _kept(_of_faces, curved, lambda: _make_curved(curved))
+        over_hull = _kept(_over_hull, asked, lambda: _Boxes(_grown(_boxes(asked.corners.astype(float)))))
+        of_layer = Made(CurvedStructure)
+        ctypes.pointer(of_layer.structure)[0] = faces.structure
+        of_layer.point("hull", asked.corners[over_hull.items], np.float32)
+        of_layer.point("owner", asked.owner, np.int64)
+        of_layer.point("parts", asked.parts, float)
+        of_layer.set(n_whole=asked.n_whole, n_parts=len(asked.parts), over_hull=over_hull.structure)
+        made.keep(of_layer, faces, over_hull)
+        made.structure.curved = ctypes.addressof(of_layer.structure)
+    return made
+
+
+def left_out(layers: Sequence[Layer], arrays: Mapping[int, ArrayFrame]) -> str | None:
+    """Why the kernel does not follow rays in a plan of these layers and mirror arrays; None where it does."""
+    if library() is None:
+        return "it is not there"
+    if arrays:
+        return "mirror arrays"
+    if len(layers) > MOST_LAYERS:
+        return f"more than {MOST_LAYERS} layers"
+    if any(type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None)) for layer in layers):
+        return "faces of another kind"
+    return None
+
+
+def _make_plan(plan: "Plan") -> Made | None:
+    if left_out(plan.layers, plan.arrays) is not None:
+        return None
+    made = Made(PlanStructure)
+    display, settings, plane = plan.rig.display, plan.settings, plan.display_plane
+    for name, dtype in (
+        *(("normals", float), ("corner_normals", float), ("is_bent", np.uint8), ("patch", np.int64)),
+        *(("part", np.int64), ("kind", np.int64), ("cluster", np.int64), ("sheet", np.int64)),
+        *(("is_closed", np.uint8), ("is_clear", np.uint8), ("bit", np.uint64)),
+    ):
+        made.point(name, getattr(plan, name), dtype)
+    made.point("index_row", plan.media.row, np.int64)
+    made.point("indices", plan.media.indices, float)
+    made.point("open_part", np.array([part for part, _ in plan.open_parts]), np.int64)
+    made.point("open_box", np.array([box for _, box in plan.open_parts]).reshape(-1, 2, 3), float)
+    made.point("aside_box", plan.aside_boxes, float)
+    made.point("display_uv", display.mesh.uv, float)
+    per_layer = zip(plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids, strict=True)
+    layers = [_make_layer(*of_layer) for of_layer in per_layer]
+    structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
+    made.keep(layers, structures)
+    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    made.point("order", np.argsort([not layer.has_engine for layer in plan.layers], kind="stable"), np.int64)
+    made.set(
+        n_triangles=len(plan.part),
+        n_open=len(plan.open_parts),
+        n_aside=len(plan.aside_boxes),
+        n_layers=len(layers),
+        layers=ctypes.addressof(structures),
+        merge_distance=plan.merge_distance,
+        max_events=settings.max_events,
+        only_through_glass=settings.only_through_glass,
+        brightness=settings.brightness,
+        has_plane=plane is not None,
+        display_start=plan.display_start,
+        display_size=np.array([display.width, display.height], float),
+    )
+    if plane is not None:
+        made.set(
+            plane_corner=plane.corner, plane_normal=plane.normal, plane_pixels=plane.pixels, plane_origin=plane.origin
+        )
+    return made
+
+
+def made_of(plan: "Plan") -> Made | None:
+    """A plan as the kernel reads it, made once; None where it does not know it."""
+    return _kept(_of_plans, plan, lambda: _make_plan(plan))

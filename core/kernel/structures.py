@@ -1,0 +1,70 @@
+"""The structures of kiriko.h, field by field, and arrays that they point to."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+
+def _structure(name: str, **fields: Any) -> type[ctypes.Structure]:
+    """A structure of kiriko.h: fields in their order, each a C type or several of one."""
+    return type(name, (ctypes.Structure,), {"_fields_": list(fields.items())})
+
+
+_P, _I, _D = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+TreeStructure = _structure("TreeStructure", nodes=_P, items=_P)
+CurvedStructure = _structure(
+    "CurvedStructure",
+    corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P, vertex_normal=_P, normal_row=_P,
+    normal_terms=_P, lower=_P, hull=_P, owner=_P, parts=_P, n_whole=_I, n_parts=_I, over_hull=TreeStructure,
+)  # fmt: skip
+LayerStructure = _structure(
+    "LayerStructure",
+    n_triangles=_I, frames=_P, numbers=_P, closed_bits=_P, solid_bits=_P, curved=_P,
+    rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D, tolerance=_D, has_engine=_I,
+    n_starts=_I, over_faces=TreeStructure,
+)  # fmt: skip
+PlanStructure = _structure(
+    "PlanStructure",
+    normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P, is_closed=_P,
+    is_clear=_P, bit=_P, index_row=_P, indices=_P, n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P,
+    open_box=_P, aside_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
+    brightness=_I, has_plane=_I, display_start=_I, plane_corner=_D * 3, plane_normal=_D * 3, plane_pixels=_D * 6,
+    plane_origin=_D * 2, display_uv=_P, display_size=_D * 2,
+)  # fmt: skip
+RayStateStructure = _structure(
+    "RayStateStructure",
+    n=_I, positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P, n_events=_P,
+    has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I,
+    is_imaged=_I, n_words=_P, is_astray=_P, has_ended=_P, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
+)  # fmt: skip
+NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
+
+STRUCTURES = TreeStructure, CurvedStructure, LayerStructure, PlanStructure, RayStateStructure
+
+
+class Made:
+    """A structure with the arrays that it points to."""
+
+    def __init__(self, kind: type[ctypes.Structure]) -> None:
+        self.structure = kind()
+        self._kept: list[object] = []
+
+    def keep(self, *others: object) -> None:
+        self._kept += others
+
+    def point(self, name: str, array: np.ndarray | None, dtype: DTypeLike) -> np.ndarray | None:
+        """Let a field point to the values of an array, which stays where it is if it is fit to be pointed to."""
+        if array is not None:
+            array = np.ascontiguousarray(array, dtype)
+            self.keep(array)
+            setattr(self.structure, name, array.ctypes.data)
+        return array
+
+    def set(self, **values: object) -> None:
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                value = getattr(self.structure, name).__class__(*value.ravel().tolist())
+            setattr(self.structure, name, value)

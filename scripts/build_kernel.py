@@ -1,0 +1,153 @@
+"""Builds the compiled kernel from core/kernel/*.c: the library for this machine, and a wheel for each platform.
+
+One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes the wheels; what is
+tested here is built anew whenever the sources have changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+from environments import DEV, KERNEL, ROOT, ToolError, find_python, run, set_up
+
+SOURCES = ROOT / "core" / "kernel"
+MODULE = "kiriko_kernel"
+HERE = DEV / "link" / MODULE  # imported by tests and scripts
+WHEELS = ROOT / "wheels"
+# No fast arithmetic: sums are as they are written, and the same on all platforms.
+FLAGS = (
+    *("-std=c17", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden"),
+    *("-Wall", "-Wextra", "-Werror", "-shared", "-s"),
+)
+EPOCH = "315532800"  # 1980, the earliest that a wheel can hold: wheels of the same sources are the same
+
+
+class Target(NamedTuple):
+    """A platform: its name in the manifest, what zig calls it, the tag of its wheels, how its libraries end."""
+
+    platform: str
+    triple: str
+    tag: str
+    ending: str
+
+
+TARGETS = (
+    Target("linux-x64", "x86_64-linux-gnu.2.17", "manylinux_2_17_x86_64", "so"),
+    Target("linux-arm64", "aarch64-linux-gnu.2.17", "manylinux_2_17_aarch64", "so"),
+    Target("windows-x64", "x86_64-windows-gnu", "win_amd64", "dll"),
+    Target("windows-arm64", "aarch64-windows-gnu", "win_arm64", "dll"),
+    Target("macos-x64", "x86_64-macos.11.0", "macosx_11_0_x86_64", "so"),
+    Target("macos-arm64", "aarch64-macos.11.0", "macosx_11_0_arm64", "so"),
+)
+MACHINES = {"x86_64": "x64", "AMD64": "x64", "aarch64": "arm64", "arm64": "arm64", "ARM64": "arm64"}
+SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
+
+
+def this_target() -> Target | None:
+    """The platform that runs this; None for one that there is no wheel for."""
+    name = f"{SYSTEMS.get(platform.system())}-{MACHINES.get(platform.machine())}"
+    return next((target for target in TARGETS if target.platform == name), None)
+
+
+def compiler() -> Path:
+    """Interpreter of the environment that has the compiler."""
+    for version in ("3.13", "3.11"):
+        if python := find_python(version):
+            return set_up(KERNEL, python)
+    raise ToolError("No Python 3.13 or 3.11 was found for the kernel's compiler: install one and run this again.")
+
+
+def compile_library(target: Target, path: Path, *flags: str) -> None:
+    """Build the library for a platform."""
+    # windows.h needs no pthread; everything else does
+    threads = [] if target.ending == "dll" else ["-pthread"]
+    math = [] if target.ending == "dll" else ["-lm"]
+    sources = sorted(SOURCES.glob("*.c"))
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        made = Path(folder) / f"kernel.{target.ending}"
+        command = [compiler(), "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *threads, *flags]
+        cache = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
+        run([*command, "-o", made, *sources, *math], **cache)
+        made.replace(path)
+
+
+def fingerprint() -> str:
+    """Hash of all that the library is made from."""
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for path in sorted([*SOURCES.glob("*.[ch]"), ROOT / "scripts" / f"requirements-{KERNEL}.txt"]):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def provide() -> None:
+    """Build the library for this machine, where tests and scripts import it from, unless it is there."""
+    target = this_target()
+    stamp = HERE / "kiriko.stamp"
+    wanted = fingerprint()
+    if target is None or (stamp.exists() and stamp.read_text(encoding="utf-8") == wanted):
+        return
+    HERE.mkdir(parents=True, exist_ok=True)
+    stamp.unlink(missing_ok=True)
+    (HERE / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
+    compile_library(target, HERE / f"kernel.{target.ending}")
+    stamp.write_text(wanted, encoding="utf-8")
+
+
+SUMMARY = "The compiled kernel of Kiriko, an extension of Blender."
+METADATA = """\
+Metadata-Version: 2.1
+Name: {name}
+Version: {version}
+Summary: {summary}
+License: GPL-3.0-or-later
+"""
+WHEEL = """\
+Wheel-Version: 1.0
+Generator: kiriko
+Root-Is-Purelib: false
+Tag: py3-none-{tag}
+"""
+
+
+def wheel_name(target: Target) -> str:
+    """File name of the wheel for a platform."""
+    return f"{MODULE}-{version()}-py3-none-{target.tag}.whl"
+
+
+def version() -> str:
+    """The extension's version, which is its kernel's, too."""
+    return tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+
+
+def make_wheels() -> None:
+    """Build a wheel for each platform into wheels/."""
+    WHEELS.mkdir(exist_ok=True)
+    for old in WHEELS.glob(f"{MODULE}-*.whl"):
+        old.unlink()
+    for target in TARGETS:
+        with tempfile.TemporaryDirectory() as folder:
+            package, info = Path(folder, MODULE), Path(folder, f"{MODULE}-{version()}.dist-info")
+            package.mkdir()
+            info.mkdir()
+            (package / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
+            compile_library(target, package / f"kernel.{target.ending}")
+            told = {"name": MODULE, "version": version(), "summary": SUMMARY, "tag": target.tag}
+            (info / "METADATA").write_text(METADATA.format(**told), encoding="utf-8")
+            (info / "WHEEL").write_text(WHEEL.format(**told), encoding="utf-8")
+            run(
+                [compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS],
+                SOURCE_DATE_EPOCH=EPOCH,
+            )
+
+
+if __name__ == "__main__":
+    try:
+        provide()
+    except ToolError as error:
+        sys.exit(str(error))

@@ -1,0 +1,342 @@
+"""The compiled kernel leads rays where numpy's way does, branch by branch, and breaks on nothing."""
+
+import ctypes
+import subprocess
+import sys
+from contextlib import nullcontext
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference_rigs import (
+    ball_rig,
+    barrel,
+    bottle,
+    box,
+    cube_rig,
+    icosphere,
+    lathed,
+    mean_normals,
+    rectangle,
+    rig,
+    torus,
+    uv_ellipsoid,
+    wavy_slab,
+)
+
+import build_kernel
+from kiriko.core import kernel
+from kiriko.core.kernel import loading
+from kiriko.core.kernel.structures import STRUCTURES
+from kiriko.core.plan import Kept, Settings, make_plan
+from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray
+from kiriko.core.steps import finish
+from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
+
+pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
+
+N_RAYS = 6000
+DEFAULT = Settings()
+PX = 1e-8  # display px: landings are the same but for rounding, which caustics make larger
+CHAOTIC = 10  # events
+EXACT = "reason", "branch", "n_events", "plate_path", "leak"
+
+
+def rays_of(a_rig, n=N_RAYS, seed=0):
+    viewer = a_rig.viewer
+    return viewer.rays(np.random.default_rng(seed).random((n, 2)) * [viewer.width, viewer.height])
+
+
+def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
+    """Landings by numpy and by the kernel, of the same rays."""
+    rays = rays_of(a_rig, n)
+    with kernel.off():
+        expected = trace_all(make_plan(a_rig, some), *rays, light)
+    plan = make_plan(a_rig, some)
+    assert "compiled kernel" in plan.used
+    return expected, trace_all(plan, *rays, light)
+
+
+def turned_ball():
+    """A glass that was only moved, in the plan of the one before."""
+    kept, mesh = Kept(), icosphere(0.025, 3)
+    make_plan(rig(mesh), Settings(), kept)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    moved = replace(
+        mesh,
+        vertices=mesh.vertices @ turn.T + [0.002, 0.001, -0.001],
+        corner_normals=mesh.corner_normals @ turn.T,
+    )
+    plan = make_plan(rig(moved), Settings(), kept)
+    assert any(layer.motion is not None for layer in plan.layers)
+    return plan
+
+
+def without_some(mesh):
+    """An open mesh: light goes in and out by the gap."""
+    keep = np.ones(len(mesh.triangles), bool)
+    keep[::17] = False
+    return Mesh(mesh.vertices, mesh.triangles[keep], mesh.corner_normals[keep], mesh.is_smooth[keep])
+
+
+def bent_facets(mesh):
+    return replace(mesh, surface="facets")
+
+
+def turned_vase(segments=32):
+    """Narrow and wide by turns, as a lathe makes it."""
+    height = np.linspace(-0.03, 0.03, 14)
+    radius = 0.014 + 0.006 * np.sin(180 * height)
+    radius[[0, -1]] = 0.0
+    return lathed(radius, height, segments)
+
+
+def with_blocker(a_rig):
+    return replace(a_rig, blockers=(Blocker("card", rectangle([0, 0.03, 0.01], [1, 0, 0], [0, 0, 1], 0.02, 0.02)),))
+
+
+def two(*meshes):
+    return rig(tuple(Glass(f"glass {i}", mesh) for i, mesh in enumerate(meshes)))
+
+
+RIGS = {
+    "ball": lambda: ball_rig(4),
+    "cube": cube_rig,
+    "ball as drawn": lambda: rig(bent_facets(icosphere(0.025, 4))),
+    "flat ball": lambda: rig(icosphere(0.025, 3, smooth=False)),
+    "torus": lambda: rig(torus(0.018, 0.007, 64, 32)),
+    "torus, mean normals": lambda: rig(mean_normals(torus(0.018, 0.007, 64, 32))),
+    "ellipsoid": lambda: rig(uv_ellipsoid([0.025, 0.015, 0.03])),
+    "wavy slab": lambda: rig(wavy_slab()),
+    "barrel": lambda: rig(barrel(0.02, 0.05, 0.003, 48, 24)),
+    "lathed": lambda: rig(turned_vase()),
+    "bottle as drawn": lambda: rig(bent_facets(bottle())),
+    "open ball": lambda: rig(without_some(icosphere(0.025, 3))),
+    "two balls": lambda: two(icosphere(0.015, 3, centre=(-0.016, 0, 0)), icosphere(0.015, 3, centre=(0.016, 0, 0))),
+    "ball in a box": lambda: two(box([0.06] * 3), icosphere(0.02, 3)),
+    "boxes that touch": lambda: two(box([0.03] * 3, (-0.015, 0, 0)), box([0.03] * 3, (0.015, 0, 0))),
+    "boxes that overlap": lambda: two(box([0.04] * 3, (-0.01, 0, 0)), box([0.04] * 3, (0.01, 0.01, 0))),
+    "with a card": lambda: with_blocker(ball_rig(3)),
+    "diamond": lambda: rig(box([0.03] * 3, degrees_about_z=31.0), ior=2.42),
+}
+
+
+def assert_same(expected, found):
+    """Landings are alike, but of light that is turned so often that of rounding it makes another path."""
+    is_long = expected.n_events >= CHAOTIC
+    for name in EXACT:
+        differs = getattr(expected, name) != getattr(found, name)
+        assert not differs[~is_long].any(), name
+        assert differs.mean() < 1e-3, name
+    assert np.array_equal(np.isnan(expected.xy[~is_long]), np.isnan(found.xy[~is_long]))
+    for name, most in (("xy", PX), ("positions", 1e-9), ("directions", 1e-9), ("throughput", 1e-9)):
+        off = np.abs(getattr(expected, name) - getattr(found, name))[~is_long]
+        assert np.quantile(np.nan_to_num(off), 0.999) < most, name
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_same_landings(name):
+    """Same branch, reason and number of events of each ray; landings to 1e-8 px in 99.9 %, on all kinds of rigs."""
+    expected, found = both_ways(RIGS[name]())
+    assert expected.has_arrived.mean() > 0.05
+    assert_same(expected, found)
+
+
+@pytest.mark.parametrize("some", [{"brightness": True}, {"only_through_glass": False}, {"max_events": 3}], ids=str)
+@pytest.mark.parametrize("name", ["ball", "cube", "two balls"])
+def test_same_landings_by_other_settings(name, some):
+    """Brightness weighs paths alike; light beside the glass, and light that is cut off, end alike."""
+    assert_same(*both_ways(RIGS[name](), Settings(**some)))
+
+
+@pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
+def test_same_light_at_an_ideal_plate(light):
+    """Whichever light is followed: of light that comes past the plate it decides what becomes."""
+    assert_same(*both_ways(ball_rig(3), Settings(only_through_glass=False), light=light))
+
+
+def test_a_glass_that_was_only_moved():
+    """Rays are taken to where its faces were made, and their normals back."""
+    plan = turned_ball()
+    rays = rays_of(plan.rig)
+    found = trace_all(plan, *rays)
+    with kernel.off():
+        assert_same(trace_all(plan, *rays), found)
+
+
+def test_same_ways_and_courses():
+    """What is written down at each event is the same; a ray leaves its course at the same event."""
+    a_rig = rig(torus(0.018, 0.007, 64, 32))
+    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig, 2000)
+    ways, words, led = [], [], []
+    for way in (kernel.off(), nullcontext()):
+        steps = []
+        with way:
+            finish(tracing(plan, *rays, steps=steps))
+            words.append(finish(courses(plan, *rays)))
+        ways.append(steps)
+    assert np.array_equal(*words)
+    assert len(ways[0]) == len(ways[1]) > 2
+    for expected, found in zip(*ways, strict=True):
+        for name in ("rays", "patch", "triangle", "left"):
+            order = [np.argsort(step.rays if name != "left" else step.left) for step in (expected, found)]
+            of = [getattr(step, name)[at] for step, at in zip((expected, found), order, strict=True)]
+            assert np.array_equal(*of), name
+        np.testing.assert_allclose(
+            found.place[np.argsort(found.rays)], expected.place[np.argsort(expected.rays)], atol=1e-11
+        )
+    other = np.roll(words[0], 1, axis=0)  # each ray on the course of another
+    with kernel.off():
+        led.append(finish(tracing(plan, *rays, course=other)))
+    led.append(finish(tracing(plan, *rays, course=other)))
+    assert np.array_equal(led[0].branch, led[1].branch)
+    assert 0 < (led[0].branch != 0).mean() < 1
+
+
+def test_glass_aside_is_told():
+    """A ray that comes near glass that is not in the plan is told by the same error."""
+    a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
+    plan, rays = make_plan(a_rig, Settings(), aside=(1,)), rays_of(a_rig, 200)
+    with pytest.raises(ReachedError) as found:
+        finish(tracing(plan, *rays))
+    assert found.value.boxes == {0}
+
+
+def test_any_number_of_threads_gives_the_same():
+    """Bit for bit."""
+    a_rig = rig(bent_facets(bottle()))
+    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig)
+    by_threads = []
+    try:
+        for number in (1, 2, 7, 1000):
+            kernel.use_threads(number)
+            by_threads.append(trace_all(plan, *rays))
+    finally:
+        kernel.use_threads(0)
+    for other in by_threads[1:]:
+        for f in fields(Landings):
+            assert getattr(by_threads[0], f.name).tobytes() == getattr(other, f.name).tobytes(), f.name
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1))
+def test_random_rigs(seed):
+    """Balls, boxes and tori of random sizes and places, apart, touching or overlapping, of random index: the same."""
+    dice = np.random.default_rng(seed)
+    makers = (
+        lambda: icosphere(dice.uniform(0.005, 0.025), int(dice.integers(0, 4)), bool(dice.integers(2))),
+        lambda: box(dice.uniform(0.005, 0.05, 3), degrees_about_z=dice.uniform(0, 360)),
+        lambda: torus(dice.uniform(0.01, 0.02), dice.uniform(0.002, 0.009), 24, 12),
+    )
+    meshes = [makers[dice.integers(3)]() for _ in range(dice.integers(1, 4))]
+    meshes = [replace(mesh, vertices=mesh.vertices + dice.uniform(-0.03, 0.03, 3)) for mesh in meshes]
+    a_rig = replace(two(*meshes))
+    glasses = tuple(replace(glass, ior=a_rig.glasses[0].ior) for glass in a_rig.glasses)
+    expected, found = both_ways(replace(a_rig, glasses=glasses), Settings(brightness=bool(dice.integers(2))), 400)
+    differs = (expected.branch != found.branch) | (expected.reason != found.reason)
+    # light that is turned many times makes one rounding error into another path
+    assert not differs[expected.n_events < 10].any()
+    assert differs.mean() < 0.01
+    same = ~differs & np.isfinite(expected.xy[:, 0])
+    off = np.abs(expected.xy - found.xy)[same].max(axis=1, initial=0.0)
+    assert (np.quantile(off, 0.98) < 1e-7) if len(off) else True
+
+
+def test_where_ways_part_the_kernel_has_met_the_nearer_face():
+    """Of a mesh that contradicts itself: where numpy's engine lets a ray through, the kernel finds what it met."""
+    mesh, dice = turned_vase(12), np.random.default_rng(3)
+    spoilt = mesh.vertices * (1 + 0.03 * dice.normal(size=(len(mesh.vertices), 1)))
+    a_rig = rig(replace(mesh, vertices=spoilt))
+    rays, ways = rays_of(a_rig, 20_000), ([], [])
+    with kernel.off():
+        finish(tracing(make_plan(a_rig, Settings()), *rays, steps=ways[0]))
+    finish(tracing(make_plan(a_rig, Settings()), *rays, steps=ways[1]))
+
+    n, n_parted = len(rays[0]), 0
+    here = np.stack([rays[0], rays[0]])
+    for steps in zip(*ways, strict=False):
+        met, place = np.full((2, n), -1), np.full((2, n, 3), np.inf)
+        for k, step in enumerate(steps):
+            met[k, step.rays], place[k, step.rays] = step.triangle, step.place
+        is_alike = np.abs(here[0] - here[1]).max(axis=1) < 1e-12  # so far their ways were the same
+        parts = is_alike & (met[0] != met[1])
+        by_numpy, by_kernel = np.linalg.norm(place[:, parts] - here[:, parts], axis=2)
+        assert (by_kernel <= by_numpy + 1e-9).all()
+        n_parted += int(parts.sum())
+        here = np.where(is_alike[:, None] & np.isfinite(place), place, np.nan)
+    assert 0 < n_parted < 1e-3 * n
+
+
+NAN, INF = np.nan, np.inf
+WILD = [[NAN] * 3, [INF, 0, 0], [0, 0, 0], [1e300, 1, 1], [0, -INF, NAN], [1e-320, 0, 0], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("name", ["ball", "cube", "open ball", "two balls"])
+def test_no_ray_breaks_it(name):
+    """Rays that are none, infinitely far or without a direction end somewhere; their neighbours are none the worse."""
+    a_rig = RIGS[name]()
+    plan, (o, d) = make_plan(a_rig, Settings()), rays_of(a_rig, len(WILD))
+    expected = trace_all(plan, o, d)
+    wild = np.array(WILD, float)
+    mixed = np.concatenate([o, wild, o]), np.concatenate([d, d, wild])
+    found = trace_all(plan, *mixed)
+    assert np.isin(found.reason, list(Reason)).all()
+    assert np.array_equal(found.xy[: len(o)], expected.xy, equal_nan=True)
+
+
+def test_what_it_does_not_know_is_left_to_numpy():
+    """Mirror arrays, and surfaces of another kind: the plan says so, and light is followed all the same."""
+    a_rig = ball_rig(2)
+    mirrors = replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))
+    plan = make_plan(mirrors, Settings())
+    assert "compiled kernel (mirror arrays)" in plan.left_out
+    assert trace_all(plan, *rays_of(mirrors, 50)).has_arrived.any()
+
+
+def test_a_long_way_is_left_to_numpy(monkeypatch):
+    """Where it would take too much memory to write ways down by ray they are written event by event."""
+    a_rig = ball_rig(2)
+    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig, 100)
+    expected = finish(courses(plan, *rays))
+    monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
+    assert not kernel.can_follow(plan, _Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
+    assert np.array_equal(finish(courses(plan, *rays)), expected)
+
+
+def test_a_library_of_another_version_is_not_used(monkeypatch):
+    """Sizes of structures are compared when it is loaded: one that differs, is broken or missing is as good as none."""
+    monkeypatch.setattr(loading, "MOST_LAYERS", 7)
+    loading._load.cache_clear()
+    try:
+        assert kernel.library() is None
+        monkeypatch.undo()
+        for path in (None, Path(__file__)):
+            monkeypatch.setattr(loading, "find_library", lambda path=path: path)
+            loading._load.cache_clear()
+            assert kernel.library() is None
+            plan = make_plan(ball_rig(1), Settings())
+            assert "compiled kernel (it is not there)" in plan.left_out
+    finally:
+        monkeypatch.undo()
+        loading._load.cache_clear()
+    assert kernel.library() is not None
+
+
+def test_the_environment_switches_it_off():
+    """KIRIKO_KERNEL=off is numpy's way."""
+    code = "from kiriko.core import kernel; print(kernel.library())"
+    link = str(build_kernel.HERE.parent)
+    told = subprocess.run(
+        [sys.executable, "-c", code], env={"PYTHONPATH": link, loading.SWITCH: "off"}, capture_output=True, text=True
+    )
+    assert told.stdout.strip() == "None", told.stderr
+
+
+def test_structures_are_as_large_as_their_fields():
+    """No field is padded on any platform: all are 8 bytes or pairs of 4."""
+    for structure in STRUCTURES:
+        assert ctypes.sizeof(structure) == sum(ctypes.sizeof(kind) for _, kind in structure._fields_)
