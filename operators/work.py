@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import bpy
 
-from ..core import blender_scene, blender_solved_for
+from ..core import blender_scene, blender_solved_for, kernel
 from ..core.blender_visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
 from ..core.plan import Settings
@@ -93,7 +93,8 @@ def scene_now(context: bpy.types.Context, kept: blender_scene.Kept | None = None
 
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
-    """How the scene wants to be solved."""
+    """How the scene wants to be solved, by as many threads as may render it."""
+    kernel.use_threads(scene.render.threads)
     ours = scene.kiriko
     return Settings(
         tolerance=ours.tolerance,

@@ -26,19 +26,22 @@ from typing import Any
 
 import bpy
 import numpy as np
+from both_ways import find_parted
 from fuzz_rigs import Dice, make_rig
 
 import kiriko
-from kiriko.core import blender_preview, blender_scene
+from kiriko.core import blender_preview, blender_scene, kernel
 from kiriko.core.blender_image import pixels_from_image
 from kiriko.core.blender_media import interfaces
 from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import Rig
 from kiriko.core.session import Session, finish
 from kiriko.core.trace import trace_all
 
 SECONDS = 60.0  # for one rig; more is a hang
 FEW_FACES, FEW_EVENTS = 100, 32  # for the visible range, which needs half a million rays
 AT_ONCE = 100  # rigs in one process
+BOTH_WAYS = 2000  # rays that are followed by numpy's way and by the kernel
 LONGEST = 500  # characters of an error
 QUOTED = re.compile(r"'[^']*'")
 NONSENSE = re.compile(r"\b(nan|inf|Traceback)\b")
@@ -256,6 +259,16 @@ def check_solution(scene: bpy.types.Scene, reading: blender_scene.Reading, sourc
         need(not source[~is_seen].any(), "display pixels shine that are not seen")
     seen = solution.seen()
     need(np.isfinite(seen).all() and (seen >= 0).all(), "the seen image is none")
+    check_kernel(reading.rig, Settings(max_events=ours.max_events, only_through_glass=ours.only_through_glass))
+
+
+def check_kernel(rig: Rig, settings: Settings) -> None:
+    """WrongError where the compiled kernel passes by a face that numpy's way meets."""
+    size = rig.viewer.width, rig.viewer.height
+    plan = make_plan(rig, settings)
+    if kernel.left_out(plan.layers, plan.arrays) is None:
+        found = find_parted(plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size))
+        need(found.n_wrong == 0, f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face")
 
 
 # Cycles as judge

@@ -31,7 +31,7 @@ typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED
 typedef enum { PASS = 1, TIR = 2, AT_PLATE = 3, AT_MIRROR = 4, LAND = 5 } Event;
 
 /* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on, or,
-   where that is 0, is the node `first`. Boxes that are not there are met by no ray. */
+   where that is 0, is the node `first`; a `first` below 0 is no box. */
 typedef struct {
     float sides[6][4];
     int32_t first[4], count[4];

@@ -264,6 +264,8 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
     hit->distance = INFINITY;
     hit->triangle = -1;
     hit->is_curved = false;
+    for (int j = 0; j < 3; j++)
+        if (!isfinite(from[j]) || !isfinite(along[j])) return; /* is nowhere, or goes nowhere */
     find(&search, within);
     if (hit->triangle < 0) return;
     hit->triangle = layer->numbers[hit->triangle];

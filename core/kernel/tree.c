@@ -38,8 +38,8 @@ static double half_area(const Box *box) {
 static double middle(const double *box, int axis) { return 0.5 * (box[axis] + box[3 + axis]); }
 
 static int bin_of(double at, double low, double scale) {
-    int bin = (int)((at - low) * scale);
-    return bin < 0 ? 0 : bin < BINS ? bin : BINS - 1;
+    double bin = (at - low) * scale;
+    return bin > 0 ? bin < BINS ? (int)bin : BINS - 1 : 0;
 }
 
 /* The axis and the bin before which items are best parted; false where that wins nothing. */
@@ -174,7 +174,7 @@ KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes,
                 nodes[i].sides[2 * a + 1][k] = pair ? (float)pair->box.high[a] + ROUNDING : -INFINITY;
             }
             nodes[i].count[k] = pair ? pair->count : 0;
-            nodes[i].first[k] = pair ? pair->first : 0;
+            nodes[i].first[k] = pair ? pair->first : -1;
             if (!pair || pair->count) continue;
             pair_of[n_nodes] = of[k];
             nodes[i].first[k] = (int32_t)n_nodes++;

@@ -46,7 +46,7 @@ __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, c
             }
         }
         for (int k = 0; k < 4; k++) {
-            if (!(enter[k] <= leave[k])) continue;
+            if (node->first[k] < 0 || !(enter[k] <= leave[k])) continue;
             int at = n++; /* the nearest last, so that it is taken up first */
             for (; at > 0 && waiting[at - 1].enter < enter[k] && at > n - 4; at--) waiting[at] = waiting[at - 1];
             waiting[at].first = node->first[k];

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from both_ways import find_parted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_rigs import (
@@ -251,24 +252,9 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face():
     mesh, dice = turned_vase(12), np.random.default_rng(3)
     spoilt = mesh.vertices * (1 + 0.03 * dice.normal(size=(len(mesh.vertices), 1)))
     a_rig = rig(replace(mesh, vertices=spoilt))
-    rays, ways = rays_of(a_rig, 20_000), ([], [])
-    with kernel.off():
-        finish(tracing(make_plan(a_rig, Settings()), *rays, steps=ways[0]))
-    finish(tracing(make_plan(a_rig, Settings()), *rays, steps=ways[1]))
-
-    n, n_parted = len(rays[0]), 0
-    here = np.stack([rays[0], rays[0]])
-    for steps in zip(*ways, strict=False):
-        met, place = np.full((2, n), -1), np.full((2, n, 3), np.inf)
-        for k, step in enumerate(steps):
-            met[k, step.rays], place[k, step.rays] = step.triangle, step.place
-        is_alike = np.abs(here[0] - here[1]).max(axis=1) < 1e-12  # so far their ways were the same
-        parts = is_alike & (met[0] != met[1])
-        by_numpy, by_kernel = np.linalg.norm(place[:, parts] - here[:, parts], axis=2)
-        assert (by_kernel <= by_numpy + 1e-9).all()
-        n_parted += int(parts.sum())
-        here = np.where(is_alike[:, None] & np.isfinite(place), place, np.nan)
-    assert 0 < n_parted < 1e-3 * n
+    found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
+    assert 0 < found.n_parted < 1e-3 * found.n_rays
+    assert found.n_wrong == 0
 
 
 NAN, INF = np.nan, np.inf

@@ -1,0 +1,55 @@
+"""The same rays by numpy's way and by the kernel: where do they part, and which of them meets the nearer face?"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kiriko.core import kernel
+from kiriko.core.plan import Plan
+from kiriko.core.rig import Floats
+from kiriko.core.steps import finish
+from kiriko.core.trace import Step, tracing
+
+SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
+
+
+class Parted(NamedTuple):
+    """Of rays whose ways were the same up to an event: how many parted there, and how many of those by a wrong turn.
+
+    A turn is wrong where the kernel goes further than numpy's way does: it has passed by a face.
+    """
+
+    n_rays: int
+    n_parted: int
+    n_wrong: int
+
+
+def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
+    """Follow rays (n, 3) both ways, event by event."""
+    by_numpy: list[Step] = []
+    by_kernel: list[Step] = []
+    with kernel.off():
+        finish(tracing(plan, origins, directions, steps=by_numpy))
+    finish(tracing(plan, origins, directions, steps=by_kernel))
+    n = len(origins)
+    size = float(np.ptp(np.concatenate([layer.corners.reshape(-1, 3) for layer in plan.layers]), axis=0).max())
+
+    here, is_alike = np.stack([origins, origins]), np.ones(n, bool)
+    n_parted = n_wrong = 0
+    for event in range(max(len(by_numpy), len(by_kernel))):
+        met, place = np.full((2, n), -1), np.full((2, n, 3), np.inf)
+        for k, steps in enumerate((by_numpy, by_kernel)):
+            if event < len(steps):
+                met[k, steps[event].rays], place[k, steps[event].rays] = steps[event].triangle, steps[event].place
+        way = np.full((2, n), np.inf)
+        for k in range(2):
+            has_met = is_alike & (met[k] >= 0)
+            way[k, has_met] = np.linalg.norm(place[k, has_met] - here[k, has_met], axis=1)
+        parts = is_alike & (met[0] != met[1]) & ~(np.abs(way[0] - way[1]) <= 1e-7 * size)
+        n_parted += int(parts.sum())
+        n_wrong += int((way[1, parts] > way[0, parts]).sum())
+        is_alike &= (met >= 0).all(axis=0)
+        with np.errstate(invalid="ignore"):
+            is_alike &= np.abs(place[0] - place[1]).max(axis=1) <= SAME * size
+        here = place
+    return Parted(n, n_parted, n_wrong)
