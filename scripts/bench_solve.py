@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -76,6 +77,7 @@ def measure_engine(name: str, level: int) -> dict[str, float]:
     """Processor seconds of one engine for a ball: to build it, for a ray (us), for a solve; and peak MB of all that."""
     import bpy  # noqa: F401 - without it there is no mathutils
 
+    os.environ["KIRIKO_KERNEL"] = "off"  # which would ask neither
     if name != "Embree":
         sys.modules["embreex"] = None  # no import finds it from now on
     corners = icosphere(1.0, level).corners.astype(np.float32)

@@ -154,6 +154,11 @@ def run_with_tests(script: str, rest: list[str], environment: str | None = None,
     sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
 
 
+def kernel(arguments: argparse.Namespace) -> None:
+    """Run the kernel's libraries for Windows and Arm here: the same bits (options go to scripts/check_kernel.py)."""
+    run_with_tests("check_kernel.py", arguments.rest)
+
+
 def answer_help(script: str, rest: list[str]) -> None:
     """Let the script's own parser answer, where help is asked for, before anything is set up."""
     if {"-h", "--help"} & set(rest):
@@ -199,6 +204,7 @@ def main() -> None:
         surface,
         irregular,
         glasses,
+        kernel,
         fuzz,
         paper,
         pictures,

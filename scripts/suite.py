@@ -82,6 +82,7 @@ def steps(tools: str, newest: str) -> list[Step]:
             for name, short in blenders.items()
         ),
         Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
+        Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
         Step("kernel-sanitised", newest, ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py")),
         *(Step(f"install-{short}", name, (*pytest, "tests/package"), "package") for name, short in blenders.items()),
     ]

@@ -57,28 +57,37 @@ def can_follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> bool:
     return len(rays.live) * per_event * (plan.settings.max_events + 1) <= MOST_RECORDED
 
 
+def state_of(plan: "Plan", rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+    """State of rays as the kernel reads and writes it."""
+    made = Made(RayStateStructure)
+    for name in STATE:
+        array = getattr(rays, name)
+        if made.point(name, array, array.dtype) is not array:
+            raise TypeError(f"{name} does not lie in one piece")
+    if rays.course is not None:
+        rays.course = made.point("course", rays.course, np.uint64)
+        made.set(width=rays.course.shape[1])
+    if ways is not None:
+        made.point("places", ways.places, float)
+        made.point("met", ways.met, np.int64)
+        made.point("left_at", ways.left_at, np.int64)
+        made.set(n_steps=ways.met.shape[1])
+    made.point("is_reached", is_reached, np.uint8)
+    made.set(n=len(rays.live), is_recorded=rays.is_recorded, is_imaged=rays.light == "imaged")
+    return made
+
+
 def follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
     """Follow rays to their ends, all of which are under way; pauses now and then.
 
     Returns their ways, if that is wanted, and numbers of the boxes of what stands aside that they came upon.
     """
     n, n_events = len(rays.live), plan.settings.max_events
-    made = Made(RayStateStructure)
-    for name in STATE:
-        array = getattr(rays, name)
-        made.point(name, array, array.dtype)
     if rays.is_recorded:
         rays.course = np.zeros((n, n_events + 1), np.uint64)
-    if rays.course is not None:
-        rays.course = made.point("course", rays.course, np.uint64)
-        made.set(width=rays.course.shape[1])
     ways = Ways.none(n, n_events) if is_wanted else None
-    if ways is not None:
-        made.point("places", ways.places, float)
-        made.point("met", ways.met, np.int64)
-        made.point("left_at", ways.left_at, np.int64)
-    is_reached = made.point("is_reached", np.zeros(len(plan.aside_boxes)), np.uint8)
-    made.set(n=n, is_recorded=rays.is_recorded, is_imaged=rays.light == "imaged", n_steps=n_events if is_wanted else 0)
+    is_reached = np.zeros(len(plan.aside_boxes), np.uint8)
+    made = state_of(plan, rays, ways, is_reached)
     of_plan = made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
     for first in range(0, n, AT_ONCE):

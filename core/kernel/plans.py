@@ -35,6 +35,11 @@ class _Boxes:
         self._nodes = nodes[:n_nodes].copy()
         self.structure = TreeStructure(self._nodes.ctypes.data, self.items.ctypes.data)
 
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the structure points to."""
+        return self._nodes, self.items
+
 
 def _boxes(corners: NDArray[np.floating]) -> Floats:
     """Boxes (n, 2, 3) of triangles (n, 3, 3) or other sets of points."""

@@ -50,10 +50,10 @@ class Made:
 
     def __init__(self, kind: type[ctypes.Structure]) -> None:
         self.structure = kind()
-        self._kept: list[object] = []
+        self.kept: list[object] = []
 
     def keep(self, *others: object) -> None:
-        self._kept += others
+        self.kept += others
 
     def point(self, name: str, array: np.ndarray | None, dtype: DTypeLike) -> np.ndarray | None:
         """Let a field point to the values of an array, which stays where it is if it is fit to be pointed to."""

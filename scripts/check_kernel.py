@@ -1,0 +1,207 @@
+"""Runs the kernel's libraries for other platforms here: Windows x64 under Wine, Linux arm64 under QEMU.
+
+Each follows the same rays through a ball, a cube and an open torus, and has to come to the same bits as the library of
+this machine. What cannot be run, for there is no Wine, QEMU or C library of the platform, is told and left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import platform
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from reference_rigs import ball_rig, cube_rig, rig, torus
+
+from build_kernel import TARGETS, Target, compile_library, compiler, provide
+from environments import DEV, ROOT, ToolError, can_install, clean_environment, install, run
+from kiriko.core import kernel
+from kiriko.core.kernel.plans import made_of
+from kiriko.core.kernel.structures import Made
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.rig import Mesh, Rig
+from kiriko.core.trace import _Rays
+
+DRIVER = ROOT / "tests" / "kernel" / "follow.c"
+N_RAYS = 20_000
+
+
+class Runner(NamedTuple):
+    """What runs programs of a platform: its command, packages of Debian and Ubuntu that bring it, files it needs."""
+
+    command: Sequence[str]
+    packages: Sequence[str]
+    needs: Sequence[str]
+
+
+RUNNERS = {
+    "windows-x64": Runner(["/usr/lib/wine/wine64"], ["wine64"], ["/usr/lib/wine/wine64"]),
+    "linux-arm64": Runner(
+        ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"],
+        ["qemu-user", "libc6-arm64-cross"],
+        ["/usr/bin/qemu-aarch64", "/usr/aarch64-linux-gnu/lib/ld-linux-aarch64.so.1"],
+    ),
+}
+
+
+def rigs() -> dict[str, Rig]:
+    """Rigs that take the kernel through nearly all of its code."""
+    ring = torus(0.018, 0.007, 48, 24)
+    keep = np.arange(len(ring.triangles)) % 19 > 0
+    gaps = Mesh(ring.vertices, ring.triangles[keep], ring.corner_normals[keep], ring.is_smooth[keep])
+    return {"ball": ball_rig(3), "cube": cube_rig(), "open torus": rig(gaps)}
+
+
+class Memory:
+    """Blocks of memory, and where they point to each other."""
+
+    def __init__(self) -> None:
+        self.blocks: list[tuple[int, bytes]] = []
+        self._pointers: list[tuple[int, int, int]] = []
+
+    def add(self, thing: object) -> None:
+        """Take up arrays and structures, and all that they hold."""
+        if isinstance(thing, Made):
+            self.add(thing.structure)
+            for other in thing.kept:
+                self.add(other)
+        elif isinstance(thing, np.ndarray):
+            self.blocks.append((thing.ctypes.data, thing.tobytes()))
+        elif isinstance(thing, ctypes.Structure | ctypes.Array):
+            address = ctypes.addressof(thing)
+            block = len(self.blocks)
+            self.blocks.append((address, ctypes.string_at(address, ctypes.sizeof(thing))))
+            self._pointers += [(block, place, value) for place, value in pointers_of(thing, address)]
+        elif isinstance(thing, list | tuple):
+            for other in thing:
+                self.add(other)
+        elif hasattr(thing, "arrays"):
+            self.add(list(thing.arrays))
+
+    def find(self, address: int) -> tuple[int, int]:
+        """Number of the block that holds an address, and the place there."""
+        for number, (start, content) in enumerate(self.blocks):
+            if start <= address < start + max(len(content), 1):
+                return number, address - start
+        raise LookupError(f"no block holds {address:#x}")
+
+    def pointers(self) -> list[tuple[int, int, int, int]]:
+        """Block and place of each pointer, and those that it points to."""
+        return [(block, place, *self.find(value)) for block, place, value in self._pointers]
+
+
+def pointers_of(thing: ctypes.Structure | ctypes.Array, start: int) -> Iterator[tuple[int, int]]:
+    """Place from `start` on, and value, of each pointer in a structure that points somewhere."""
+    if isinstance(thing, ctypes.Array):
+        for part in thing:
+            if isinstance(part, ctypes.Structure):
+                yield from pointers_of(part, start)
+        return
+    for name, kind in thing._fields_:
+        value = getattr(thing, name)
+        if kind is ctypes.c_void_p and value:
+            yield ctypes.addressof(thing) + getattr(type(thing), name).offset - start, value
+        elif isinstance(value, ctypes.Structure):
+            yield from pointers_of(value, start)
+
+
+def write_case(a_rig: Rig, path: Path) -> bytes:
+    """Write a case for the driver; what its outputs have to be, which the library of this machine has made."""
+    plan = make_plan(a_rig, Settings())
+    viewer = a_rig.viewer
+    xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
+    rays = _Rays(*viewer.rays(xy), None, False)
+    made = kernel.state_of(plan, rays)
+    of_plan = made_of(plan)
+    memory = Memory()
+    memory.add(of_plan)
+    memory.add(made)
+    names = [name for name in kernel.STATE if name not in ("n_words", "is_astray", "has_ended")]
+    outputs = [memory.find(getattr(rays, name).ctypes.data)[0] for name in names]
+    pointers = memory.pointers()
+    numbers = [
+        *(len(memory.blocks), len(pointers), len(outputs)),
+        *(memory.find(ctypes.addressof(of.structure))[0] for of in (of_plan, made)),
+        N_RAYS,
+    ]
+    with path.open("wb") as file:
+        file.write(struct.pack(f"<{len(numbers)}q", *numbers))
+        for _, content in memory.blocks:
+            file.write(struct.pack("<q", len(content)) + content)
+        for pointer in pointers:
+            file.write(struct.pack("<4q", *pointer))
+        file.write(struct.pack(f"<{len(outputs)}q", *outputs))
+    kernel.library().kiriko_follow(ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure), 0, N_RAYS, 2)
+    assert (rays.reason == 0).mean() > 0.1
+    return b"".join(getattr(rays, name).tobytes() for name in names)
+
+
+def can_run(runner: Runner) -> bool:
+    """Is there what runs programs of a platform? It is installed where that is possible."""
+
+    def is_there() -> bool:
+        return all(Path(path).exists() for path in runner.needs)
+
+    if not is_there() and can_install():
+        with suppress(ToolError):  # without the network of packages
+            install(runner.packages)
+    return is_there()
+
+
+def check(target: Target, runner: Runner, folder: Path) -> bool:
+    """Let a platform's library follow all cases; whether all its bits are those of this machine's."""
+    library, driver = folder / f"kernel.{target.ending}", folder / "follow.exe"
+    compile_library(target, library)
+    cache = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
+    run([compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-O1", "-o", driver, DRIVER], **cache)
+    is_same = True
+    for name, a_rig in rigs().items():
+        case, out = folder / "case", folder / "out"
+        expected, _ = write_case(a_rig, case)
+        variables = clean_environment(WINEPREFIX=str(folder / "wine"), WINEDEBUG="-all")
+        done = subprocess.run(
+            [*runner.command, driver, f"./{library.name}", case.name, out.name], cwd=folder, env=variables
+        )
+        found = out.read_bytes() if done.returncode == 0 else b""
+        n_other = sum(a != b for a, b in zip(found, b"".join(expected), strict=False))
+        fits = len(found) == sum(map(len, expected)) and not n_other
+        is_same &= fits
+        print(
+            f"{target.platform:<14} {name:<12} {N_RAYS} rays: {'the same bits' if fits else f'{n_other} bytes differ'}"
+        )
+    return is_same
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--platform", nargs="+", choices=RUNNERS, default=list(RUNNERS), help="only these")
+    arguments = parser.parse_args()
+    provide()
+    if kernel.library() is None or platform.machine() not in ("x86_64", "AMD64"):
+        print("Not run: this takes a kernel on x64.")
+        return
+    is_same = True
+    for target in TARGETS:
+        if target.platform not in arguments.platform:
+            continue
+        runner = RUNNERS[target.platform]
+        if not can_run(runner):
+            print(f"{target.platform:<14} not run: {' and '.join(runner.packages)} are missing")
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            is_same &= check(target, runner, Path(folder))
+    sys.exit(not is_same)
+
+
+if __name__ == "__main__":
+    os.environ.pop("KIRIKO_KERNEL", None)
+    main()
