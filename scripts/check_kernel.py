@@ -166,18 +166,15 @@ def check(target: Target, runner: Runner, folder: Path) -> bool:
     is_same = True
     for name, a_rig in rigs().items():
         case, out = folder / "case", folder / "out"
-        expected, _ = write_case(a_rig, case)
+        expected = write_case(a_rig, case)
         variables = clean_environment(WINEPREFIX=str(folder / "wine"), WINEDEBUG="-all")
-        done = subprocess.run(
-            [*runner.command, driver, f"./{library.name}", case.name, out.name], cwd=folder, env=variables
-        )
+        command = [*runner.command, driver, f"./{library.name}", case.name, out.name]
+        done = subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True)
         found = out.read_bytes() if done.returncode == 0 else b""
-        n_other = sum(a != b for a, b in zip(found, b"".join(expected), strict=False))
-        fits = len(found) == sum(map(len, expected)) and not n_other
-        is_same &= fits
-        print(
-            f"{target.platform:<14} {name:<12} {N_RAYS} rays: {'the same bits' if fits else f'{n_other} bytes differ'}"
-        )
+        is_same &= found == expected
+        n_other = sum(a != b for a, b in zip(found, expected, strict=False))
+        verdict = f"{n_other} bytes differ" if found else f"ended with {done.returncode}: {done.stderr}"
+        print(f"{target.platform:<14} {name:<12} {N_RAYS} rays: {'the same bits' if found == expected else verdict}")
     return is_same
 
 
