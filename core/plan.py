@@ -475,7 +475,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
         return *of_glass(name), *(getattr(surface, name) for kind, surface, _ in sheets if kind == Kind.MIRROR)
 
     has_engine = any(layer.has_engine for layer in layers)
-    no_kernel = kernel.left_out(layers, arrays)
+    no_kernel = kernel.left_out(layers)
     rules = {
         "compiled kernel": (no_kernel is None, no_kernel),
         f"ray engine ({engine_name()})" if has_engine and no_kernel else "ray engine": (

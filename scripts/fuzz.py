@@ -266,7 +266,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     """WrongError where the compiled kernel passes by a face that numpy's way meets."""
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
-    if kernel.left_out(plan.layers, plan.arrays) is None:
+    if kernel.left_out(plan.layers) is None:
         found = find_parted(plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size))
         need(found.n_wrong == 0, f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face")
 

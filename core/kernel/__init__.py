@@ -25,6 +25,7 @@ __all__ = ["Ways", "can_follow", "follow", "left_out", "library", "off", "use_th
 
 AT_ONCE = 1 << 13  # rays between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
+LIGHTS = "imaged", "folded", "reflected"
 STATE = (
     *("positions", "directions", "mask", "cluster", "reason", "branch", "xy", "throughput", "n_events"),
     *("has_met_glass", "has_met_plate", "plate_path", "last_part", "leak", "n_words", "is_astray", "has_ended"),
@@ -73,7 +74,7 @@ def state_of(plan: "Plan", rays: "_Rays", ways: Ways | None = None, is_reached: 
         made.point("left_at", ways.left_at, np.int64)
         made.set(n_steps=ways.met.shape[1])
     made.point("is_reached", is_reached, np.uint8)
-    made.set(n=len(rays.live), is_recorded=rays.is_recorded, is_imaged=rays.light == "imaged")
+    made.set(n=len(rays.live), is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made
 
 

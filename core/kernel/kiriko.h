@@ -30,6 +30,10 @@ typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED
 
 typedef enum { PASS = 1, TIR = 2, AT_PLATE = 3, AT_MIRROR = 4, LAND = 5 } Event;
 
+typedef enum { NONE, IMAGED, STRAY_1, STRAY_2, THROUGH, REFLECTED } PlatePath;
+
+typedef enum { IMAGED_LIGHT, FOLDED_LIGHT, REFLECTED_LIGHT } Light;
+
 /* Four boxes of a tree: low and high sides along x, y and z. A box has `count` items at positions from `first` on, or,
    where that is 0, is the node `first`; a `first` below 0 is no box. */
 typedef struct {
@@ -74,6 +78,13 @@ typedef struct {
     Tree over_faces;
 } Layer;
 
+/* A mirror array where it stands: rig.py's MirrorArray and plate.py's ArrayFrame. */
+typedef struct {
+    double centre[3], axes[9];
+    double pitch, height, thickness, ior, reflectance, crossing_error, phase[2];
+    int64_t layout, has_fresnel;
+} Array;
+
 typedef struct {
     double *normals, *corner_normals;  /* (t, 3), (t, 3, 3) or NULL */
     uint8_t *is_bent;                  /* (t,) */
@@ -81,6 +92,8 @@ typedef struct {
     int64_t *kind, *cluster, *sheet;   /* (p,) */
     uint8_t *is_closed, *is_clear;     /* (p,), (p, 2) */
     uint64_t *bit;                     /* (p,) */
+    Array *arrays;
+    int64_t *array;                    /* (p,) of a plate of mirrors, -1 of all others */
     int64_t *index_row;                /* (solids,) */
     double *indices;
     int64_t n_triangles, n_open, n_aside, n_layers;
@@ -109,7 +122,7 @@ typedef struct {
     uint8_t *has_met_glass, *has_met_plate, *plate_path;
     int64_t *last_part, *leak;
     uint64_t *course;                  /* (n, width), or NULL */
-    int64_t width, is_recorded, is_imaged;
+    int64_t width, is_recorded, light;
     int64_t *n_words;
     uint8_t *is_astray, *has_ended;
     int64_t n_steps;                   /* 0 where no way is written down */
@@ -177,6 +190,12 @@ typedef struct {
 } Sides;
 
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit);
+
+/* plate.c */
+double cross_array(const Array *array, Light light, double *position, double *direction, PlatePath *path);
+
+/* trace.c */
+double transmittance(double c1, double c2, double eta);
 
 /* threads.c */
 typedef void (*Work)(void *context, int64_t first, int64_t last);

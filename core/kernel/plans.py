@@ -1,7 +1,7 @@
 """Plans as the kernel reads them: the arrays of numpy's way, where they are, and trees over what rays meet."""
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -13,12 +13,13 @@ from ..plate import ArrayFrame
 from ..ray_engine import MANY_TRIANGLES, Layer
 from ..rig import Floats, Ints
 from .loading import MOST_LAYERS, library
-from .structures import NODE, CurvedStructure, LayerStructure, Made, PlanStructure, TreeStructure
+from .structures import NODE, ArrayStructure, CurvedStructure, LayerStructure, Made, PlanStructure, TreeStructure
 
 if TYPE_CHECKING:
     from ..plan import Plan
 
 BEZIER_AT_ONCE = 1 << 14  # faces
+LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 
 
@@ -132,12 +133,23 @@ def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: 
     return made
 
 
-def left_out(layers: Sequence[Layer], arrays: Mapping[int, ArrayFrame]) -> str | None:
-    """Why the kernel does not follow rays in a plan of these layers and mirror arrays; None where it does."""
+def _make_array(frame: ArrayFrame) -> Made:
+    made, array = Made(ArrayStructure), frame.array
+    made.set(
+        centre=frame.centre,
+        axes=frame.axes,
+        phase=np.array(array.phase, float),
+        layout=LAYOUTS.index(array.layout),
+        **{name: getattr(array, name) for name in ("pitch", "height", "thickness", "ior", "reflectance")},
+        **{name: getattr(array, name) for name in ("crossing_error", "has_fresnel")},
+    )
+    return made
+
+
+def left_out(layers: Sequence[Layer]) -> str | None:
+    """Why the kernel does not follow rays in a plan of these layers; None where it does."""
     if library() is None:
         return "it is not there"
-    if arrays:
-        return "mirror arrays"
     if len(layers) > MOST_LAYERS:
         return f"more than {MOST_LAYERS} layers"
     if any(type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None)) for layer in layers):
@@ -146,7 +158,7 @@ def left_out(layers: Sequence[Layer], arrays: Mapping[int, ArrayFrame]) -> str |
 
 
 def _make_plan(plan: "Plan") -> Made | None:
-    if left_out(plan.layers, plan.arrays) is not None:
+    if left_out(plan.layers) is not None:
         return None
     made = Made(PlanStructure)
     display, settings, plane = plan.rig.display, plan.settings, plan.display_plane
@@ -163,6 +175,11 @@ def _make_plan(plan: "Plan") -> Made | None:
     made.point("aside_box", plan.aside_boxes, float)
     made.point("display_uv", display.mesh.uv, float)
     per_layer = zip(plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids, strict=True)
+    array = np.full(len(plan.kind), -1)
+    array[list(plan.arrays)] = np.arange(len(plan.arrays))
+    made.point("array", array, np.int64)
+    arrays = (ArrayStructure * len(plan.arrays))(*(_make_array(frame).structure for frame in plan.arrays.values()))
+    made.keep(arrays)
     layers = [_make_layer(*of_layer) for of_layer in per_layer]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
@@ -174,6 +191,7 @@ def _make_plan(plan: "Plan") -> Made | None:
         n_aside=len(plan.aside_boxes),
         n_layers=len(layers),
         layers=ctypes.addressof(structures),
+        arrays=ctypes.addressof(arrays),
         merge_distance=plan.merge_distance,
         max_events=settings.max_events,
         only_through_glass=settings.only_through_glass,

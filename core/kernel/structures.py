@@ -26,10 +26,16 @@ LayerStructure = _structure(
     rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D, tolerance=_D, has_engine=_I,
     n_starts=_I, over_faces=TreeStructure,
 )  # fmt: skip
+ArrayStructure = _structure(
+    "ArrayStructure",
+    centre=_D * 3, axes=_D * 9, pitch=_D, height=_D, thickness=_D, ior=_D, reflectance=_D, crossing_error=_D,
+    phase=_D * 2, layout=_I, has_fresnel=_I,
+)  # fmt: skip
 PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P, is_closed=_P,
-    is_clear=_P, bit=_P, index_row=_P, indices=_P, n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P,
+    is_clear=_P, bit=_P, arrays=_P, array=_P, index_row=_P, indices=_P, n_triangles=_I, n_open=_I, n_aside=_I,
+    n_layers=_I, open_part=_P,
     open_box=_P, aside_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
     brightness=_I, has_plane=_I, display_start=_I, plane_corner=_D * 3, plane_normal=_D * 3, plane_pixels=_D * 6,
     plane_origin=_D * 2, display_uv=_P, display_size=_D * 2,
@@ -38,11 +44,11 @@ RayStateStructure = _structure(
     "RayStateStructure",
     n=_I, positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P, n_events=_P,
     has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I,
-    is_imaged=_I, n_words=_P, is_astray=_P, has_ended=_P, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
+    light=_I, n_words=_P, is_astray=_P, has_ended=_P, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
 )  # fmt: skip
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
-STRUCTURES = TreeStructure, CurvedStructure, LayerStructure, PlanStructure, RayStateStructure
+STRUCTURES = TreeStructure, CurvedStructure, LayerStructure, ArrayStructure, PlanStructure, RayStateStructure
 
 
 class Made:

@@ -2,7 +2,6 @@
 
 #include "kiriko.h"
 
-#define IMAGED 1 /* of PlatePath */
 #define RAYS_AT_ONCE 64 /* that one thread takes up: enough that taking them costs nothing */
 
 typedef struct {
@@ -180,7 +179,7 @@ static void reflect(const double *d, const double *normal, double *out) {
 }
 
 /* Unpolarised Fresnel transmittance of power; 0 at grazing. */
-static double transmittance(double c1, double c2, double eta) {
+double transmittance(double c1, double c2, double eta) {
     double s = (eta * c1 - c2) / (eta * c1 + c2), p = (c1 - eta * c2) / (c1 + eta * c2);
     s = s == s ? s : 1;
     p = p == p ? p : 1;
@@ -251,9 +250,18 @@ static void meet_plate(Ray *ray, const Hit *hit) {
     int64_t i = ray->i, part = plan->part[hit->triangle];
     const double *normal = plan->normals + 3 * hit->triangle;
     double *d = rays->directions + 3 * i, out[3];
-    reflect(d, normal, out); /* what is along the plate turns round, what is along the normal stays */
-    for (int j = 0; j < 3; j++) d[j] = -out[j];
-    if (rays->plate_path[i] < IMAGED) rays->plate_path[i] = IMAGED;
+    if (plan->array[part] >= 0) {
+        Light light = (Light)rays->light;
+        if (rays->has_met_plate[i] && light == REFLECTED_LIGHT) light = FOLDED_LIGHT; /* it is reflected once */
+        PlatePath path;
+        double passed = cross_array(plan->arrays + plan->array[part], light, rays->positions + 3 * i, d, &path);
+        if (rays->plate_path[i] <= IMAGED) rays->plate_path[i] = (uint8_t)path;
+        if (plan->brightness) rays->throughput[i] *= passed;
+    } else {
+        reflect(d, normal, out); /* what is along the plate turns round, what is along the normal stays */
+        for (int j = 0; j < 3; j++) d[j] = -out[j];
+        if (rays->plate_path[i] < IMAGED) rays->plate_path[i] = IMAGED;
+    }
     rays->has_met_plate[i] = true;
     add_to_branch(ray, plan->patch[hit->triangle], AT_PLATE);
     if (plan->is_clear[2 * part + (dot(d, normal) > 0)]) land_beyond_plate(ray);
@@ -277,7 +285,7 @@ static void meet_display(Ray *ray, const Hit *hit) {
     bool is_front = dot(rays->directions + 3 * i, plan->normals + 3 * hit->triangle) < 0;
     bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
     rays->reason[i] = !counts                                        ? MISSED_GLASS
-                      : !rays->has_met_plate[i] && rays->is_imaged ? MISSED_PLATE
+                      : !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT ? MISSED_PLATE
                       : !is_front                                    ? BLOCKED
                                                                      : ARRIVED;
     add_to_branch(ray, plan->patch[hit->triangle], LAND);
@@ -351,6 +359,6 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
 /* Number I of what __init__.py compares with its own: sizes of the structures, and the most layers of a plan. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {sizeof(Node), sizeof(Tree), sizeof(Curved), sizeof(Layer),
-                               sizeof(Plan), sizeof(Rays), MOST_LAYERS};
+                               sizeof(Array), sizeof(Plan), sizeof(Rays), MOST_LAYERS};
     return numbers[i];
 }

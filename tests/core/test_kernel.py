@@ -30,6 +30,7 @@ from reference_rigs import (
 
 import build_kernel
 from kiriko.core import kernel
+from kiriko.core.curved import CurvedFaces
 from kiriko.core.kernel import loading
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.plan import Kept, Settings, make_plan
@@ -274,13 +275,40 @@ def test_no_ray_breaks_it(name):
     assert np.array_equal(found.xy[: len(o)], expected.xy, equal_nan=True)
 
 
+ARRAYS = {
+    "crossed": MirrorArray(crossing_error=0.002, phase=(0.3, -7.6)),
+    "holes": MirrorArray(layout="holes", has_fresnel=False, phase=(0.1, 0.7)),
+    "radial": MirrorArray(layout="radial", reflectance=0.9),
+}
+
+
+@pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
+@pytest.mark.parametrize("layout", ARRAYS)
+def test_plates_of_mirrors(layout, light):
+    """Light crosses mirrors, or is reflected by the face, as by numpy's closed form; from either side."""
+    a_rig = ball_rig(3, field=0.06)
+    plates = (replace(a_rig.plates[0], array=ARRAYS[layout]),)
+    some = Settings(brightness=True, only_through_glass=False)
+    expected, found = both_ways(replace(a_rig, plates=plates), some, light=light)
+    assert (expected.plate_path > 0).mean() > 0.3
+    assert_same(expected, found)
+
+
 def test_what_it_does_not_know_is_left_to_numpy():
-    """Mirror arrays, and surfaces of another kind: the plan says so, and light is followed all the same."""
-    a_rig = ball_rig(2)
-    mirrors = replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))
-    plan = make_plan(mirrors, Settings())
-    assert "compiled kernel (mirror arrays)" in plan.left_out
-    assert trace_all(plan, *rays_of(mirrors, 50)).has_arrived.any()
+    """Surfaces of another kind: light is followed all the same."""
+    plan = make_plan(ball_rig(2), Settings())
+
+    class Other(CurvedFaces):
+        pass
+
+    (number,) = (i for i, layer in enumerate(plan.layers) if layer.curved is not None)
+    layers = list(plan.layers)
+    of_layer = {f.name: getattr(layers[number].curved, f.name) for f in fields(CurvedFaces)}
+    layers[number] = layers[number].bent(Other(**of_layer))
+    assert kernel.left_out(layers) == "faces of another kind"
+    rays = rays_of(plan.rig, 50)
+    found = trace_all(replace(plan, layers=tuple(layers)), *rays)
+    assert_same(trace_all(plan, *rays), found)
 
 
 def test_a_long_way_is_left_to_numpy(monkeypatch):
