@@ -6,8 +6,10 @@ import glasses
 import numpy as np
 import pytest
 from bench_glasses import BENCH
+from both_ways import find_parted
 from reference_rigs import rig
 
+from kiriko.core import kernel
 from kiriko.core.plan import Kind, Settings, make_plan
 from kiriko.core.remarks import _on_doubted
 from kiriko.core.trace import trace_all
@@ -59,3 +61,17 @@ def test_a_gem_has_its_facets():
     assert len(gem.polygons) == 57 + 32
     assert len(gem.vertices) - len(gem.edges) + len(gem.polygons) == 2
     assert all(polygon.center.dot(polygon.normal) > 0 for polygon in gem.polygons)
+
+
+@pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
+@pytest.mark.parametrize("surface", ["automatic", "smooth"])
+@pytest.mark.parametrize("name", glasses.GLASSES)
+def test_the_kernel_leads_light_as_numpys_way_does(name, surface):
+    """Through all glasses: no ray is led past a face, and where the mesh is trusted none parts from numpy's way."""
+    mesh = replace(glasses.made(name), surface=surface)
+    a_rig = rig(mesh, ior=glasses.INDICES.get(name, 1.49), **BENCH)
+    viewer = a_rig.viewer
+    xy = np.random.default_rng(4).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
+    found = find_parted(make_plan(a_rig, Settings()), *viewer.rays(xy))
+    assert found.n_wrong == 0
+    assert found.n_parted <= (0 if surface == "automatic" else 0.01 * RAYS)

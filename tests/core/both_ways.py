@@ -11,6 +11,7 @@ from kiriko.core.steps import finish
 from kiriko.core.trace import Step, tracing
 
 SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
+BESIDE = 1e-7  # of the rig's size: so close are two triangles on both sides of an edge that a ray meets
 
 
 class Parted(NamedTuple):
@@ -45,7 +46,9 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
         for k in range(2):
             has_met = is_alike & (met[k] >= 0)
             way[k, has_met] = np.linalg.norm(place[k, has_met] - here[k, has_met], axis=1)
-        parts = is_alike & (met[0] != met[1]) & ~(np.abs(way[0] - way[1]) <= 1e-7 * size)
+        with np.errstate(invalid="ignore"):  # neither meets anything
+            is_near = np.abs(way[0] - way[1]) <= BESIDE * size
+        parts = is_alike & (met[0] != met[1]) & ~is_near
         n_parted += int(parts.sum())
         n_wrong += int((way[1, parts] > way[0, parts]).sum())
         is_alike &= (met >= 0).all(axis=0)
