@@ -146,8 +146,8 @@ class _Rays:
         self.has_met_plate = np.zeros(n, bool)
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
         self.light = light
-        self.last_part = np.full(n, -1)
-        self.leak = np.full(n, -1)
+        self.last_part = np.full(n, -1, np.int64)
+        self.leak = np.full(n, -1, np.int64)
         self.live = np.arange(n)
         self.course, self.is_recorded = course, is_recorded
         self.n_words = np.zeros(n, np.int64)
@@ -465,6 +465,7 @@ def _meet_glass(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[Hit
     after = before ^ plan.bit[part]
     for other in by_layer:
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
+        same_place &= plan.cluster[plan.part[other.triangle]] == plan.cluster[part]  # a mask is of one cluster
         same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
         after[same_place] ^= plan.bit[plan.part[other.triangle[same_place]]]
     n1, n2 = plan.media.index(part, before), plan.media.index(part, after)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..rig import Floats, Ints
 from ..steps import Pauses
-from .loading import library, n_threads, off, use_threads
+from .loading import library, loaded, n_threads, off, use_threads
 from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
 
@@ -23,13 +23,16 @@ if TYPE_CHECKING:
 
 __all__ = ["Ways", "can_follow", "follow", "left_out", "library", "off", "use_threads"]
 
-AT_ONCE = 1 << 13  # rays between two pauses: less than 0.1 s of work
+EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
 LIGHTS = "imaged", "folded", "reflected"
-STATE = (
-    *("positions", "directions", "mask", "cluster", "reason", "branch", "xy", "throughput", "n_events"),
-    *("has_met_glass", "has_met_plate", "plate_path", "last_part", "leak", "n_words", "is_astray", "has_ended"),
-)
+STATE = {  # of trace.py's _Rays: what the kernel reads and writes where it is
+    **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
+    **dict.fromkeys(("mask", "branch"), np.uint64),
+    **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
+    **dict.fromkeys(("reason", "plate_path"), np.uint8),
+    **dict.fromkeys(("has_met_glass", "has_met_plate", "is_astray", "has_ended"), np.bool_),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +50,7 @@ class Ways:
     @classmethod
     def none(cls, n: int, m: int) -> "Ways":
         """Ways of which nothing is known yet."""
-        return cls(np.empty((n, m, 3)), np.full((n, m), -1), np.full(n, -1))
+        return cls(np.empty((n, m, 3)), np.full((n, m), -1, np.int64), np.full(n, -1, np.int64))
 
 
 def can_follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> bool:
@@ -61,10 +64,9 @@ def can_follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> bool:
 def state_of(plan: "Plan", rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
     """State of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
-    for name in STATE:
-        array = getattr(rays, name)
-        if made.point(name, array, array.dtype) is not array:
-            raise TypeError(f"{name} does not lie in one piece")
+    for name, dtype in STATE.items():
+        if made.point(name, getattr(rays, name), dtype) is not getattr(rays, name):
+            raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
     if rays.course is not None:
         rays.course = made.point("course", rays.course, np.uint64)
         made.set(width=rays.course.shape[1])
@@ -91,8 +93,9 @@ def follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> "Pauses[tuple[Ways |
     made = state_of(plan, rays, ways, is_reached)
     of_plan = made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
-    for first in range(0, n, AT_ONCE):
-        library().kiriko_follow(*structures, first, min(first + AT_ONCE, n), n_threads())
+    kernel, at_once = loaded(), max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
+    for first in range(0, n, at_once):
+        kernel.kiriko_follow(*structures, first, min(first + at_once, n), n_threads())
         yield 0
     rays.live = rays.live[:0]
     return ways, set(np.flatnonzero(is_reached).tolist())

@@ -1,6 +1,6 @@
 /* What Python hands over, and the small things that all files need.
 
-   Every structure is mirrored in __init__.py, field by field, and its size is compared when the library is loaded. All
+   Every structure is mirrored in structures.py, field by field, and its size is compared when the library is loaded. All
    lengths are in m, directions are unit vectors, and the names are those of core/plan.py, core/ray_engine.py and
    core/curved.py, which say what they mean. */
 
@@ -18,6 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
+#define VERSION 1 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */

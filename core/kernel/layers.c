@@ -44,8 +44,8 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
 }
 
-/* Where a ray meets the plane of a triangle, if that is within it but for a slack. */
-static bool on_facet(const Search *search, int64_t k, double slack, Hit *hit) {
+/* Where a ray meets the plane of a triangle, if it does. */
+static bool meet_plane(const Search *search, int64_t k, Hit *hit) {
     const Layer *layer = search->layer;
     const double *corner = layer->frames + 12 * k, *normal = corner + 3;
     const double *o = search->o, *d = search->d;
@@ -60,7 +60,12 @@ static bool on_facet(const Search *search, int64_t k, double slack, Hit *hit) {
     hit->triangle = k;
     hit->enters = slope < 0;
     hit->is_curved = false;
-    return is_within(hit->u, hit->v, slack);
+    return true;
+}
+
+/* Does a ray meet a triangle, with a slack around it? */
+static bool meet_facet(const Search *search, int64_t k, double slack, Hit *hit) {
+    return meet_plane(search, k, hit) && is_within(hit->u, hit->v, slack);
 }
 
 /* Take a hit if it is true and the nearest so far. */
@@ -82,7 +87,7 @@ static void visit_face(void *context, int32_t position, double *far) {
     const Curved *curved = search->layer->curved;
     Hit found;
     if (!curved || curved->row[k] < 0) {
-        if (on_facet(search, k, search->slack, &found)) consider(search, &found, far);
+        if (meet_facet(search, k, search->slack, &found)) consider(search, &found, far);
         return;
     }
     for (int s = 0; s < search->layer->n_starts; s++) {
@@ -160,10 +165,9 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
         if (!search->leaves || !only_leaves_hull(&shot, at / radius, is_whole, *search->leaves)) {
             int64_t k = curved->owner[asked_for];
             Hit found;
-            bool is_met = true, is_wrong = false;
+            bool is_met, is_wrong = false;
             if (curved->row[k] < 0) {
-                on_facet(search, k, INFINITY, &found);
-                is_met = fabs(dot(d, layer->frames + 12 * k + 3)) > 0;
+                is_met = meet_plane(search, k, &found);
             } else {
                 double u = shot.u, v = shot.v;
                 if (!is_whole) {
@@ -211,7 +215,7 @@ static void find(Search *search, double within) {
     if (!layer->has_engine) {
         for (int64_t k = 0; k < layer->n_triangles; k++) {
             Hit found;
-            if (on_facet(search, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
+            if (meet_facet(search, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
         }
         return;
     }

@@ -13,6 +13,7 @@ from .structures import NODE, STRUCTURES
 MODULE = "kiriko_kernel"
 SWITCH = "KIRIKO_KERNEL"  # environment variable: "off" for numpy's way, or the file of another library
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
+VERSION = 1  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
 
 _threads = 0  # as many as the machine has
@@ -39,20 +40,20 @@ def find_library() -> Path | None:
 
 
 @cache
-def _load() -> ctypes.CDLL | None:
-    """The library, if it can be loaded and its structures are those of this version."""
+def loaded() -> ctypes.CDLL | None:
+    """The library, if there is one that can be loaded and whose structures are those of this version."""
     path = find_library()
     if path is None:
         return None
+    number, pointer = ctypes.c_int64, ctypes.c_void_p
     try:
         library = ctypes.CDLL(str(path))
-    except OSError:  # made for another processor or system
+        library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
+        library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, *3 * [pointer]]
+        library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
+    except (OSError, AttributeError):  # made for another processor or system, or not by us
         return None
-    number, pointer = ctypes.c_int64, ctypes.c_void_p
-    library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
-    library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, pointer, pointer, pointer]
-    library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [pointer, pointer, number, number, number]
-    expected = [NODE.itemsize, *map(ctypes.sizeof, STRUCTURES), MOST_LAYERS]
+    expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]
     is_known = [library.kiriko_layout(i) for i in range(len(expected))] == expected
     return library if is_known else None
 
@@ -73,4 +74,4 @@ def off() -> Iterator[None]:
 
 def library() -> ctypes.CDLL | None:
     """The library; None where it is not there, fits not, or is switched off."""
-    return None if _is_off or os.environ.get(SWITCH) == "off" else _load()
+    return None if _is_off or os.environ.get(SWITCH) == "off" else loaded()

@@ -12,13 +12,14 @@ from ..curved import LOWER, STARTS, TO_BEZIER, CurvedFaces
 from ..plate import ArrayFrame
 from ..ray_engine import MANY_TRIANGLES, Layer
 from ..rig import Floats, Ints
-from .loading import MOST_LAYERS, library
+from .loading import MOST_LAYERS, library, loaded
 from .structures import NODE, ArrayStructure, CurvedStructure, LayerStructure, Made, PlanStructure, TreeStructure
 
 if TYPE_CHECKING:
     from ..plan import Plan
 
 BEZIER_AT_ONCE = 1 << 14  # faces
+MOST_EVENTS = 1 << 31  # more is for ever
 LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 
@@ -30,7 +31,7 @@ class _Boxes:
         boxes = np.ascontiguousarray(boxes, float)
         n = len(boxes)
         nodes, self.items = np.empty(n, NODE), np.empty(n, np.int32)
-        n_nodes = library().kiriko_make_tree(n, boxes.ctypes.data, nodes.ctypes.data, self.items.ctypes.data)
+        n_nodes = loaded().kiriko_make_tree(n, boxes.ctypes.data, nodes.ctypes.data, self.items.ctypes.data)
         if not n_nodes:
             raise MemoryError
         self._nodes = nodes[:n_nodes].copy()
@@ -148,8 +149,10 @@ def _make_array(frame: ArrayFrame) -> Made:
 
 def left_out(layers: Sequence[Layer]) -> str | None:
     """Why the kernel does not follow rays in a plan of these layers; None where it does."""
-    if library() is None:
-        return "it is not there"
+    return "it is not there" if library() is None else _unknown(layers)
+
+
+def _unknown(layers: Sequence[Layer]) -> str | None:
     if len(layers) > MOST_LAYERS:
         return f"more than {MOST_LAYERS} layers"
     if any(type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None)) for layer in layers):
@@ -158,7 +161,7 @@ def left_out(layers: Sequence[Layer]) -> str | None:
 
 
 def _make_plan(plan: "Plan") -> Made | None:
-    if left_out(plan.layers) is not None:
+    if _unknown(plan.layers) is not None:
         return None
     made = Made(PlanStructure)
     display, settings, plane = plan.rig.display, plan.settings, plan.display_plane
@@ -193,9 +196,9 @@ def _make_plan(plan: "Plan") -> Made | None:
         layers=ctypes.addressof(structures),
         arrays=ctypes.addressof(arrays),
         merge_distance=plan.merge_distance,
-        max_events=settings.max_events,
-        only_through_glass=settings.only_through_glass,
-        brightness=settings.brightness,
+        max_events=min(settings.max_events, MOST_EVENTS),
+        only_through_glass=bool(settings.only_through_glass),
+        brightness=bool(settings.brightness),
         has_plane=plane is not None,
         display_start=plan.display_start,
         display_size=np.array([display.width, display.height], float),

@@ -222,6 +222,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
+        if (plan->cluster[plan->part[other->triangle]] != plan->cluster[part]) continue; /* a mask is of one cluster */
         if (fabs(other->distance - hit->distance) <= plan->merge_distance)
             after ^= plan->bit[plan->part[other->triangle]];
     }
@@ -356,9 +357,9 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
     share_out(follow_some, &batch, last - first, RAYS_AT_ONCE, n_threads);
 }
 
-/* Number I of what __init__.py compares with its own: sizes of the structures, and the most layers of a plan. */
+/* Number i of what loading.py compares with its own; -1 beyond the last. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
-    const int64_t numbers[] = {sizeof(Node), sizeof(Tree), sizeof(Curved), sizeof(Layer),
-                               sizeof(Array), sizeof(Plan), sizeof(Rays), MOST_LAYERS};
-    return numbers[i];
+    const int64_t numbers[] = {VERSION,       MOST_LAYERS,    sizeof(Node), sizeof(Tree), sizeof(Curved),
+                               sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays)};
+    return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

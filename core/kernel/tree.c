@@ -143,6 +143,7 @@ static int64_t make_pairs(int64_t n, const double *boxes, Pair *pairs, int32_t *
 /* Make a tree of n boxes (n, 2, 3), which are about 1 in size: nodes, n of them at the most, and items (n,). Returns the
    number of nodes, 0 where memory is short. */
 KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes, int32_t *items) {
+    if (n <= 0) return 0;
     Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
     int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair that a node stands for */
     int64_t n_nodes = 1;

@@ -39,6 +39,19 @@ def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
     assert (read["object_name"], read["source"], round(read["ior"], 4)) == ("Cube", "override", 1.49)
 
 
+def test_the_kernel_has_as_many_threads_as_a_render(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """What is set for renders holds for solves, whose source image is the same for any number."""
+    small_rig()
+    sources = []
+    for number in (1, 3):
+        scene.render.threads_mode, scene.render.threads = "FIXED", number
+        bpy.ops.kiriko.solve()
+        assert kiriko.core.kernel.loading.n_threads() == number
+        sources.append(pixels(scene.kiriko.result.source))
+        scene.kiriko.tolerance += 1e-9  # another solve
+    assert np.array_equal(*sources)
+
+
 def test_source_is_saved_with_the_file(scene: bpy.types.Scene, tmp_path) -> None:
     """Every number of the source image is the same after saving and loading."""
     small_rig()

@@ -259,10 +259,19 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face():
 
 
 NAN, INF = np.nan, np.inf
-WILD = [[NAN] * 3, [INF, 0, 0], [0, 0, 0], [1e300, 1, 1], [0, -INF, NAN], [1e-320, 0, 0], [0, 1, 0]]
+WILD = [
+    [NAN] * 3,
+    [INF, 0, 0],
+    [0, 0, 0],
+    [1e300, 1, 1],
+    [0, -INF, NAN],
+    [1e-320, 0, 0],
+    [1e-308, 1e-308, 0],
+    [0, 1, 0],
+]
 
 
-@pytest.mark.parametrize("name", ["ball", "cube", "open ball", "two balls"])
+@pytest.mark.parametrize("name", ["ball", "cube", "open ball", "two balls", "barrel"])
 def test_no_ray_breaks_it(name):
     """Rays that are none, infinitely far or without a direction end somewhere; their neighbours are none the worse."""
     a_rig = RIGS[name]()
@@ -324,20 +333,66 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
 def test_a_library_of_another_version_is_not_used(monkeypatch):
     """Sizes of structures are compared when it is loaded: one that differs, is broken or missing is as good as none."""
     monkeypatch.setattr(loading, "MOST_LAYERS", 7)
-    loading._load.cache_clear()
+    loading.loaded.cache_clear()
     try:
         assert kernel.library() is None
         monkeypatch.undo()
         for path in (None, Path(__file__)):
             monkeypatch.setattr(loading, "find_library", lambda path=path: path)
-            loading._load.cache_clear()
+            loading.loaded.cache_clear()
             assert kernel.library() is None
             plan = make_plan(ball_rig(1), Settings())
             assert "compiled kernel (it is not there)" in plan.left_out
     finally:
         monkeypatch.undo()
-        loading._load.cache_clear()
+        loading.loaded.cache_clear()
     assert kernel.library() is not None
+
+
+def test_a_library_that_is_not_ours_is_not_used(monkeypatch):
+    """One without our functions is as good as none."""
+    import _ctypes
+
+    monkeypatch.setattr(loading, "find_library", lambda: Path(_ctypes.__file__))
+    loading.loaded.cache_clear()
+    try:
+        assert kernel.library() is None
+    finally:
+        monkeypatch.undo()
+        loading.loaded.cache_clear()
+    assert [kernel.library().kiriko_layout(i) for i in (-1, 0, 1000)] == [-1, loading.VERSION, -1]
+
+
+def test_work_that_was_begun_is_ended_by_the_kernel():
+    """Whoever switches it off between two pauses changes nothing of the work under way."""
+    a_rig = ball_rig(3)
+    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig)
+    expected = trace_all(plan, *rays)
+    work = tracing(plan, *rays)
+    next(work)
+    with kernel.off():
+        assert np.array_equal(finish(work).xy, expected.xy, equal_nan=True)
+
+
+def test_arrays_of_another_kind_are_not_written_to():
+    """Where numpy's whole numbers are of 4 bytes, as on Windows before numpy 2, none are handed over."""
+    plan = make_plan(ball_rig(1), Settings())
+    rays = _Rays(*rays_of(plan.rig, 10), None, False)
+    rays.leak = rays.leak.astype(np.int32)
+    with pytest.raises(TypeError, match="leak is no array of int64"):
+        kernel.state_of(plan, rays)
+    for name, dtype in kernel.STATE.items():
+        assert getattr(_Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
+
+
+def test_masks_of_other_clusters_are_left_alone():
+    """A far card makes what counts as one place large: a box a micrometre beside others is another cluster's."""
+    beside, *same = (box([0.02] * 3, (0, side * (0.01 + 5e-7), 0)) for side in [-1, *20 * [1]])
+    far = Blocker("card", rectangle([0, 0, 1e7], [1, 0, 0], [0, 1, 0], 1.0, 1.0))
+    expected, found = both_ways(replace(two(beside, *same), blockers=(far,)), n=500)
+    assert (expected.n_events > 3).any()
+    for name in EXACT:
+        assert np.array_equal(getattr(expected, name), getattr(found, name)), name
 
 
 def test_the_environment_switches_it_off():
