@@ -7,10 +7,12 @@ import numpy as np
 
 from .plan import Kept, Plan, Settings, make_plan
 from .rig import Rig
+from .steps import within
 from .trace import ReachedError
 from .view_map import ViewMap, sample
 
 MOST_STARTS = 3  # the last of them with everything
+PLANNED = 0.15  # of the progress: a plan of new glass takes about so much of the time
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
@@ -53,7 +55,7 @@ def sample_reached(
     for start in range(MOST_STARTS):
         plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         lap("plan")
-        steps = sample(plan)
+        steps = within(sample(plan), PLANNED, 1.0)
         try:
             while True:
                 yield told

@@ -7,6 +7,7 @@ import numpy as np
 
 from .meshes import Frames
 from .rig import Bools, Floats, Ints
+from .steps import Pauses
 
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
@@ -80,8 +81,8 @@ class ThinParts:
     def _frames(self) -> Frames:
         return Frames.of(self._corners)
 
-    def touch(self, places: Floats, met: Ints) -> Bools:
-        """Which bundles (s,) of k rays come near a patch that none of them met?
+    def touch(self, places: Floats, met: Ints) -> Pauses[Bools]:
+        """Which bundles (s,) of k rays come near a patch that none of them met? Pauses now and then.
 
         Parameters
         ----------
@@ -96,10 +97,10 @@ class ThinParts:
         at_once = max(1, PAIRS_AT_ONCE // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
-            self._look_into(0, bundles, i + first, node, touched)
+            yield from self._look_into(0, bundles, i + first, node, touched)
         return touched
 
-    def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> None:
+    def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> Pauses[None]:
         """Mark whose bundles i (n,) come near a triangle in boxes `node` (n,) of a level.
 
         A bundle is done with as soon as it is near one: so some of its boxes are looked into at a time, here and there.
@@ -114,9 +115,10 @@ class ThinParts:
                 near = _is_in_boxes(bundles, j_some, *(np.take(side, k, axis=1) for side in self._boxes[level]))
                 j_some, k = j_some[near], k[near]
                 if level + 1 < len(self._boxes):
-                    self._look_into(level + 1, bundles, *self._within(level + 1, j_some, k), touched)
+                    yield from self._look_into(level + 1, bundles, *self._within(level + 1, j_some, k), touched)
                 else:
                     touched[bundles.owner[j_some[self._is_near(bundles.ends[j_some], k)]]] = True
+                    yield 0
 
     def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
         """Pairs of bundles and boxes of a level, from those of the level above."""

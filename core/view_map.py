@@ -17,6 +17,7 @@ from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .samples import sample_cells
+from .steps import Pauses
 from .trace import Reason
 
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
@@ -27,6 +28,9 @@ PLACES = 4  # along a display pixel, from which it takes its colour
 FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixel needs one place only
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
+RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
+QUARTERED = 0.5  # of squares, before any is known
+MORE = 1.02  # times the rays so far: there are always some to come
 SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
 AROUND = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a unit square
 ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
@@ -254,16 +258,15 @@ NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
     """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
-    work = _Sampling(plan).run()
-    n_done, n_left = 0, 0
+    sampling = _Sampling(plan)
+    work, n_done, told = sampling.run(), 0, 0.0
     while True:
         try:
-            n = next(work)
+            n_done += next(work)
         except StopIteration as end:
             return replace(end.value, n_rays=n_done)
-        n_left = n_left or 4 * n  # how many there will be is not known, only that the first are a part of them
-        n_done += n
-        yield n_done / max(n_done + n_left, 1)
+        told = max(told, n_done / max(sampling.expected, MORE * n_done))  # more may be expected than before
+        yield told
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,6 +285,11 @@ class _Squares:
     def and_more(self, others: "_Squares") -> "_Squares":
         return _Squares(np.concatenate([self.corner, others.corner]), np.concatenate([self.size, others.size]))
 
+    @property
+    def area(self) -> int:
+        """Of all of them, px."""
+        return int((self.size**2).sum())
+
     def quarters(self) -> "_Squares":
         half = np.repeat(self.size // 2, 4)
         step = np.tile([[0, 0], [1, 0], [0, 1], [1, 1]], (len(self), 1))
@@ -298,7 +306,10 @@ class _Squares:
 
 
 class _Sampling:
-    """The work of making a view map: the points traced so far and the number of that at each node, -1 for none."""
+    """The work of making a view map: the points traced so far and the number of that at each node, -1 for none.
+
+    `expected` is about how many rays it will take in all, as far as is known by now.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -316,6 +327,8 @@ class _Sampling:
         low, high = plan.thin_parts().box
         far = np.linalg.norm(np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position)))
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
+        self.expected = 0.0
+        self._expect(self.first, QUARTERED)
 
     def run(self) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
@@ -335,19 +348,28 @@ class _Sampling:
                 checking.size == PARTS, np.maximum(self._bent(checking), self.allowed), self.allowed
             )
             smooth = smooth.and_more(checking.at(good))
-            is_smooth, is_done = self._sorted(todo)
+            is_smooth, is_done = yield from self._sorted(todo)
             refused = todo.at(~is_smooth & ~is_done).and_more(checking.at(~good))
             checking = todo.at(is_smooth)
             finest = finest.and_more(refused.at(refused.size == PARTS))
             todo = refused.at(refused.size > PARTS).quarters()
+            self._expect(todo, refused.area / max(refused.area + checking.area + smooth.area, 1), finest.area)
         return (yield from self._finished(smooth, finest))
+
+    def _expect(self, squares: _Squares, quartered: float, finest: int = 0) -> None:
+        """Guess the number of rays, if at each level such a share of squares (n,) is quartered; finest : px."""
+        area, size, n_rays = float(squares.area), int(squares.size.max(initial=PARTS)), float(len(self.points))
+        while size > PARTS:
+            n_rays += RAYS_OF_SQUARE * area / size**2
+            area, size = quartered * area, size // 2
+        self.expected = n_rays + RAYS_OF_PIXEL * (area + finest)
 
     def _at_nodes(self, squares: _Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
         column, row = squares.nodes()
         return self.number[row, column]
 
-    def _sorted(self, squares: _Squares) -> tuple[Bools, Bools]:
+    def _sorted(self, squares: _Squares) -> Pauses[tuple[Bools, Bools]]:
         """Which squares (n,) are smooth cells if checks confirm it, and which show nothing of the display?"""
         nodes = self._at_nodes(squares)
         branch, xy = self.points.branch[nodes], self.points.xy[nodes]
@@ -362,14 +384,14 @@ class _Sampling:
         # lost in different ways: what is between may be seen
         is_dark &= (met == met[:, :1]).all(axis=(1, 2)) | (squares.size <= ALIKE)
         settled = np.flatnonzero(is_smooth | is_dark | is_aside)
-        touched = settled[self._is_touched(squares.at(settled))]
+        touched = settled[(yield from self._is_touched(squares.at(settled)))]
         is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
         return is_smooth, is_dark | is_aside
 
-    def _is_touched(self, squares: _Squares) -> Bools:
+    def _is_touched(self, squares: _Squares) -> Pauses[Bools]:
         """Did the rays of squares (n,) pass by something that none of them met?"""
         nodes = self._at_nodes(squares)
-        return self.plan.thin_parts().touch(self.paths.places[nodes], self.paths.met[nodes])
+        return (yield from self.plan.thin_parts().touch(self.paths.places[nodes], self.paths.met[nodes]))
 
     def _bent(self, squares: _Squares) -> Floats:
         """About how far off (n,), display px, the pixels of the smallest squares are, quartered as in `cut`."""
@@ -400,10 +422,12 @@ class _Sampling:
         is_aside = _is_aside(self.points.xy[rows], self.points.branch[rows], np.array(self.display_size))
         # beside the glass there is nothing to find, but where something thin is near
         is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
-        is_beside_glass &= ~np.broadcast_to(self._is_touched(finest)[:, None], is_there.shape)[is_there]
+        is_touched = yield from self._is_touched(finest)
+        is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_there.shape)[is_there]
         is_seen = ~is_aside & ~is_beside_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
         cells = cells[is_seen]
+        self.expected = len(self.points) + RAYS_OF_PIXEL * len(cells)
         pieces = yield from cut(self.plan, self.points, cells, square[is_seen])
         samples, sample_area = yield from sample_cells(self.plan, pieces.points.view[pieces.chaotic])
         view_map = ViewMap(
