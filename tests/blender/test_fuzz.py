@@ -105,7 +105,8 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
 def test_a_rig_that_takes_too_long_is_named(tmp_path):
     """A rig that takes longer than it may is ended and told of, with what repeats it, and the next one is tried."""
     command = [sys.executable, ROOT / "scripts" / "fuzz.py", "--seed", str(SEED), "--rigs", "2", "--seconds", "0.001"]
-    variables = {**os.environ, "PYTHONPATH": str(ROOT / ".dev" / "link"), "BLENDER_USER_RESOURCES": str(tmp_path)}
+    path = os.pathsep.join(str(ROOT / folder) for folder in (".dev/link", "tests/core"))
+    variables = {**os.environ, "PYTHONPATH": path, "BLENDER_USER_RESOURCES": str(tmp_path)}
     run = subprocess.run(command, env=variables, capture_output=True, text=True)
     assert run.returncode == 1
     for k in range(2):

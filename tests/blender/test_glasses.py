@@ -68,6 +68,8 @@ def test_a_gem_has_its_facets():
 @pytest.mark.parametrize("name", glasses.GLASSES)
 def test_the_kernel_leads_light_as_numpys_way_does(name, surface):
     """Through all glasses: no ray is led past a face, and where the mesh is trusted none parts from numpy's way."""
+    if (name, surface) == ("large scan", "smooth"):
+        pytest.skip("forty seconds to fit what is not trusted")
     mesh = replace(glasses.made(name), surface=surface)
     a_rig = rig(mesh, ior=glasses.INDICES.get(name, 1.49), **BENCH)
     viewer = a_rig.viewer
