@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from reference_rigs import ball_rig
 
 from environments import machine
+from kiriko.core import kernel
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.session import Session, finish
@@ -324,6 +325,7 @@ def main() -> None:
     parser.add_argument("--embreex", type=int, default=4, metavar="SPP", help="samples of the splat over embreex")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="error against seconds, as SVG or PNG")
     arguments = parser.parse_args()
+    kernel.use_threads(1)
     curves = compare(arguments.rounds, arguments.reference, arguments.embreex)
     if arguments.plot:
         draw(arguments.plot, curves)
