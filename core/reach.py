@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from .trace import ReachedError
 from .view_map import ViewMap, sample
 
 MOST_STARTS = 3  # the last of them with everything
-PLANNED = 0.15  # of the progress: a plan of new glass takes about so much of the time
+SECONDS_A_PIXEL = 8e-6  # that a view map takes, about: for the progress alone, beside the seconds of the plan
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
@@ -53,9 +54,11 @@ def sample_reached(
     """
     aside, told = out_of_sight(rig), 0.0
     for start in range(MOST_STARTS):
+        started = perf_counter()
         plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         lap("plan")
-        steps = within(sample(plan), PLANNED, 1.0)
+        of_plan, n_pixels = perf_counter() - started, rig.viewer.width * rig.viewer.height
+        steps = within(sample(plan), of_plan / (of_plan + SECONDS_A_PIXEL * n_pixels), 1.0)
         try:
             while True:
                 yield told

@@ -68,10 +68,12 @@ def compile_library(target: Target, path: Path, *flags: str) -> None:
     # windows.h needs no pthread; everything else does
     threads = [] if target.ending == "dll" else ["-pthread"]
     math = [] if target.ending == "dll" else ["-lm"]
+    # or the folder in which it was built would be in it
+    name = ["-Wl,-install_name,@rpath/kernel.so"] if target.platform.startswith("macos") else []
     sources = sorted(SOURCES.glob("*.c"))
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / f"kernel.{target.ending}"
-        command = [compiler(), "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *threads, *flags]
+        command = [compiler(), "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *threads, *name, *flags]
         cache = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
         run([*command, "-o", made, *sources, *math], **cache)
         made.replace(path)
