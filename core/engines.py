@@ -34,6 +34,7 @@ class Embree:
     """Intel's Embree, all rays in one call."""
 
     name = "Embree"
+    modules = "embreex", "embreex.rtcore_scene", "embreex.mesh_construction"
 
     def __init__(self, corners: NDArray[np.float32]) -> None:
         from embreex import rtcore_scene
@@ -51,6 +52,7 @@ class BlenderBvh:
     """Blender's tree of boxes, each a float32 step larger than what is in it: one ray a call."""
 
     name = "Blender's BVH"
+    modules = ("mathutils.bvhtree",)
 
     def __init__(self, corners: NDArray[np.float32]) -> None:
         from mathutils.bvhtree import BVHTree
@@ -76,23 +78,18 @@ class BlenderBvh:
 Engine = Embree | BlenderBvh
 
 
-def engine_name() -> str:
-    """Name of the engine that will be made; Embree's where there is none."""
-    for module, engine in (("embreex", Embree), ("mathutils", BlenderBvh)):
+def engine_kind() -> type[Engine]:
+    """Embree if it can be imported, else Blender's BVH; where there is neither, it is Embree that is missed."""
+    for kind in (Embree, BlenderBvh):
         try:
-            import_module(module)
+            for module in kind.modules:
+                import_module(module)
         except ImportError:
             continue
-        return engine.name
-    return Embree.name
+        return kind
+    return Embree
 
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:
-    """Embree if it can be imported, else Blender's BVH; where there is neither, it is Embree that is missed."""
-    try:
-        return Embree(corners)
-    except ImportError as missing:
-        try:
-            return BlenderBvh(corners)
-        except ImportError:
-            raise missing from None
+    """An engine for triangles with corners (t, 3, 3); ImportError where there is none."""
+    return engine_kind()(corners)

@@ -13,7 +13,7 @@ import numpy as np
 from . import kernel
 from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
-from .engines import engine_name
+from .engines import engine_kind
 from .errors import RigError
 from .media import Media, boxes_touch, make_media
 from .motion import Motion, find_motion
@@ -476,12 +476,11 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
 
     has_engine = any(layer.has_engine for layer in layers)
     no_kernel = kernel.left_out(layers)
+    no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None
+    engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
     rules = {
         "compiled kernel": (no_kernel is None, no_kernel),
-        f"ray engine ({engine_name()})" if has_engine and no_kernel else "ray engine": (
-            has_engine and no_kernel is not None,
-            "the kernel has trees of its own" if has_engine else "few flat faces",
-        ),
+        engine: (no_engine is None, no_engine),
         "curved faces": (
             any(surface.curved is not None for surface in surfaces),
             "no face that may be curved turns far",

@@ -103,10 +103,10 @@ Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is asked for hits: whole triangles, then parts of others, all the same ones of each.
+    """Triangles that are asked for hits: n_whole whole ones of a layer, then the others in k parts each, cut alike.
 
-    corners (p, 3, 3) in units of the layer's radius, from its centre; owner (t,) of whole triangles and each part, the
-    layer's triangle; n_whole; parts (k, 3, 3): barycentric corners of the parts in their triangle
+    corners (p, 3, 3) in units of the layer's radius, from its centre; owner (p,): the layer's triangle; parts
+    (k, 3, 3): barycentric corners of the parts in their triangle
     """
 
     corners: NDArray[np.float32]

@@ -11,8 +11,8 @@ from .steps import Pauses
 
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
-PAIRS_AT_ONCE, TRIANGLES_AT_ONCE = 1 << 18, 1 << 13
-AT_A_TIME = 2  # parts, of the boxes of each level, that are looked into one after the other
+PAIRS_AT_ONCE, BOXES_AT_ONCE = 1 << 18, 1 << 13
+TURNS = 2  # in which the boxes of a level are looked into
 WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 
@@ -101,23 +101,25 @@ class ThinParts:
         return touched
 
     def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> Pauses[None]:
-        """Mark whose bundles i (n,) come near a triangle in boxes `node` (n,) of a level.
+        """Mark the owners of bundles i (n,) that come near a triangle in boxes `node` (n,) of a level.
 
-        A bundle is done with as soon as it is near one: so some of its boxes are looked into at a time, here and there.
+        One triangle is enough for an owner, so the boxes are looked into in turns, and those of marked owners left out.
         """
-        for start in range(AT_A_TIME):
-            j, some = i[start::AT_A_TIME], node[start::AT_A_TIME]
-            left = np.flatnonzero(~touched[bundles.owner[j]])
-            for chunk in np.split(left, range(TRIANGLES_AT_ONCE, len(left), TRIANGLES_AT_ONCE)):
-                j_some, k = j[chunk], some[chunk]
-                if not len(k):
-                    continue
-                near = _is_in_boxes(bundles, j_some, *(np.take(side, k, axis=1) for side in self._boxes[level]))
-                j_some, k = j_some[near], k[near]
+        for turn in range(TURNS):
+            some = np.arange(turn, len(i), TURNS)
+            some = some[~touched[bundles.owner[i[some]]]]
+
+            for first in range(0, len(some), BOXES_AT_ONCE):
+                chosen = some[first : first + BOXES_AT_ONCE]
+                boxes = (np.take(side, node[chosen], axis=1) for side in self._boxes[level])
+                near = chosen[_is_in_boxes(bundles, i[chosen], *boxes)]
+
                 if level + 1 < len(self._boxes):
-                    yield from self._look_into(level + 1, bundles, *self._within(level + 1, j_some, k), touched)
+                    pairs = self._within(level + 1, i[near], node[near])
+                    yield from self._look_into(level + 1, bundles, *pairs, touched)
                 else:
-                    touched[bundles.owner[j_some[self._is_near(bundles.ends[j_some], k)]]] = True
+                    is_near = self._is_near(bundles.ends[i[near]], node[near])
+                    touched[bundles.owner[i[near[is_near]]]] = True
                     yield 0
 
     def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:

@@ -308,7 +308,7 @@ class _Squares:
 class _Sampling:
     """The work of making a view map: the points traced so far and the number of that at each node, -1 for none.
 
-    `expected` is about how many rays it will take in all, as far as is known by now.
+    `expected`: a guess of the rays in all, mended at each level
     """
 
     def __init__(self, plan: Plan) -> None:

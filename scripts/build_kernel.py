@@ -63,19 +63,28 @@ def compiler() -> Path:
     raise ToolError("No Python 3.13 or 3.11 was found for the kernel's compiler: install one and run this again.")
 
 
-def compile_library(target: Target, path: Path, *flags: str) -> None:
-    """Build the library for a platform."""
-    # windows.h needs no pthread; everything else does
-    threads = [] if target.ending == "dll" else ["-pthread"]
-    math = [] if target.ending == "dll" else ["-lm"]
-    # or the folder in which it was built would be in it
-    name = ["-Wl,-install_name,@rpath/kernel.so"] if target.platform.startswith("macos") else []
-    sources = sorted(SOURCES.glob("*.c"))
+def compile_for(target: Target, path: Path, *sources: str | Path) -> None:
+    """Compile C for a platform, by sources, flags and libraries in the compiler's order."""
+    caches = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
+    run([compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-o", path, *sources], **caches)
+
+
+def make_package(target: Target, folder: Path) -> None:
+    """Make the Python package that brings the library for a platform."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
+    compile_library(target, folder / f"kernel.{target.ending}")
+
+
+def compile_library(target: Target, path: Path) -> None:
+    """Build the library for a platform; it is there as a whole or not at all."""
+    libraries = [] if target.ending == "dll" else ["-pthread", "-lm"]
+    if target.platform.startswith("macos"):
+        libraries.append("-Wl,-install_name,@rpath/kernel.so")  # or the folder it was built in would be in it
+
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        made = Path(folder) / f"kernel.{target.ending}"
-        command = [compiler(), "-m", "ziglang", "cc", "-target", target.triple, *FLAGS, *threads, *name, *flags]
-        cache = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-        run([*command, "-o", made, *sources, *math], **cache)
+        made = Path(folder) / path.name
+        compile_for(target, made, *FLAGS, *sorted(SOURCES.glob("*.c")), *libraries)
         made.replace(path)
 
 
@@ -94,10 +103,8 @@ def provide() -> None:
     wanted = fingerprint()
     if target is None or (stamp.exists() and stamp.read_text(encoding="utf-8") == wanted):
         return
-    HERE.mkdir(parents=True, exist_ok=True)
     stamp.unlink(missing_ok=True)
-    (HERE / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
-    compile_library(target, HERE / f"kernel.{target.ending}")
+    make_package(target, HERE)
     stamp.write_text(wanted, encoding="utf-8")
 
 
@@ -134,18 +141,13 @@ def make_wheels() -> None:
         old.unlink()
     for target in TARGETS:
         with tempfile.TemporaryDirectory() as folder:
-            package, info = Path(folder, MODULE), Path(folder, f"{MODULE}-{version()}.dist-info")
-            package.mkdir()
+            make_package(target, Path(folder, MODULE))
+            info = Path(folder, f"{MODULE}-{version()}.dist-info")
             info.mkdir()
-            (package / "__init__.py").write_text(f'"""{SUMMARY}"""\n', encoding="utf-8")
-            compile_library(target, package / f"kernel.{target.ending}")
             told = {"name": MODULE, "version": version(), "summary": SUMMARY, "tag": target.tag}
             (info / "METADATA").write_text(METADATA.format(**told), encoding="utf-8")
             (info / "WHEEL").write_text(WHEEL.format(**told), encoding="utf-8")
-            run(
-                [compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS],
-                SOURCE_DATE_EPOCH=EPOCH,
-            )
+            run([compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS], SOURCE_DATE_EPOCH=EPOCH)
 
 
 if __name__ == "__main__":

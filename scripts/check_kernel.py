@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from reference_rigs import ball_rig, cube_rig, rig, torus
 
-from build_kernel import TARGETS, Target, compile_library, compiler, provide
-from environments import DEV, ROOT, ToolError, can_install, clean_environment, install, run
+from build_kernel import TARGETS, Target, compile_for, compile_library, provide
+from environments import ROOT, ToolError, can_install, clean_environment, install
 from kiriko.core import kernel
 from kiriko.core.kernel.plans import made_of
 from kiriko.core.kernel.structures import Made
@@ -84,8 +84,6 @@ class Memory:
         elif isinstance(thing, list | tuple):
             for other in thing:
                 self.add(other)
-        elif hasattr(thing, "arrays"):
-            self.add(list(thing.arrays))
 
     def find(self, address: int) -> tuple[int, int]:
         """Number of the block that holds an address, and the place there."""
@@ -120,7 +118,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
     rays = _Rays(*viewer.rays(xy), None, False)
-    made = kernel.state_of(plan, rays)
+    made = kernel.state_of(rays)
     of_plan = made_of(plan)
     memory = Memory()
     memory.add(of_plan)
@@ -161,8 +159,7 @@ def check(target: Target, runner: Runner, folder: Path) -> bool:
     """Let a platform's library follow all cases; whether all its bits are those of this machine's."""
     library, driver = folder / f"kernel.{target.ending}", folder / "follow.exe"
     compile_library(target, library)
-    cache = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-    run([compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-O1", "-o", driver, DRIVER], **cache)
+    compile_for(target, driver, "-O1", DRIVER)
     is_same = True
     for name, a_rig in rigs().items():
         case, out = folder / "case", folder / "out"

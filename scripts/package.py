@@ -55,13 +55,11 @@ def build() -> None:
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     build_kernel.make_wheels()
     for wheel in manifest["wheels"]:
-        if Path(wheel).name.startswith(build_kernel.MODULE):
-            if not (ROOT / wheel).exists():
-                sys.exit(
-                    f"The manifest lists {Path(wheel).name}, which build_kernel.py does not make: make them agree."
-                )
-        else:
+        name = Path(wheel).name
+        if not name.startswith(build_kernel.MODULE):
             fetch_wheel(ROOT / wheel)
+        elif not (ROOT / wheel).exists():
+            sys.exit(f"The manifest lists {name}, which build_kernel.py does not make: make them agree.")
     extension_tool("validate", ROOT)
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):

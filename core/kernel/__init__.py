@@ -53,15 +53,15 @@ class Ways:
         return cls(np.empty((n, m, 3)), np.full((n, m), -1, np.int64), np.full(n, -1, np.int64))
 
 
-def can_follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> bool:
-    """Can the kernel follow these rays, and write down their ways if that is wanted?"""
+def can_follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> bool:
+    """Can the kernel follow these rays, and write down their ways if asked to?"""
     if library() is None or made_of(plan) is None:
         return False
-    per_event = 32 * is_wanted + 8 * rays.is_recorded
+    per_event = 32 * has_ways + 8 * rays.is_recorded
     return len(rays.live) * per_event * (plan.settings.max_events + 1) <= MOST_RECORDED
 
 
-def state_of(plan: "Plan", rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+def state_of(rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
     """State of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
@@ -76,26 +76,29 @@ def state_of(plan: "Plan", rays: "_Rays", ways: Ways | None = None, is_reached: 
         made.point("left_at", ways.left_at, np.int64)
         made.set(n_steps=ways.met.shape[1])
     made.point("is_reached", is_reached, np.uint8)
-    made.set(n=len(rays.live), is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
+    made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made
 
 
-def follow(plan: "Plan", rays: "_Rays", is_wanted: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
+def follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
     """Follow rays to their ends, all of which are under way; pauses now and then.
 
-    Returns their ways, if that is wanted, and numbers of the boxes of what stands aside that they came upon.
+    Returns their ways, if asked to write them down, and the numbers of the boxes of glass aside that they entered.
     """
     n, n_events = len(rays.live), plan.settings.max_events
     if rays.is_recorded:
         rays.course = np.zeros((n, n_events + 1), np.uint64)
-    ways = Ways.none(n, n_events) if is_wanted else None
+    ways = Ways.none(n, n_events) if has_ways else None
+
     is_reached = np.zeros(len(plan.aside_boxes), np.uint8)
-    made = state_of(plan, rays, ways, is_reached)
-    of_plan = made_of(plan)
+    made, of_plan = state_of(rays, ways, is_reached), made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
-    kernel, at_once = loaded(), max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
+
+    kernel = loaded()
+    at_once = max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
     for first in range(0, n, at_once):
         kernel.kiriko_follow(*structures, first, min(first + at_once, n), n_threads())
         yield 0
+
     rays.live = rays.live[:0]
     return ways, set(np.flatnonzero(is_reached).tolist())

@@ -12,10 +12,8 @@
 #define WALKS 8
 #define MOST_AROUND 13 /* a face, its neighbours, and theirs */
 
-static const double STARTS[4][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
-
 /* Coefficients of points relative to the first corner. */
-void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
+static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
     const double *from = curved->coefficients + 3 * N_TERMS * curved->row[k], *corner = curved->corners + 9 * k;
     if (!curved->lower) {
         memcpy(c, from, sizeof(double) * N_TERMS * 3);
@@ -179,7 +177,7 @@ static void search_around(const Curved *curved, const double *o, const double *d
     Hit best = *hit;
     bool is_found = false;
     for (int i = 0; i < n; i++)
-        for (int s = 0; s < 4; s++) {
+        for (int s = 0; s < N_STARTS; s++) {
             Hit other;
             if (!find_root(curved, around[i], STARTS[s][0], STARTS[s][1], o, d, WALKS, &other)) continue;
             /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */

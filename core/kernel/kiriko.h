@@ -25,6 +25,10 @@
 #define WIDER 1e-6          /* for a ray that met nothing, as in ray_engine.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
 
+/* u, v from which a face is searched for a root, as in curved.py */
+#define N_STARTS 4
+static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
+
 typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY } Kind;
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
@@ -58,12 +62,16 @@ typedef struct {
     int64_t *normal_row;    /* (p,) */
     double *normal_terms;   /* (q, 14, 3), NULL where each face refracts by its own normals */
     double *lower;          /* (14, 14), NULL for degree 4 */
-    float *hull;            /* (p', 3, 3) by position, in units of the layer's radius, from its centre */
-    int64_t *owner;         /* (flat + curved faces,) */
+} Curved;
+
+/* The triangles in front of curved faces: ray_engine.py's Asked. */
+typedef struct {
+    float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
+    int64_t *owner;         /* (p,) */
     double *parts;          /* (n_parts, 3, 3) */
     int64_t n_whole, n_parts;
-    Tree over_hull;
-} Curved;
+    Tree tree;
+} Hull;
 
 typedef struct {
     int64_t n_triangles;
@@ -71,7 +79,8 @@ typedef struct {
     int64_t *numbers;       /* (t,) in the plan */
     uint64_t *closed_bits;  /* (clusters,) */
     uint64_t *solid_bits;   /* (clusters,), NULL with sheets */
-    Curved *curved;         /* NULL where all is flat */
+    Curved *curved;         /* NULL where all is flat, and so is the hull */
+    Hull *hull;
     double *rotation;       /* (3, 3), NULL where nothing has moved */
     double shift[3];
     double low[3], high[3], centre[3], radius, tolerance;
@@ -112,7 +121,6 @@ typedef struct {
 
 /* State of n rays, as trace.py's _Rays has it, and what is written down of their ways. */
 typedef struct {
-    int64_t n;
     double *positions, *directions;    /* (n, 3) */
     uint64_t *mask;
     int64_t *cluster;
@@ -178,7 +186,6 @@ static inline void slab(const double *low, const double *high, const double *o, 
 }
 
 /* curved.c */
-void load_face(const Curved *curved, int64_t triangle, double c[N_TERMS][3]);
 bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit);
 

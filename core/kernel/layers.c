@@ -10,8 +10,6 @@
 #define HULL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the hull */
 #define MOST_ASKED 200  /* hulls met on the way of one ray: its steps are doubled each time */
 
-static const double STARTS[4][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
-
 typedef struct {
     const Layer *layer;
     Sides *sides;
@@ -110,7 +108,7 @@ static void search_faces(Search *search, double slack, double far) {
 }
 
 typedef struct {
-    const Curved *curved;
+    const Hull *hull;
     const double *o, *d;
     double u, v, along, area;
     int32_t position;
@@ -118,7 +116,7 @@ typedef struct {
 
 static void visit_hull(void *context, int32_t position, double *far) {
     Shot *shot = context;
-    const float *p = shot->curved->hull + 9 * (int64_t)position;
+    const float *p = shot->hull->corners + 9 * (int64_t)position;
     double e1[3], e2[3], away[3], normal[3], across[3];
     for (int j = 0; j < 3; j++) {
         e1[j] = (double)p[3 + j] - p[j];
@@ -149,6 +147,7 @@ static bool only_leaves_hull(const Shot *shot, double far, bool is_whole, bool l
 static bool ask_hull(Search *search, double enter, bool is_inside) {
     const Layer *layer = search->layer;
     const Curved *curved = layer->curved;
+    const Hull *hull = layer->hull;
     const double *o = search->o, *d = search->d, radius = layer->radius;
     double step = 3 * FLOAT32 * radius, start = enter > 0 ? enter - 2 * layer->tolerance : step;
     bool is_lost = false;
@@ -156,14 +155,14 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
     for (int asked = 0; asked < MOST_ASKED; asked++) {
         double from[3], far = INFINITY;
         for (int j = 0; j < 3; j++) from[j] = (o[j] + start * d[j] - layer->centre[j]) / radius;
-        Shot shot = {.curved = curved, .o = from, .d = d, .position = -1};
-        visit_tree(&curved->over_hull, from, d, &far, visit_hull, &shot);
+        Shot shot = {.hull = hull, .o = from, .d = d, .position = -1};
+        visit_tree(&hull->tree, from, d, &far, visit_hull, &shot);
         if (shot.position < 0) return is_lost || is_inside;
         double at = start + far * radius;
-        int32_t asked_for = curved->over_hull.items[shot.position];
-        bool is_whole = asked_for < curved->n_whole;
+        int32_t asked_for = hull->tree.items[shot.position];
+        bool is_whole = asked_for < hull->n_whole;
         if (!search->leaves || !only_leaves_hull(&shot, at / radius, is_whole, *search->leaves)) {
-            int64_t k = curved->owner[asked_for];
+            int64_t k = hull->owner[asked_for];
             Hit found;
             bool is_met, is_wrong = false;
             if (curved->row[k] < 0) {
@@ -171,7 +170,7 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
             } else {
                 double u = shot.u, v = shot.v;
                 if (!is_whole) {
-                    const double *w = curved->parts + 9 * ((asked_for - curved->n_whole) % curved->n_parts);
+                    const double *w = hull->parts + 9 * ((asked_for - hull->n_whole) % hull->n_parts);
                     u = (1 - shot.u - shot.v) * w[1] + shot.u * w[4] + shot.v * w[7];
                     v = (1 - shot.u - shot.v) * w[2] + shot.u * w[5] + shot.v * w[8];
                 }

@@ -9,11 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..curved import LOWER, STARTS, TO_BEZIER, CurvedFaces
+from ..meshes import Frames
 from ..plate import ArrayFrame
-from ..ray_engine import MANY_TRIANGLES, Layer
+from ..ray_engine import MANY_TRIANGLES, Asked, Layer
 from ..rig import Floats, Ints
 from .loading import MOST_LAYERS, library, loaded
-from .structures import NODE, ArrayStructure, CurvedStructure, LayerStructure, Made, PlanStructure, TreeStructure
+from .structures import (
+    NODE,
+    ArrayStructure,
+    CurvedStructure,
+    HullStructure,
+    LayerStructure,
+    Made,
+    PlanStructure,
+    TreeStructure,
+)
 
 if TYPE_CHECKING:
     from ..plan import Plan
@@ -24,23 +34,18 @@ LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 
 
-class _Boxes:
-    """A tree over boxes (n, 2, 3), which are about 1 in size; items (n,) are which of them is at each position."""
+def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
+    """A tree over boxes (n, 2, 3), which are about 1 in size; and the box (n,) that stands at each position."""
+    boxes = np.ascontiguousarray(boxes, float)
+    nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
+    n_nodes = loaded().kiriko_make_tree(len(boxes), *(a.ctypes.data for a in (boxes, nodes, items)))
+    if not n_nodes:
+        raise MemoryError
 
-    def __init__(self, boxes: Floats) -> None:
-        boxes = np.ascontiguousarray(boxes, float)
-        n = len(boxes)
-        nodes, self.items = np.empty(n, NODE), np.empty(n, np.int32)
-        n_nodes = loaded().kiriko_make_tree(n, boxes.ctypes.data, nodes.ctypes.data, self.items.ctypes.data)
-        if not n_nodes:
-            raise MemoryError
-        self._nodes = nodes[:n_nodes].copy()
-        self.structure = TreeStructure(self._nodes.ctypes.data, self.items.ctypes.data)
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """What the structure points to."""
-        return self._nodes, self.items
+    tree = Made(TreeStructure)
+    tree.point("nodes", nodes[:n_nodes].copy(), NODE)
+    tree.point("items", items, np.int32)
+    return tree, items
 
 
 def _boxes(corners: NDArray[np.floating]) -> Floats:
@@ -69,16 +74,34 @@ def _face_boxes(layer: Layer) -> Floats:
     return _grown((boxes - layer.centre) / layer.radius)
 
 
-_over_faces: WeakKeyDictionary[object, _Boxes] = WeakKeyDictionary()
-_over_hull: WeakKeyDictionary[object, _Boxes] = WeakKeyDictionary()
-_of_faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
-_of_plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
+# made once of each, however many plans there are
+_frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
+_trees: WeakKeyDictionary[Frames | CurvedFaces, Made] = WeakKeyDictionary()
+_hulls: WeakKeyDictionary[Asked, Made] = WeakKeyDictionary()
+_faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
+_plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
 
 
 def _kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
     if key not in cache:
         cache[key] = make()
     return cache[key]
+
+
+def _stack_frames(frames: Frames) -> Floats:
+    """Corner, normal and both axes (t, 4, 3) of each triangle, side by side."""
+    return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
+
+
+def _make_hull(asked: Asked) -> Made:
+    tree, items = _make_tree(_grown(_boxes(asked.corners.astype(float))))
+    made = Made(HullStructure)
+    made.point("corners", asked.corners[items], np.float32)
+    made.point("owner", asked.owner, np.int64)
+    made.point("parts", asked.parts, float)
+    made.set(n_whole=asked.n_whole, n_parts=len(asked.parts), tree=tree.structure)
+    made.keep(tree)
+    return made
 
 
 def _make_curved(curved: CurvedFaces) -> Made:
@@ -97,8 +120,7 @@ def _make_curved(curved: CurvedFaces) -> Made:
 def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None) -> Made:
     made = Made(LayerStructure)
     frames, curved = layer.frames, layer.curved
-    sides = (frames.corner, frames.normal, frames.axis_u, frames.axis_v)
-    made.point("frames", np.stack(sides, axis=1), float)
+    made.point("frames", _kept(_frames, frames, lambda: _stack_frames(frames)), float)
     made.point("numbers", numbers, np.int64)
     made.point("closed_bits", closed, np.uint64)
     made.point("solid_bits", solid, np.uint64)
@@ -116,21 +138,14 @@ def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: 
         n_starts=len(STARTS) if layer.n_triangles < MANY_TRIANGLES else 1,
     )
     if layer.has_engine:
-        tree = _kept(_over_faces, frames if curved is None else curved, lambda: _Boxes(_face_boxes(layer)))
+        tree = _kept(_trees, curved or frames, lambda: _make_tree(_face_boxes(layer))[0])
+        made.set(over_faces=tree.structure)
         made.keep(tree)
-        made.structure.over_faces = tree.structure
     if curved is not None:
-        asked = layer.asked
-        faces = _kept(_of_faces, curved, lambda: _make_curved(curved))
-        over_hull = _kept(_over_hull, asked, lambda: _Boxes(_grown(_boxes(asked.corners.astype(float)))))
-        of_layer = Made(CurvedStructure)
-        ctypes.pointer(of_layer.structure)[0] = faces.structure
-        of_layer.point("hull", asked.corners[over_hull.items], np.float32)
-        of_layer.point("owner", asked.owner, np.int64)
-        of_layer.point("parts", asked.parts, float)
-        of_layer.set(n_whole=asked.n_whole, n_parts=len(asked.parts), over_hull=over_hull.structure)
-        made.keep(of_layer, faces, over_hull)
-        made.structure.curved = ctypes.addressof(of_layer.structure)
+        faces = _kept(_faces, curved, lambda: _make_curved(curved))
+        hull = _kept(_hulls, layer.asked, lambda: _make_hull(layer.asked))
+        made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
+        made.keep(faces, hull)
     return made
 
 
@@ -163,6 +178,7 @@ def _unknown(layers: Sequence[Layer]) -> str | None:
 def _make_plan(plan: "Plan") -> Made | None:
     if _unknown(plan.layers) is not None:
         return None
+
     made = Made(PlanStructure)
     display, settings, plane = plan.rig.display, plan.settings, plan.display_plane
     for name, dtype in (
@@ -177,17 +193,20 @@ def _make_plan(plan: "Plan") -> Made | None:
     made.point("open_box", np.array([box for _, box in plan.open_parts]).reshape(-1, 2, 3), float)
     made.point("aside_box", plan.aside_boxes, float)
     made.point("display_uv", display.mesh.uv, float)
-    per_layer = zip(plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids, strict=True)
+
     array = np.full(len(plan.kind), -1)
     array[list(plan.arrays)] = np.arange(len(plan.arrays))
     made.point("array", array, np.int64)
     arrays = (ArrayStructure * len(plan.arrays))(*(_make_array(frame).structure for frame in plan.arrays.values()))
     made.keep(arrays)
+
+    per_layer = zip(plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids, strict=True)
     layers = [_make_layer(*of_layer) for of_layer in per_layer]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     # glass comes first: most of what else there is lies beyond, and then need not be asked
     made.point("order", np.argsort([not layer.has_engine for layer in plan.layers], kind="stable"), np.int64)
+
     made.set(
         n_triangles=len(plan.part),
         n_open=len(plan.open_parts),
@@ -212,4 +231,4 @@ def _make_plan(plan: "Plan") -> Made | None:
 
 def made_of(plan: "Plan") -> Made | None:
     """A plan as the kernel reads it, made once; None where it does not know it."""
-    return _kept(_of_plans, plan, lambda: _make_plan(plan))
+    return _kept(_plans, plan, lambda: _make_plan(plan))

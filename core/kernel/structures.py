@@ -18,11 +18,12 @@ TreeStructure = _structure("TreeStructure", nodes=_P, items=_P)
 CurvedStructure = _structure(
     "CurvedStructure",
     corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P, vertex_normal=_P, normal_row=_P,
-    normal_terms=_P, lower=_P, hull=_P, owner=_P, parts=_P, n_whole=_I, n_parts=_I, over_hull=TreeStructure,
+    normal_terms=_P, lower=_P,
 )  # fmt: skip
+HullStructure = _structure("HullStructure", corners=_P, owner=_P, parts=_P, n_whole=_I, n_parts=_I, tree=TreeStructure)
 LayerStructure = _structure(
     "LayerStructure",
-    n_triangles=_I, frames=_P, numbers=_P, closed_bits=_P, solid_bits=_P, curved=_P,
+    n_triangles=_I, frames=_P, numbers=_P, closed_bits=_P, solid_bits=_P, curved=_P, hull=_P,
     rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D, tolerance=_D, has_engine=_I,
     n_starts=_I, over_faces=TreeStructure,
 )  # fmt: skip
@@ -42,13 +43,16 @@ PlanStructure = _structure(
 )  # fmt: skip
 RayStateStructure = _structure(
     "RayStateStructure",
-    n=_I, positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P, n_events=_P,
+    positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P, n_events=_P,
     has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I,
     light=_I, n_words=_P, is_astray=_P, has_ended=_P, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
 )  # fmt: skip
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
-STRUCTURES = TreeStructure, CurvedStructure, LayerStructure, ArrayStructure, PlanStructure, RayStateStructure
+STRUCTURES = (
+    *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
+    *(ArrayStructure, PlanStructure, RayStateStructure),
+)
 
 
 class Made:

@@ -115,10 +115,10 @@ static void end_without_hit(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
-    rays->reason[i] = rays->mask[i]              ? LOST_INSIDE
+    rays->reason[i] = rays->mask[i] ? LOST_INSIDE
                       : !rays->has_met_glass[i] ? MISSED_GLASS
                       : !rays->has_met_plate[i] ? MISSED_PLATE
-                                                : MISSED_DISPLAY;
+                      : MISSED_DISPLAY;
     double xy[2], t;
     if (!plan->has_plane || rays->reason[i] != MISSED_DISPLAY || !on_plane(ray, xy, &t)) return;
     put_xy(ray, xy);
@@ -139,11 +139,11 @@ static void land_beyond_plate(Ray *ray) {
         rays->n_events[i]++;
     }
     bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
-    rays->reason[i] = hits && !counts             ? MISSED_GLASS
-                      : hits && !is_front         ? BLOCKED
-                      : hits                      ? ARRIVED
+    rays->reason[i] = hits && !counts ? MISSED_GLASS
+                      : hits && !is_front ? BLOCKED
+                      : hits ? ARRIVED
                       : !rays->has_met_glass[i] ? MISSED_GLASS
-                                                  : MISSED_DISPLAY;
+                      : MISSED_DISPLAY;
     if (!is_front || (rays->reason[i] != ARRIVED && rays->reason[i] != MISSED_DISPLAY)) return;
     put_xy(ray, xy);
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
@@ -285,10 +285,8 @@ static void meet_display(Ray *ray, const Hit *hit) {
     int64_t i = ray->i;
     bool is_front = dot(rays->directions + 3 * i, plan->normals + 3 * hit->triangle) < 0;
     bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
-    rays->reason[i] = !counts                                        ? MISSED_GLASS
-                      : !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT ? MISSED_PLATE
-                      : !is_front                                    ? BLOCKED
-                                                                     : ARRIVED;
+    bool is_too_early = !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT;
+    rays->reason[i] = !counts ? MISSED_GLASS : is_too_early ? MISSED_PLATE : !is_front ? BLOCKED : ARRIVED;
     add_to_branch(ray, plan->patch[hit->triangle], LAND);
     if (rays->reason[i] != ARRIVED) return;
     const double *uv = plan->display_uv + 6 * (hit->triangle - plan->display_start);
@@ -359,7 +357,7 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
 
 /* Number i of what loading.py compares with its own; -1 beyond the last. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
-    const int64_t numbers[] = {VERSION,       MOST_LAYERS,    sizeof(Node), sizeof(Tree), sizeof(Curved),
-                               sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays)};
+    const int64_t numbers[] = {VERSION,      MOST_LAYERS,   sizeof(Node),  sizeof(Tree), sizeof(Curved),
+                               sizeof(Hull), sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays)};
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -1,6 +1,7 @@
 """The compiled kernel leads rays where numpy's way does, branch by branch, and breaks on nothing."""
 
 import ctypes
+import re
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -29,7 +30,7 @@ from reference_rigs import (
 )
 
 import build_kernel
-from kiriko.core import kernel
+from kiriko.core import curved, kernel, plate, ray_engine
 from kiriko.core.curved import CurvedFaces
 from kiriko.core.kernel import loading
 from kiriko.core.kernel.structures import STRUCTURES
@@ -380,7 +381,7 @@ def test_arrays_of_another_kind_are_not_written_to():
     rays = _Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
     with pytest.raises(TypeError, match="leak is no array of int64"):
-        kernel.state_of(plan, rays)
+        kernel.state_of(rays)
     for name, dtype in kernel.STATE.items():
         assert getattr(_Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
 
@@ -403,6 +404,18 @@ def test_the_environment_switches_it_off():
         [sys.executable, "-c", code], env={"PYTHONPATH": link, loading.SWITCH: "off"}, capture_output=True, text=True
     )
     assert told.stdout.strip() == "None", told.stderr
+
+
+@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine])
+def test_one_number_for_one_name(module):
+    """Every constant of the C that a module of core has by the same name is the same number there."""
+    sources = "".join(path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]"))
+    defined = dict(re.findall(r"^#define (\w+) (\S+)", sources, re.MULTILINE))
+    shared = [name for name in defined if hasattr(module, name)]
+    assert shared
+    for name in shared:
+        text = defined[name]
+        assert getattr(module, name) == (float.fromhex(text) if text.startswith("0x") else float(text)), name
 
 
 def test_structures_are_as_large_as_their_fields():

@@ -9,8 +9,6 @@ import bpy
 import numpy as np
 import pytest
 
-EXTENSION = "bl_ext.user_default.kiriko"
-
 
 @pytest.fixture
 def rig(installed: str, tmp_path: Path) -> Path:
@@ -50,10 +48,10 @@ def scale_glass(factor: float) -> None:
     glass.scale *= factor
 
 
-def test_solve_from_the_zip(rig: Path) -> None:
+def test_solve_from_the_zip(rig: Path, installed: str) -> None:
     """Two clicks after the install there is a source image that is not black, traced by the bundled kernel."""
     assert "compiled kernel" in solve()
-    loading = sys.modules[f"{EXTENSION}.core.kernel.loading"]
+    loading = sys.modules[f"{installed}.core.kernel.loading"]
     assert loading.find_library().is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
 
 

@@ -20,7 +20,7 @@ WHEEL_ENDS = {
 WITHOUT_EMBREE = {"windows_arm64", "linux_arm64"}
 ZIPS = [*WHEEL_ENDS, *WITHOUT_EMBREE]
 KERNELS = {target.platform.replace("-", "_"): target for target in build_kernel.TARGETS}
-# What a library needs from its system, beside what every one of that system has.
+# The first bytes of a library for a system.
 FORMATS = {"linux": b"\x7fELF", "windows": b"MZ", "macos": b"\xcf\xfa\xed\xfe"}
 
 
