@@ -11,7 +11,7 @@ from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
 from .meshes import areas_of
 from .optics import dot
-from .picture import picture_from_view
+from .picture import of_square, picture_from_view
 from .plan import Kind, Plan, make_plan
 from .ray_engine import FLOAT32, Layer
 from .rig import Bools, Floats, Glass, Ints, Mirror, Rig, Viewer
@@ -348,7 +348,7 @@ def _picture_rays(rig: Rig) -> tuple[tuple[Floats, Floats], Floats]:
     side = np.arange(LEAK_SAMPLES) + 0.5
     xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     xy *= np.array([rig.viewer.width, rig.viewer.height]) / LEAK_SAMPLES
-    cover = picture_from_view(rig.picture, rig.viewer, xy, 1.0).cover
+    cover = picture_from_view(rig.picture, rig.viewer, xy, of_square(1.0)).cover
     seen = cover > 0
     return rig.viewer.rays(xy[seen]), cover[seen]
 

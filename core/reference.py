@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import RigError
-from .picture import picture_from_view
+from .picture import of_square, picture_from_view
 from .placement import lattice
 from .plan import MOST_TOLERANCE, Plan, Settings, make_plan
 from .rig import Bools, Floats, Rig
@@ -168,7 +168,7 @@ def picture_extent(rig: Rig) -> float:
     viewer = rig.viewer
     dot = replace(rig.picture, image=np.zeros((1, 1, 4), np.float32))
     x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
-    points = picture_from_view(dot, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), 1e-6)
+    points = picture_from_view(dot, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3))
     seen = points.footprint[points.cover > HALF]
     return 1e-3 / float(np.median(seen)) if len(seen) else 0.0
 

@@ -4,7 +4,7 @@ What has not changed is not computed again: a new picture costs one product with
 no ray engine. Shares are made, painted and summed some at a time, so that there may be more of them than memory holds.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from time import perf_counter
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy, measure
 from .errors import RigError
 from .memory import check_borders, check_memory
-from .picture import Pyramid, Taps, ideal_image, picture_from_view, why_unseen
+from .outline import Piece, cut_along_outline
+from .picture import Pyramid, Taps, ideal_image, of_square, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .remarks import Remark, remarks_on
@@ -31,6 +32,7 @@ from .view_map import MapError, ViewMap
 from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18
+UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 ROUNDING = 1e-12  # of the picture: less is no light
 MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
 TOO_FINE = "finer than a viewer pixel"
@@ -104,7 +106,8 @@ class Solution:
     @cached_property
     def _seen_shares(self) -> ShareBatches:
         """Shares each of which lies in one viewer pixel: those that paint may be larger."""
-        return _batches(self.view_map, self.shares.has_throughput, at_pixels=True)
+        pieces = partial(self.view_map.pieces, at_pixels=True)
+        return ShareBatches(self.shares.display_size, self.shares.view_size, self.shares.has_throughput, pieces)
 
 
 def without_glass(rig: Rig) -> Rig:
@@ -114,26 +117,26 @@ def without_glass(rig: Rig) -> Rig:
 
 @dataclass(frozen=True, eq=False)
 class _Optics:
-    """What of a solve does not depend on the picture; the coverage is complete when all shares were made once."""
+    """What of a solve does not depend on the picture."""
 
     key: str
     plan: Plan
     view_map: ViewMap
     accuracy: Accuracy
     plate: PlateView | None
-    shares: ShareBatches
-    coverage: Coverage
-
-    @cached_property
-    def view_coverage(self) -> Floats:
-        return np.where(self.view_map.is_whole, 1.0, self.coverage.of_view)
 
 
 @dataclass(eq=False)
 class _Placed:
-    """What of a solve depends on the picture's place and size, but not on its colours."""
+    """What of a solve depends on the picture's place and size, but not on its colours.
+
+    The coverage is complete when all shares were made once.
+    """
 
     key: str
+    shares: ShareBatches
+    coverage: Coverage
+    view_coverage: Floats | None = None
     strokes: list[Taps] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
 
@@ -183,29 +186,33 @@ class Session:
         yield 0.85
         picture = rig.picture
         placed_key = fingerprint(key, picture.mesh, picture.image.shape)
-        placed = self._placed if self._placed and self._placed.key == placed_key else _Placed(placed_key)
+        placed = self._placed if self._placed and self._placed.key == placed_key else None
+        if placed is None:
+            shares = _batches(optics.view_map, settings.brightness, rig)
+            placed = _Placed(placed_key, shares, Coverage(shares.display_size, shares.view_size))
         if not (self._pyramid and self._pyramid.is_of(picture.image)):
             self._pyramid = Pyramid(picture.image)
-        painting = yield from _paint(rig, optics, placed, self._pyramid, is_new, clock)
+        painting = yield from _paint(rig, placed, self._pyramid, clock)
         if is_new:
-            _refuse_if_dark(optics)
+            _refuse_if_dark(optics, placed.shares)
             self._optics = optics
-        source = painting.finished(optics.coverage.weight, settings.margin)
+        source = painting.finished(placed.coverage.weight, settings.margin)
         clock.lap("painting")
         yield 0.98
         if placed.covered is None:
-            placed.covered = _of_the_picture(rig, optics.view_map, optics.view_coverage)
+            placed.view_coverage = np.where(optics.view_map.is_whole, 1.0, placed.coverage.of_view)
+            placed.covered = _of_the_picture(rig, optics.view_map, placed.view_coverage)
         self._placed = placed
         clock.lap("coverage")
         yield 1.0
         return Solution(
             rig,
             source,
-            optics.shares,
-            optics.coverage.weight,
+            placed.shares,
+            placed.coverage.weight,
             optics.view_map,
-            optics.coverage.of_display,
-            optics.view_coverage,
+            placed.coverage.of_display,
+            placed.view_coverage,
             *placed.covered,
             clock.seconds,
             optics.view_map.n_rays if is_new else 0,
@@ -233,20 +240,17 @@ class Session:
         plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
-        coverage = Coverage(view_map.display_size, view_map.view_size)
-        return _Optics(key, plan, view_map, accuracy, plate, _batches(view_map, settings.brightness), coverage)
+        return _Optics(key, plan, view_map, accuracy, plate)
 
 
-def _paint(
-    rig: Rig, optics: _Optics, placed: _Placed, pyramid: Pyramid, is_new: bool, clock: _Clock
-) -> Generator[float, None, Painting]:
-    """Add all shares to a painting, and to the coverage where the optics are new; yields progress 0.85..0.98."""
-    painting = Painting(optics.shares.display_size)
+def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
+    """Add all shares to a painting, and to the coverage where they are new; yields progress 0.85..0.98."""
+    painting = Painting(placed.shares.display_size)
     clock.lap("painting")
-    for n, shares in enumerate(optics.shares):
+    for n, shares in enumerate(placed.shares):
         clock.lap("shares")
-        if is_new:
-            optics.coverage.add(shares)
+        if placed.covered is None:
+            placed.coverage.add(shares)
             clock.lap("coverage")
         if n < len(placed.strokes):
             strokes = placed.strokes[n]
@@ -257,19 +261,23 @@ def _paint(
         painting.add(pyramid, strokes)
         clock.lap("painting")
         yield 0.98 - 0.13 / (1 + n)
-    if not optics.shares.are_kept:
+    if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
     return painting
 
 
-def _batches(view_map: ViewMap, is_weighed: bool, at_pixels: bool = False) -> ShareBatches:
-    """The shares of a map's cells."""
-    return ShareBatches(view_map.display_size, view_map.view_size, is_weighed, partial(view_map.pieces, at_pixels))
+def _batches(view_map: ViewMap, is_weighed: bool, rig: Rig) -> ShareBatches:
+    """The shares of a map's cells, which are cut along the picture's outline."""
+
+    def pieces() -> Iterator[Piece]:
+        return cut_along_outline(view_map.pieces(), rig.picture, rig.viewer)
+
+    return ShareBatches(view_map.display_size, view_map.view_size, is_weighed, pieces)
 
 
-def _refuse_if_dark(optics: _Optics) -> None:
+def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:
     """Raise RigError when no ray arrives: a black source image is never what was meant."""
-    if len(optics.shares):
+    if len(shares):
         return
 
     leaks = optics.accuracy.leaks
@@ -300,7 +308,9 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
         x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(first, min(first + rows, h)) + 0.5)
-        cover = picture_from_view(rig.picture, rig.viewer, np.stack([x.ravel(), y.ravel()], axis=1), 1.0).cover
+        cover = picture_from_view(
+            rig.picture, rig.viewer, np.stack([x.ravel(), y.ravel()], axis=1), of_square(1.0)
+        ).cover
         shown += cover.sum()
         missing = np.clip(cover - view_coverage[first : first + rows].ravel(), 0, 1)
         unseen += missing.sum()
@@ -313,7 +323,7 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
         at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (votes.sum(axis=0) == 0)
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
-    if shown == 0:
+    if shown < UNSEEN:
         raise RigError(
             f"The viewer '{rig.viewer.name}' does not see the picture '{rig.picture.name}',"
             f" {why_unseen(rig.picture, rig.viewer)}."

@@ -28,7 +28,7 @@ NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
 PIXELS_AT_ONCE = 1 << 16
 SHARES_AT_ONCE = 1 << 17
-MOST_KEPT = 1 << 23  # shares, 36 bytes each: more of them are made again each time they are asked for
+MOST_KEPT = 1 << 23  # shares, 48 bytes each: more of them are made again each time they are asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,8 @@ class Shares:
     display_index : (n,) int32 or int64, row * width + column on the display, row 0 at the top
     view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision, because a share may be a
         thousandth of a pixel wide, and single precision resolves only 2e-4 px at 4096.
+    covariance : (3, n) float32, viewer px^2: xx, xy and yy of the share's points on the viewer's image, evenly spread.
+        It tells how far a share reaches in which direction.
     area : (n,) float64, viewer px^2, area on the viewer's image
     display_area : (n,) float64, display px^2, area on the display
     throughput : (n,) float64, or None where it is 1 everywhere
@@ -50,6 +52,7 @@ class Shares:
     view_size: tuple[int, int]
     display_index: NDArray[np.integer]
     view_xy: Floats
+    covariance: NDArray[np.float32]
     area: Floats
     display_area: Floats
     throughput: Floats | None = None
@@ -246,12 +249,25 @@ def _joined(
         view_size,
         np.empty(0, _index_type(display_size)),
         np.empty((0, 2)),
+        np.empty((3, 0), np.float32),
         *(none, none),
         none if has_throughput else None,
     )
     parts = [first, *parts]
-    names = ["display_index", "view_xy", "area", "display_area", *(["throughput"] if has_throughput else [])]
-    return Shares(display_size, view_size, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    def joined(name: str, axis: int = 0) -> NDArray:
+        return np.concatenate([getattr(part, name) for part in parts], axis=axis)
+
+    return Shares(
+        display_size,
+        view_size,
+        joined("display_index"),
+        joined("view_xy"),
+        joined("covariance", axis=1),
+        joined("area"),
+        joined("display_area"),
+        joined("throughput") if has_throughput else None,
+    )
 
 
 def _divided(
@@ -272,6 +288,7 @@ def _divided(
                 view_size,
                 part.pixel.astype(_index_type(display_size)),
                 np.stack([part.u, part.v], axis=1),
+                part.covariance,
                 part.area,
                 part.display_area,
                 None if throughput is None else throughput[part.number],
@@ -296,12 +313,13 @@ class _Cells(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Shares in the making, all (n,)."""
+    """Shares in the making, all (n,) but for the covariance (3, n)."""
 
     number: Ints
     pixel: Ints
     u: Floats
     v: Floats
+    covariance: NDArray[np.float32]
     area: Floats
     display_area: Floats
 
@@ -341,6 +359,24 @@ def _centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     )
 
 
+def _covariance(x: Floats, y: Floats) -> NDArray[np.float32]:
+    """Covariance (3, c) of points in triangles or quads (k, c): xx, xy and yy. A quad is taken for a parallelogram."""
+    found = np.empty((3, x.shape[1]), np.float32)
+    if len(x) == 3:
+        ax, ay, bx, by = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+        found[0] = (ax * ax + bx * bx - ax * bx) / 18
+        found[1] = (ax * ay + bx * by - 0.5 * (ax * by + ay * bx)) / 18
+        found[2] = (ay * ay + by * by - ay * by) / 18
+        return found
+
+    # by the diagonals: the sides of a parallelogram are half their sum and half their difference
+    ax, ay, bx, by = x[2] - x[0], y[2] - y[0], x[3] - x[1], y[3] - y[1]
+    found[0] = (ax * ax + bx * bx) / 24
+    found[1] = (ax * ay + bx * by) / 24
+    found[2] = (ay * ay + by * by) / 24
+    return found
+
+
 def _divide(cells: _Cells, width: int, height: int) -> Iterator[_Part]:
     """Divide cells among the display's pixels."""
     left, right, top, bottom = _bounds(cells.x, cells.y)
@@ -357,7 +393,8 @@ def _divide(cells: _Cells, width: int, height: int) -> Iterator[_Part]:
         some = cells.pick(whole)
         pixel = (row[whole] * width + column[whole]).astype(np.int64)
         area = np.abs(_signed_area(some.x, some.y))
-        yield _Part(some.number, pixel, *_centroid(some.u, some.v), view_area[whole], area)
+        place = *_centroid(some.u, some.v), _covariance(some.u, some.v)
+        yield _Part(some.number, pixel, *place, view_area[whole], area)
     if len(rest):
         yield from _divide_crossing(cells.pick(rest), width, height)
 
@@ -442,25 +479,25 @@ def _spread(cells: _Cells, display_area: Floats, width: int, height: int) -> Ite
     n_pixels = np.minimum(columns * rows, np.abs(total) + 2 * (columns + rows))
     for cell, row in _batches(rows.astype(np.int64), n_pixels):
         first, widths, pieces = _walk(np.take(outline, cell, axis=1), row)
-        area, mx, my = _sums(widths, pieces)
+        area, mx, my, mxx, mxy, myy = _sums(widths, pieces)
         of_row, step = _ragged(widths)
         share = area / total[cell][of_row]
         kept = np.flatnonzero(share > SMALLEST)
         area, share, of_row = area[kept], share[kept], of_row[kept]
         of_cell = cell[of_row]
         column, row = first[of_row] + step[kept], row[of_row]
-        u, v = _on_view(
-            np.take(inverse, of_cell, axis=1),
-            np.take(forward, of_cell, axis=1),
-            column + np.clip(mx[kept] / area, 0, 1),
-            row + np.clip(my[kept] / area, 0, 1),
-            is_triangle=len(x) == 3,
+        mean_x, mean_y = np.clip(mx[kept] / area, 0, 1), np.clip(my[kept] / area, 0, 1)
+        to_cell, to_view = np.take(inverse, of_cell, axis=1), np.take(forward, of_cell, axis=1)
+        u, v = _on_view(to_cell, to_view, column + mean_x, row + mean_y, is_triangle=len(x) == 3)
+        on_display = _limited(
+            mxx[kept] / area - mean_x * mean_x, mxy[kept] / area - mean_x * mean_y, myy[kept] / area - mean_y * mean_y
         )
         yield _Part(
             cells.number[of_cell],
             origin[of_cell] + row * width + column,
             u,
             v,
+            _spread_on_view(to_cell, to_view, *on_display),
             share * view_area[of_cell],
             share * display_area[of_cell],
         )
@@ -554,22 +591,52 @@ def _walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, _Pieces]:
     return first.astype(np.int64), widths, _Pieces(pixel, ua, ya, ub, yb)
 
 
-def _sums(widths: Ints, pieces: _Pieces) -> tuple[Floats, Floats, Floats]:
-    """Signed area (n,) of the cell in each pixel of its rows and the first moments, from the pixel's upper left corner.
+def _sums(widths: Ints, pieces: _Pieces) -> tuple[Floats, ...]:
+    """Signed area (n,) of the cell in each pixel of its rows, and its moments of x, y, x^2, x y and y^2.
 
-    Green's theorem: the area is the sum of x dy over the outline, the moments are those of x^2/2 dy and x y dy. Edges
-    in the pixel count with their own x, those further left with 0, those further right with 1. As dy sums to 0 along
-    a row, the last make up minus the cover, which is the sum of dy up to and with the pixel.
+    These count from the pixel's upper left corner. Green's theorem: each is a sum of x^(k+1) / (k+1) y^m dy over the
+    outline. Edges in the pixel count with their own x, those further left with 0, those further right with 1. As dy
+    sums to 0 along a row, and y^m dy too, the last make up minus the cover: the sum up to and with the pixel.
     """
     n = int(widths.sum())
     pixel, xa, ya, xb, yb = pieces
     dy, xs, ys = yb - ya, xa + xb, ya + yb
-    beside = np.bincount(pixel, dy * xs * 0.5, n)
-    beside_x = np.bincount(pixel, dy * (xs * xs - xa * xb) * (1 / 6), n)
-    beside_y = np.bincount(pixel, dy * (xs * ys + xa * ya + xb * yb) * (1 / 6), n)
-    cover = _along_rows(np.bincount(pixel, dy, n), widths)
-    cover_y = _along_rows(np.bincount(pixel, dy * ys * 0.5, n), widths)
-    return beside - cover, beside_x - 0.5 * cover, beside_y - cover_y
+    xx, xy, yy = xa * xa + xb * xb, xa * ya + xb * yb, ya * ya + yb * yb
+    total = xs * ys
+
+    def of_pixel(values: Floats) -> Floats:
+        return np.bincount(pixel, values, n)
+
+    cover = _along_rows(of_pixel(dy), widths)
+    cover_y = _along_rows(of_pixel(dy * ys * 0.5), widths)
+    cover_yy = _along_rows(of_pixel(dy * (ys * ys + yy) * (1 / 6)), widths)
+    return (
+        of_pixel(dy * xs * 0.5) - cover,
+        of_pixel(dy * (xs * xs + xx) * (1 / 12)) - 0.5 * cover,
+        of_pixel(dy * (total + xy) * (1 / 6)) - cover_y,
+        of_pixel(dy * xs * xx * (1 / 12)) - (1 / 3) * cover,
+        of_pixel(dy * (xx * ys + 2 * xs * xy) * (1 / 24)) - 0.5 * cover_y,
+        of_pixel(dy * (xs * yy + 2 * ys * xy) * (1 / 12)) - cover_yy,
+    )
+
+
+def _limited(xx: Floats, xy: Floats, yy: Floats) -> tuple[Floats, Floats, Floats]:
+    """A covariance that points within a pixel can have, however rounding spoilt that of a sliver."""
+    xx, yy = np.clip(xx, 0, 0.25), np.clip(yy, 0, 0.25)
+    most = np.sqrt(xx * yy)
+    return xx, np.clip(xy, -most, most), yy
+
+
+def _spread_on_view(inverse: Floats, forward: Floats, xx: Floats, xy: Floats, yy: Floats) -> NDArray[np.float32]:
+    """The covariance (3, n) on the viewer's image of that on the display, as if cells were parallelograms."""
+    s_x, s_y, _, t_x, t_y, *_ = inverse
+    _, us, ut, _, _, vs, vt, _ = forward
+    ux, uy, vx, vy = us * s_x + ut * t_x, us * s_y + ut * t_y, vs * s_x + vt * t_x, vs * s_y + vt * t_y
+    found = np.empty((3, len(xx)), np.float32)
+    found[0] = ux * ux * xx + 2 * ux * uy * xy + uy * uy * yy
+    found[1] = ux * vx * xx + (ux * vy + uy * vx) * xy + uy * vy * yy
+    found[2] = vx * vx * xx + 2 * vx * vy * xy + vy * vy * yy
+    return found
 
 
 def _along_rows(values: Floats, widths: Ints) -> Floats:

@@ -47,10 +47,10 @@ class Painting:
 def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Taps:
     """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
 
-    A share is read at its own point.
+    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly.
     """
-    points = picture_from_view(picture, viewer, shares.view_xy, shares.area)
-    weight = points.cover * shares.area
+    points = picture_from_view(picture, viewer, shares.view_xy, shares.covariance)
+    weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
         weight *= shares.throughput
     taps = find_taps(points, weight, picture.image.shape[1::-1])
@@ -97,7 +97,7 @@ def splat(
             landings = trace(plan, *viewer.rays(xy), light=light)
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]
-            colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside], 0.0))
+            colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside]))
             weight = landings.throughput[inside]
             norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
             for channel in range(3):

@@ -8,7 +8,7 @@ from reference_rigs import lattice_image, rectangle
 
 from kiriko.core import picture as picture_module
 from kiriko.core.errors import RigError
-from kiriko.core.picture import Pyramid, ideal_image, picture_from_view, why_unseen
+from kiriko.core.picture import Pyramid, ideal_image, of_square, picture_from_view, why_unseen
 from kiriko.core.rig import Mesh, Picture, Viewer
 
 
@@ -31,19 +31,24 @@ TILTED = rectangle([0.02, 0, 0.05], [0.8, 0.6, 0], [0, 0, 1], 0.07, 0.05)
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_the_short_way_equals_tracing(projection, monkeypatch):
-    """The homography gives the picture's pixels and footprint that straight rays to its triangles give."""
+    """The homography gives the picture's pixels and footprints that straight rays to its triangles give."""
     v = viewer(projection)
     x, y = np.meshgrid(np.linspace(0, 40, 33), np.linspace(0, 30, 29))
     xy = np.stack([x.ravel(), y.ravel()], axis=1)
     a_picture = Picture("p", ramp(), TILTED)
-    short = picture_from_view(a_picture, v, xy, 0.01)
+    random = np.random.default_rng(4)
+    a, b = random.normal(scale=1e-3, size=(2, 2, len(xy)))
+    covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
+    short = picture_from_view(a_picture, v, xy, covariance)
     monkeypatch.setattr(picture_module, "_homography", lambda *_: None)
-    long = picture_from_view(a_picture, v, xy, 0.01)
+    long = picture_from_view(a_picture, v, xy, covariance)
     inside = (long.cover > 0) & (short.cover == 1)
     assert inside.sum() > 200
     assert np.array_equal(long.cover > 0, short.cover >= 0.5)
     np.testing.assert_allclose(short.xy[inside], long.xy[inside], atol=1e-9)
-    np.testing.assert_allclose(short.footprint[inside], long.footprint[inside], rtol=1e-3)
+    size = long.covariance[:, inside].max(axis=0)
+    np.testing.assert_allclose(short.covariance[:, inside] / size, long.covariance[:, inside] / size, atol=1e-3)
+    np.testing.assert_allclose(short.footprint[inside], long.footprint[inside], rtol=1e-2)
 
 
 def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
@@ -52,7 +57,7 @@ def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
     uv = np.random.default_rng(3).random((50, 2))
     a, b, _, d = TILTED.vertices
     points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
-    found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points), 0.0)
+    found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points))
     np.testing.assert_allclose(found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9)
 
 
@@ -80,7 +85,7 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
     a_picture = Picture("p", ramp(), mesh)
     pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1).reshape(-1, 2)
     if projection == "perspective" or ahead >= 0:  # an orthographic viewer sees what is behind it all the same
-        assert picture_from_view(a_picture, v, pixels, 1.0).cover.sum() == 0
+        assert picture_from_view(a_picture, v, pixels, of_square(1.0)).cover.sum() < 1e-6
     assert why_unseen(a_picture, v).startswith(why)
 
 
@@ -101,8 +106,8 @@ def test_a_linear_picture_is_read_exactly_at_any_footprint():
     pyramid = Pyramid(image)
     random = np.random.default_rng(0)
     xy = np.stack([random.uniform(48, 80, 200), random.uniform(24, 40, 200)], axis=1)
-    for footprint in (0.0, 1.0, 1.7, 4.0, 9.3):
-        points = picture_module.PicturePoints(xy, np.ones(200), np.full(200, footprint))
+    for side in (0.0, 1.0, 1.7, 4.0, 9.3):
+        points = picture_module.PicturePoints(xy, np.ones(200), np.tile(of_square(side), 200))
         expected = np.stack([xy[:, 0] / 128, xy[:, 1] / 64, np.full(200, 0.5)], axis=1)
         np.testing.assert_allclose(pyramid.sample(points), expected, atol=2e-6)
 
@@ -148,16 +153,36 @@ def level_by_level(image, points):
         upper, lower = ((1 - s) * level[r, column] + s * level[r, right] for r in (row, below))
         return (1 - t) * upper + t * lower
 
-    found = np.zeros((len(points.xy), 3))
-    for i, ((x, y), cover, footprint) in enumerate(zip(points.xy, points.cover, points.footprint, strict=True)):
-        spread = [4.0**k for k in range(len(levels))]  # the variance of level k is this, less 1 / 3, by 4 / 12
-        k = int(np.clip(np.searchsorted(spread, 1 + footprint**2 / 3, side="right") - 1, 0, len(levels) - 1))
+    def at_size(x, y, variance):
+        spread = [4.0**k for k in range(len(levels))]  # the variance of level k is this, less 1 / 3, by 4
+        k = int(np.clip(np.searchsorted(spread, 1 + 4 * variance, side="right") - 1, 0, len(levels) - 1))
         one = read(levels[k], x, y)
-        if k + 1 < len(levels):
-            part = ((1 + footprint**2 / 3) / spread[k] - 1) / 3
-            one = (1 - part) * one + part * read(levels[k + 1], x, y)
-        found[i] = cover * one
+        if k + 1 == len(levels):
+            return one
+        part = ((1 + 4 * variance) / spread[k] - 1) / 3
+        return (1 - part) * one + part * read(levels[k + 1], x, y)
+
+    found = np.zeros((len(points.xy), 3))
+    for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
+        xx, xy, yy = points.covariance[:, i]
+        (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
+        if lesser > picture_module.WIDE:
+            left, signs = lesser / 4, [(i, j) for i in (-1, 1) for j in (-1, 1)]
+        elif greater - lesser > picture_module.ROUND:
+            left, signs = lesser, [(0, -1), (0, 1)]
+        else:
+            left, signs = (lesser + greater) / 2, [(0, 0)]
+        steps = axes * np.sqrt(np.maximum([lesser - left, greater - left], 0))
+        found[i] = cover * np.mean([at_size(*(middle + steps @ sign), left) for sign in signs], axis=0)
     return found
+
+
+def footprints(random, n, most=2.0):
+    """Covariances (3, n) of any size and shape, some of them points and lines."""
+    sides, turn = 10 ** random.uniform(-2, most, (2, n)), random.uniform(0, np.pi, n)
+    sides[random.random((2, n)) < 0.1] = 0
+    (a, b), c, s = sides**2 / 12, np.cos(turn), np.sin(turn)
+    return np.stack([a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c])
 
 
 def test_points_are_read_as_one_by_one():
@@ -165,9 +190,37 @@ def test_points_are_read_as_one_by_one():
     random = np.random.default_rng(9)
     image, n = random.random((32, 32, 4)).astype(np.float32), 400
     points = picture_module.PicturePoints(
-        random.uniform(-4, 36, (n, 2)), np.clip(random.uniform(-0.5, 1.5, n), 0, 1), 10 ** random.uniform(-2, 2, n)
+        random.uniform(-4, 36, (n, 2)), np.clip(random.uniform(-0.5, 1.5, n), 0, 1), footprints(random, n)
     )
     np.testing.assert_allclose(Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6)
+
+
+def test_reads_reach_as_far_as_the_footprint():
+    """All reads of a point together have its weight, its middle and its footprint's variance, to rounding.
+
+    One that is read once has the mean of both variances, all others the covariance itself.
+    """
+    random = np.random.default_rng(10)
+    n = 2000
+    xy, weight, covariance = random.uniform(0, 100, (n, 2)), random.uniform(0.1, 1, n), footprints(random, n, 1.5)
+    points = picture_module.PicturePoints(xy, np.ones(n), covariance)
+    number, x, y, part, left = picture_module._reads(points, np.arange(n, dtype=np.int32), weight)
+    dx, dy = x - xy[number, 0], y - xy[number, 1]
+
+    def mean(values):
+        return np.bincount(number, part * values, n) / weight
+
+    found = np.stack([mean(dx * dx + left), mean(dx * dy), mean(dy * dy + left)])
+    is_single = np.bincount(number) == 1
+    assert 100 < is_single.sum() < n - 100
+    np.testing.assert_allclose(mean(1), 1, rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(mean(dx), mean(dy)), 0, atol=1e-12)
+    size = covariance.max(axis=0)
+    np.testing.assert_allclose(
+        found[:, ~is_single] / size[~is_single], covariance[:, ~is_single] / size[~is_single], atol=1e-9
+    )
+    np.testing.assert_allclose(found[0, is_single], (covariance[0] + covariance[2])[is_single] / 2, atol=1e-12)
+    assert ((covariance[0] - covariance[2]) ** 2 + 4 * covariance[1] ** 2)[is_single].max() <= picture_module.ROUND**2
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():

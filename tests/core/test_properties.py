@@ -433,7 +433,7 @@ def test_shares_by_reason_are_those_of_rays(shape):
     found = finish(Session().solve(a_rig, how))
     random = np.random.default_rng(5)
     xy = random.uniform(0, 256, (200_000, 2))
-    cover = picture_from_view(a_rig.picture, a_rig.viewer, xy, 1e-3).cover
+    cover = picture_from_view(a_rig.picture, a_rig.viewer, xy).cover
     seen = cover > 0
     landings = trace_all(make_plan(a_rig, how), *a_rig.viewer.rays(xy[seen]))
     reason = np.where(landings.has_arrived & (landings.xy < 0).any(axis=1), Reason.MISSED_DISPLAY, landings.reason)

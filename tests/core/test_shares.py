@@ -1,59 +1,18 @@
 """Shares against a polygon clipper that knows nothing of edges, rows or cumulative sums."""
 
-from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from polygons import area_and_centroid, clip, clipped, covariance, pieces_of
 
 from kiriko.core import shares as shares_module
 from kiriko.core.shares import Coverage, ShareBatches, add_at, rasterise, to_display, to_view
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 fixed = settings(derandomize=True, deadline=None, max_examples=150, database=None)
-
-
-# --- the independent reference: Sutherland and Hodgman's clipper, in whatever numbers it is given ---
-
-
-def clip(polygon, axis, limit, sign):
-    """Keep the part of a polygon (list of points) where sign * (coordinate - limit) >= 0."""
-    kept = []
-    for a, b in pairwise([*polygon, *polygon[:1]]):
-        da, db = sign * (a[axis] - limit), sign * (b[axis] - limit)
-        if da >= 0:
-            kept.append(a)
-        if (da > 0 > db) or (da < 0 < db):
-            kept.append(tuple(p + (q - p) * da / (da - db) for p, q in zip(a, b, strict=True)))
-    return kept
-
-
-def area_and_centroid(polygon):
-    """Signed area and centroid (0, 0, 0 for none), taken from a corner so that a small polygon far away counts."""
-    area = mx = my = 0
-    (x, y), *rest = polygon or [(0, 0)]
-    around = [(px - x, py - y) for px, py in rest]
-    for (ax, ay), (bx, by) in pairwise(around):
-        cross = ax * by - ay * bx
-        area, mx, my = area + cross / 2, mx + cross * (ax + bx) / 6, my + cross * (ay + by) / 6
-    return (area, x + mx / area, y + my / area) if area else (0, 0, 0)
-
-
-def clipped(polygon, width, height, exact=False):
-    """Area and centroid {pixel: (area, x, y)} of a convex polygon in each pixel of a display."""
-    number = Fraction if exact else float
-    points = [tuple(number(value) for value in point) for point in polygon]
-    columns, rows = ([int(np.floor(f(point[i] for point in points))) for f in (min, max)] for i in (0, 1))
-    found = {}
-    for row in range(max(rows[0], 0), min(rows[1], height - 1) + 1):
-        strip = clip(clip(points, 1, row, 1), 1, row + 1, -1)
-        for column in range(max(columns[0], 0), min(columns[1], width - 1) + 1):
-            area, x, y = area_and_centroid(clip(clip(strip, 0, column, 1), 0, column + 1, -1))
-            if abs(area) > 1e-14:
-                found[row * width + column] = float(abs(area)), float(x), float(y)
-    return found
 
 
 def grid(n_columns, n_rows=None):
@@ -482,3 +441,43 @@ def test_order_and_chunks_do_not_matter():
     other = rasterise((256, 256), (200, 200), view[order], quads[order])
     assert len(one) == len(other)
     np.testing.assert_allclose(to_display(one, one.view_xy), to_display(other, other.view_xy), rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("k", [3, 4])
+@pytest.mark.parametrize("size", [0.2, 1.0, 5.0])
+def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
+    """The covariance on the viewer's image is that of what of the cell lies in the pixel: single precision, 1e-5.
+
+    Triangles and parallelograms, whose map is affine: of bent quads the affine part counts.
+    """
+    random = np.random.default_rng(7)
+    to_display = random.normal(size=(2, 2)) * size
+    view = np.array([[0.0, 0.0], [1.0, 0.2], [1.3, 1.0], [0.3, 0.8]])[:k]
+    n_seen = 0
+    for _ in range(20):
+        display = view @ to_display + random.uniform(4, 12, 2)
+        shares = rasterise((16, 16), (2, 2), view[None], display[None])
+        parts = pieces_of([tuple(point) for point in display], 16, 16)
+        for i, pixel in enumerate(shares.display_index.tolist()):
+            part = parts[pixel]
+            if len(part) < 3 or abs(area_and_centroid(part)[0]) < 1e-4:
+                continue
+            inverse = np.linalg.inv(to_display)
+            expected = inverse.T @ covariance(part) @ inverse
+            xx, xy, yy = shares.covariance[:, i]
+            np.testing.assert_allclose([[xx, xy], [xy, yy]], expected, atol=1e-5 * np.trace(expected) + 1e-9)
+            n_seen += 1
+    assert n_seen > 20
+
+
+def test_slivers_have_no_covariance_but_rounding():
+    """However thin a part is, its covariance is finite, that of some points, and no larger than the cell's."""
+    random = np.random.default_rng(8)
+    quads = convex_quads(random, 400, 1.0, 30) + 1e7 * (random.random((400, 1, 1)) < 0.3)
+    quads[::3, :, 0] = np.round(quads[::3, :, 0]) + 1e-9 * quads[::3, :, 1]
+    shares = rasterise((10_000_100, 40), (20, 20), grid(20), quads)
+    xx, xy, yy = shares.covariance.astype(float)
+    assert np.isfinite(shares.covariance).all()
+    assert (xx >= -1e-6).all()
+    assert (yy >= -1e-6).all()
+    assert (xy**2 <= xx * yy * (1 + 1e-3) + 1e-6).all()

@@ -1,0 +1,99 @@
+"""Cuts cells along the outline of the picture, so that each lies within it or beside it.
+
+A cell across the outline would be painted as a whole, by a guess of how much of it is within: on the source image of a
+ball more than half of the squared error was in the pixels along the outline.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from .picture import outline_in_view
+from .rig import Floats, Ints, Picture, Viewer
+
+Piece = tuple[Floats, Floats, Floats]  # quads or triangles (n, 4 or 3, 2), viewer px and display px; throughput (n,)
+
+
+def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
+    """Cut pieces of a view map along a flat picture's outline; pieces of pictures of another shape stay as they are.
+
+    Quads across the outline become triangles: they are small, so that their images are as good as flat.
+    """
+    lines = outline_in_view(picture, viewer)
+    for view, display, throughput in pieces:
+        if lines is None:
+            yield view, display, throughput
+            continue
+
+        across = _across(lines, view)
+        if not len(across):
+            yield view, display, throughput
+            continue
+
+        yield tuple(np.delete(values, across, axis=0) for values in (view, display, throughput))
+        corners = np.concatenate([view, display], axis=2)[across]
+        triangles, of = _in_triangles(corners), np.tile(throughput[across], corners.shape[1] - 2)
+        for line in lines:
+            triangles, of = _cut(triangles, of, line)
+        yield triangles[..., :2], triangles[..., 2:], of
+
+
+def _across(lines: Floats, view: Floats) -> Ints:
+    """Which polygons (n, k, 2) lie on both sides of the outline."""
+    reach = np.abs(view[:, 1:] - view[:, :1]).max(axis=(0, 1), initial=0) @ np.abs(lines[:, :2]).T
+    near = np.flatnonzero((np.abs(_sides(lines, view[:, 0])) <= reach).any(axis=1))
+    side = _sides(lines, view[near])
+    least, most = side.min(axis=1), side.max(axis=1)
+    is_beside = (most <= 0).any(axis=1)
+    return near[((least < 0) & (most > 0)).any(axis=1) & ~is_beside]
+
+
+def _sides(lines: Floats, view: Floats) -> Floats:
+    """On which side of lines (l, 3) points (..., 2) lie: (..., l), above 0 within the picture."""
+    return view @ lines[:, :2].T + lines[:, 2]
+
+
+def _in_triangles(polygons: Floats) -> Floats:
+    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...)."""
+    fan = pairwise(range(1, polygons.shape[1]))
+    return np.concatenate([polygons[:, [0, *two]] for two in fan])
+
+
+def _cut(triangles: Floats, of: Floats, line: Floats) -> tuple[Floats, Floats]:
+    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and what belongs to each (m,)."""
+    side = _sides(line[None], triangles[..., :2])[..., 0]
+    is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
+    whole, across = np.flatnonzero(~is_across), np.flatnonzero(is_across)
+    corners, side = _alone_first(triangles[across], side[across])
+    start, end = (_between(corners, side, k) for k in (1, 2))
+    apex = np.stack([corners[:, 0], start, end], axis=1)
+    rest = np.stack([start, corners[:, 1], corners[:, 2], end], axis=1)
+    return (
+        np.concatenate([triangles[whole], apex, _in_triangles(rest)]),
+        np.concatenate([of[whole], np.tile(of[across], 3)]),
+    )
+
+
+def _alone_first(triangles: Floats, side: Floats) -> tuple[Floats, Floats]:
+    """The corners (n, 3, ...), and their sides (n, 3), in turn, so that the one comes first that is alone on its side.
+
+    A corner on the line is on the side of another one, or is itself alone where both others are on different sides.
+    """
+    sign = np.sign(side).astype(int)
+    has_zero = (sign == 0).any(axis=1)
+    first = np.where(has_zero, np.argmax(sign != 0, axis=1), _odd_one(sign))
+    order = (first[:, None] + np.arange(3)) % 3
+    rows = np.arange(len(triangles))[:, None]
+    return triangles[rows, order], side[rows, order]
+
+
+def _odd_one(sign: Ints) -> Ints:
+    """Which (n,) of three signs differs from the two others."""
+    return np.argmax(sign == -np.sign(sign.sum(axis=1, keepdims=True)), axis=1)
+
+
+def _between(corners: Floats, side: Floats, k: int) -> Floats:
+    """Where the edges from the first corner to another one meet the line: (n, 4)."""
+    part = side[:, 0] / (side[:, 0] - side[:, k])
+    return corners[:, 0] + part[:, None] * (corners[:, k] - corners[:, 0])
