@@ -213,6 +213,7 @@ def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tu
         "rays": solution.n_rays,
         "tessellation_error": solution.tessellation_error,
         "plate": None if solution.plate is None else asdict(solution.plate),
+        "glare": None if solution.glare is None else solution.glare._asdict(),
         "tolerance": tolerance,
         "map_error": asdict(solution.map_error),
         "total_seconds": sum(solution.seconds.values()),

@@ -11,8 +11,7 @@ import numpy as np
 
 from .picture import outline_in_view
 from .rig import Floats, Ints, Picture, Viewer
-
-Piece = tuple[Floats, Floats, Floats]  # quads or triangles (n, 4 or 3, 2), viewer px and display px; throughput (n,)
+from .view_map import Piece
 
 
 def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
@@ -21,22 +20,17 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
     Quads across the outline become triangles: they are small, so that their images are as good as flat.
     """
     lines = outline_in_view(picture, viewer)
-    for view, display, throughput in pieces:
-        if lines is None:
-            yield view, display, throughput
-            continue
-
-        across = _across(lines, view)
+    for piece in pieces:
+        across = () if lines is None else _across(lines, piece.view)
         if not len(across):
-            yield view, display, throughput
+            yield piece
             continue
 
-        yield tuple(np.delete(values, across, axis=0) for values in (view, display, throughput))
-        corners = np.concatenate([view, display], axis=2)[across]
-        triangles, of = _in_triangles(corners), np.tile(throughput[across], corners.shape[1] - 2)
+        yield piece.at(np.setdiff1d(np.arange(len(piece.view)), across))
+        triangles, of = _in_triangles(np.concatenate([piece.view, piece.display], axis=2)[across], across)
         for line in lines:
             triangles, of = _cut(triangles, of, line)
-        yield triangles[..., :2], triangles[..., 2:], of
+        yield Piece(triangles[..., :2], triangles[..., 2:], piece.throughput[of], piece.branch[of])
 
 
 def _across(lines: Floats, view: Floats) -> Ints:
@@ -54,24 +48,24 @@ def _sides(lines: Floats, view: Floats) -> Floats:
     return view @ lines[:, :2].T + lines[:, 2]
 
 
-def _in_triangles(polygons: Floats) -> Floats:
-    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...)."""
-    fan = pairwise(range(1, polygons.shape[1]))
-    return np.concatenate([polygons[:, [0, *two]] for two in fan])
+def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
+    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...), and the number (n,) of what each is of."""
+    fan = [polygons[:, [0, *two]] for two in pairwise(range(1, polygons.shape[1]))]
+    return np.concatenate(fan), np.tile(of, len(fan))
 
 
-def _cut(triangles: Floats, of: Floats, line: Floats) -> tuple[Floats, Floats]:
-    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and what belongs to each (m,)."""
+def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
+    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and numbers of what they are of."""
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
     whole, across = np.flatnonzero(~is_across), np.flatnonzero(is_across)
     corners, side = _alone_first(triangles[across], side[across])
     start, end = (_between(corners, side, k) for k in (1, 2))
     apex = np.stack([corners[:, 0], start, end], axis=1)
-    rest = np.stack([start, corners[:, 1], corners[:, 2], end], axis=1)
+    rest, of_rest = _in_triangles(np.stack([start, corners[:, 1], corners[:, 2], end], axis=1), of[across])
     return (
-        np.concatenate([triangles[whole], apex, _in_triangles(rest)]),
-        np.concatenate([of[whole], np.tile(of[across], 3)]),
+        np.concatenate([triangles[whole], apex, rest]),
+        np.concatenate([of[whole], of[across], of_rest]),
     )
 
 

@@ -17,8 +17,8 @@ STEP = 1e-3  # viewer px over which a mesh's map is differentiated
 EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
 BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
 LEAST = 1e-100  # picture px: a footprint that is narrower is a point
-ROUND = 0.1  # picture px^2: footprints whose two variances differ by less are read at one place
-WIDE = 0.25  # picture px^2: one whose lesser variance is greater is read at two places each way
+ROUND = 0.05  # picture px^2: footprints whose two variances differ by less are read at one place
+WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two places each way
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
 
@@ -303,31 +303,31 @@ def _reads(
     """Where some points are read: number, x, y, weight and variance along each axis of every read.
 
     On a ball's source image of fine rings one read each errs by 0.0018, two along what is long by 0.0009, and four
-    where it is wide by 0.0007; more than that gains nothing.
+    where it is wide by 0.0007; more than that gains nothing. Reads come apart gradually, so that a footprint that
+    rounding changes is read at the same places but for rounding.
     """
     x, y, part = points.xy[some, 0], points.xy[some, 1], weight[some]
     xx, xy, yy = points.covariance[:, some]
     mean, slope = 0.5 * (xx + yy), 0.5 * (xx - yy)
     unlike = np.sqrt(slope * slope + xy * xy)
-    greater, lesser = mean + unlike, np.maximum(mean - unlike, 0.0)
-    is_wide = lesser > WIDE
-    is_long = ~is_wide & (greater - lesser > ROUND)
+    length = np.clip(2 * unlike / ROUND - 1, 0, 1)
+    lesser = np.maximum(mean - length * unlike, 0)
+    width = np.clip(2 * lesser / WIDE - 1, 0, 1)
+    left = (1 - 0.75 * width) * lesser
 
-    short, long, wide = (np.flatnonzero(which) for which in (~(is_wide | is_long), is_long, is_wide))
-    turn = 0.5 * np.arctan2(xy, slope)  # from the x axis to that of the greater variance
-    number, xs, ys, parts, variance = [some[short]], [x[short]], [y[short]], [part[short]], [mean[short]]
-    for rows, across in ((long, (0,)), (wide, (-1, 1))):
-        left = lesser[rows] / len(across) ** 2  # the rest is made up by the distance of the reads
-        along_x, along_y = np.cos(turn[rows]), np.sin(turn[rows])
-        reach, width = np.sqrt(greater[rows] - left), np.sqrt(lesser[rows] - left)
-        for i in (-1, 1):
-            for j in across:
-                number.append(some[rows])
-                xs.append(x[rows] + i * reach * along_x - j * width * along_y)
-                ys.append(y[rows] + i * reach * along_y + j * width * along_x)
-                parts.append(part[rows] / (2 * len(across)))
-                variance.append(left)
-    return tuple(np.concatenate(values) for values in (number, xs, ys, parts, variance))
+    # what the places of the reads have to make up, as a matrix; they are the columns of its triangular root
+    xx, xy, yy = mean + length * slope - left, length * xy, mean - length * slope - left
+    dx = np.sqrt(np.maximum(xx, 0))
+    along = xy / np.maximum(dx, LEAST)
+    across = np.sqrt(np.maximum(yy - along * along, 0))
+    signs = np.where(width > 0, 4, np.where(length > 0, 2, 1))
+    found = []
+    for n, shifts in ((1, [(0, 0)]), (2, [(-1, 0), (1, 0)]), (4, [(-1, -1), (-1, 1), (1, -1), (1, 1)])):
+        rows = np.flatnonzero(signs == n)
+        for i, j in shifts:
+            at = x[rows] + i * dx[rows], y[rows] + i * along[rows] + j * across[rows]
+            found.append((some[rows], *at, part[rows] / n, left[rows]))
+    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
 
 
 def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import IntEnum
 from functools import cache
 from math import isqrt
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from .surfaces import Surface, contains, make_surface, solids_from_mesh
 from .thin_parts import ThinParts
 
 Thing = TypeVar("Thing")
+Ghosts = Literal["mean", "strongest"]
 
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
 MOST_EFFORT = 4096  # rays for a viewer pixel
@@ -46,6 +47,10 @@ class Settings:
     effort : most rays for a viewer pixel where light is chaotic, rounded down to a square; 1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
+    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be dark; where only what went through glass
+        carries the picture
+    ghosts : what a display pixel shows that is seen by several paths: the "mean" of what they ask for, or what the
+        "strongest" of them asks for
     """
 
     tolerance: float = 0.1
@@ -55,6 +60,13 @@ class Settings:
     effort: int = 16
     margin: int = 0
     wavelength: float = WAVELENGTH
+    suppress_glare: float = 0.0
+    ghosts: Ghosts = "mean"
+
+    @property
+    def looks_beside(self) -> bool:
+        """Is light beside the glass followed to the display, though it carries no picture?"""
+        return self.only_through_glass and self.suppress_glare > 0
 
     @property
     def samples_along(self) -> int:
@@ -72,6 +84,10 @@ class Settings:
             raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
         if not 1 <= self.effort <= MOST_EFFORT:
             raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to {MOST_EFFORT}.")
+        if not 0 <= self.suppress_glare <= 1:
+            raise RigError(f"Suppress Glare is {self.suppress_glare:g}: set it from 0 to 1.")
+        if self.ghosts not in get_args(Ghosts):
+            raise RigError(f"Ghosts is '{self.ghosts}': set it to 'mean' or 'strongest'.")
 
 
 class Kind(IntEnum):

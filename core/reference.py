@@ -119,13 +119,13 @@ class Reference:
         """Compare source images (H, W, 3) of the two pictures, or of the first, with the reference's."""
         wanted, found = self.source[self.is_shown], detailed[self.is_shown]
         seen = (self.solution.seen(detailed) - self.solution.seen(self.source))[self.is_seen]
-        return ImageErrors(_rms(found - wanted), int((found == 0).all(axis=1).sum()), _psnr(seen), *self._shift(dotted))
+        return ImageErrors(_rms(found - wanted), int((found == 0).all(axis=1).sum()), psnr(seen), *self._shift(dotted))
 
     def own_errors(self) -> ImageErrors:
         """What is left when nothing but the reference's own errors is: the PSNR is against the ideal image."""
         seen = (self.solution.seen(self.source) - self.solution.ideal())[self.is_seen]
         holes = int((self.source[self.is_shown] == 0).all(axis=1).sum())
-        return ImageErrors(0.0, holes, _psnr(seen), *self._shift(self.dots.source))
+        return ImageErrors(0.0, holes, psnr(seen), *self._shift(self.dots.source))
 
     def _shift(self, dotted: Image | None) -> tuple[float | None, float | None, int | None]:
         if dotted is None:
@@ -138,7 +138,8 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values, dtype=float)))) if values.size else 0.0
 
 
-def _psnr(difference: Floats) -> float | None:
+def psnr(difference: Floats) -> float | None:
+    """Peak signal-to-noise ratio, dB, of an image that is off by this; None where it is not."""
     rms = _rms(difference)
     return float(-20 * np.log10(rms)) if rms > 0 else None
 

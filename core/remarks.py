@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .accuracy import COARSE, Accuracy, Tessellation
 from .display import display_pixel
+from .glare import Glare
 from .meshes import SAME_NORMAL, find_edges, geometric_normals
 from .plan import Plan
 from .rig import Mesh, Rig
@@ -22,6 +23,7 @@ UNDECIDED = 0.01  # share of the light whose way may be another one
 FACETTED = 64  # edges between flat faces that meet at less than ROUND: so many stand for a curved surface
 ROUND = np.radians(12.0)
 MOST_CAUGHT = 0.9  # of the light that is cut off: where more never comes free, to raise the limit does not help
+GLARE = 0.05  # of the light that the viewer gets: more that comes beside the glass is worth a remark
 WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4  # linear: half a step of 8 bits, sRGB-encoded, above white
 
 
@@ -50,6 +52,7 @@ def remarks_on(
     error: MapError,
     misses: dict[str, float],
     source: NDArray[np.float32],
+    glare: Glare | None = None,
 ) -> tuple[Remark, ...]:
     """Remarks on a solution.
 
@@ -58,6 +61,7 @@ def remarks_on(
     rig : what was solved; the plan may be of an equal one with other names
     misses : share of the picture by reason why it has no landing
     source : (H, W, 3) linear
+    glare : what of its light comes beside the glass; None where that carries the picture
     """
     return (
         *_on_gaps(rig, plan, accuracy.leaks),
@@ -69,6 +73,7 @@ def remarks_on(
         *_on_the_mesh(rig, plan, accuracy.tessellation),
         *_on_rounding(plan, accuracy.rounding),
         *_on_white(rig, plan, source),
+        *_on_glare(plan, glare),
     )
 
 
@@ -228,3 +233,14 @@ def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Rem
             f"{percent(bright)} of the source image is brighter than a display's white and would be clipped: {others}"
             f"make the image of '{rig.picture.name}' darker in an image editor, or export OpenEXR, which keeps it."
         )
+
+
+def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
+    if glare is None or glare.share < GLARE:
+        return
+    cover = "cover the plate there"
+    remedy = cover if plan.settings.suppress_glare == 1 else f"raise Suppress Glare, or {cover}"
+    yield Remark(
+        f"Glare: {percent(glare.share)} of the light that the viewer gets comes beside the glass, {glare.where}:"
+        f" {remedy}."
+    )

@@ -87,6 +87,10 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
         "seconds_at_twice_the_tolerance": cost(seconds, tolerance, tolerance * 2, found.ladder),
         "splat_seconds_at_same_source_rmse": found.splat_seconds(own.image.source_rmse),
         "peak_memory_bytes": found.peak_memory,
+        "choices": [
+            {"ghosts": c.ghosts, "suppress_glare": c.suppress_glare, "seen_psnr_db": _known(c.seen_psnr)}
+            for c in found.choices
+        ],
     }
     return json.dumps(whole, indent=2, allow_nan=False) + "\n"
 
@@ -142,6 +146,9 @@ def table(found: WorkPrecision) -> str:
     times = [("reading the scene", found.read_seconds), *found.own.parts, ("writing", found.write_seconds)]
     lines += ["", f"At the scene's tolerance of {found.tolerance:g} px, seconds by part:"]
     lines += [f"  {part:<20} {'not measured' if s is None else f'{s:.4f}'}" for part, s in times]
+    lines += ["", "Ghosts and Suppress Glare, PSNR of all that is seen, light beside the glass too, against the ideal:"]
+    for ghosts, glare, seen in found.choices:
+        lines.append(f"  {ghosts:<10} {glare:<5g} {'exact' if seen is None else f'{seen:.1f} dB'}")
     lines.append(f"Tessellation: about {found.tessellation_error:.2g} display px rms.")
     rounding = ", ".join(f"{name} {rms:.1e}" for name, rms in found.quantisation.items())
     lines.append(f"Quantisation of the encoded image, rms of 0..1: {rounding}.")

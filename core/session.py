@@ -4,7 +4,7 @@ What has not changed is not computed again: a new picture costs one product with
 no ray engine. Shares are made, painted and summed some at a time, so that there may be more of them than memory holds.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from time import perf_counter
@@ -14,21 +14,23 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy, measure
 from .errors import RigError
+from .ghosts import Paths, paths_of
+from .glare import Glare, LightBeside, look_beside, looking_beside
 from .memory import check_borders, check_memory
-from .outline import Piece, cut_along_outline
+from .outline import cut_along_outline
 from .picture import Pyramid, Taps, ideal_image, of_square, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Floats, Rig
 from .seen_image import seen_image
-from .shares import Coverage, ShareBatches
+from .shares import Coverage, ShareBatches, Shares
 from .simulation import PlateView, plate_view
 from .source_image import Painting, find_strokes
+from .steps import at, within
 from .steps import finish as finish  # also from here: scripts of 0.1 have it so
-from .steps import within
 from .trace import REASON_WORDS, Reason
-from .view_map import MapError, ViewMap
+from .view_map import MapError, Piece, ViewMap, sample
 from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18
@@ -54,13 +56,14 @@ class Solution:
 
     source : (H, W, 3) float32 linear, row 0 at the top
     shares : of all cells, some at a time
-    weight : (H, W) viewer px^2, sum of area * throughput^2 over the shares of each display pixel
+    weight : (H, W) viewer px^2, sum of area * throughput^2 over the shares of each display pixel that it shows
     display_coverage, view_coverage : (H, W), (h, w), 0..1
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
     misses : share of the picture as seen, by reason why it has no landing; with picture_coverage they make 1
     seconds : time by part of the work; n_rays : rays traced for this solve
     tessellation_error : about how far landings are from those of the surface that was meant, rms display px
     plate : brightness and blur by a plate's mirrors, None where it is ideal
+    glare : what of the light comes past the glass; None where that carries the picture, too
     used, left_out : what this rig needed and what it did not; remarks : what the user should know
     """
 
@@ -77,6 +80,8 @@ class Solution:
     n_rays: int
     tessellation_error: float
     plate: PlateView | None
+    glare: Glare | None
+    plan: Plan
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     remarks: tuple[Remark, ...]
@@ -99,15 +104,30 @@ class Solution:
         """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
         return ideal_image(self.rig.picture, self.rig.viewer)
 
-    def seen(self, source: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear."""
-        return seen_image(self._seen_shares, self.source if source is None else source)
+    def seen(self, source: NDArray[np.float32] | None = None, beside: bool = False) -> NDArray[np.float32]:
+        """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear.
+
+        beside : and by way of the plate alone, beside the glass; that is traced when first asked for
+        """
+        source = self.source if source is None else source
+        seen = seen_image(self._seen_shares, source)
+        if not beside or self._seen_beside is None:
+            return seen
+        return seen + seen_image(self._seen_beside, source)
 
     @cached_property
     def _seen_shares(self) -> ShareBatches:
         """Shares each of which lies in one viewer pixel: those that paint may be larger."""
-        pieces = partial(self.view_map.pieces, at_pixels=True)
-        return ShareBatches(self.shares.display_size, self.shares.view_size, self.shares.has_throughput, pieces)
+        return _shares_of(self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True))
+
+    @cached_property
+    def _seen_beside(self) -> ShareBatches | None:
+        """The same of light beside the glass; None where that is part of the map anyway."""
+        settings = self.plan.settings
+        if not settings.only_through_glass:
+            return None
+        view_map = self.view_map if settings.looks_beside else finish(sample(looking_beside(self.plan)))
+        return _shares_of(view_map, self.shares.has_throughput, partial(view_map.pieces, at_pixels=True, beside=True))
 
 
 def without_glass(rig: Rig) -> Rig:
@@ -124,21 +144,39 @@ class _Optics:
     view_map: ViewMap
     accuracy: Accuracy
     plate: PlateView | None
+    beside: LightBeside | None
+    weight_beside: Floats | None
 
 
 @dataclass(eq=False)
 class _Placed:
     """What of a solve depends on the picture's place and size, but not on its colours.
 
-    The coverage is complete when all shares were made once.
+    The coverage is complete when all shares were made once. `strongest` (H * W,): the path that a pixel shows, None
+    where it shows the mean of all.
     """
 
     key: str
     shares: ShareBatches
     coverage: Coverage
+    strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
     strokes: list[Taps] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
+    _of_strongest: Coverage | None = None
+
+    def add_weight(self, shown: Shares) -> None:
+        """Add some shares that are shown, where these are not all."""
+        if self.strongest is None:
+            return
+        if self._of_strongest is None:
+            self._of_strongest = Coverage(shown.display_size, shown.view_size)
+        self._of_strongest.add(shown)
+
+    @property
+    def weight(self) -> Floats:
+        """Sum (H, W) of area * throughput^2 over the shares that are shown."""
+        return (self._of_strongest or self.coverage).weight
 
 
 class _Clock:
@@ -176,7 +214,7 @@ class Session:
         clock = _Clock()
         rig.check()
         settings.check()
-        key = fingerprint(replace(rig, pictures=()), replace(settings, margin=0))
+        key = fingerprint(replace(rig, pictures=()), _of_optics(settings))
         clock.lap("fingerprint")
         optics = self._optics
         is_new = optics is None or optics.key != key
@@ -185,10 +223,10 @@ class Session:
             optics = yield from self._look(rig, settings, key, clock)
         yield 0.85
         picture = rig.picture
-        placed_key = fingerprint(key, picture.mesh, picture.image.shape)
+        placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
         placed = self._placed if self._placed and self._placed.key == placed_key else None
         if placed is None:
-            shares = _batches(optics.view_map, settings.brightness, rig)
+            shares = _shares_to_paint(optics.view_map, rig, settings)
             placed = _Placed(placed_key, shares, Coverage(shares.display_size, shares.view_size))
         if not (self._pyramid and self._pyramid.is_of(picture.image)):
             self._pyramid = Pyramid(picture.image)
@@ -196,20 +234,23 @@ class Session:
         if is_new:
             _refuse_if_dark(optics, placed.shares)
             self._optics = optics
-        source = painting.finished(placed.coverage.weight, settings.margin)
+        beside = None if optics.weight_beside is None else settings.suppress_glare * optics.weight_beside
+        source = painting.finished(placed.weight, settings.margin, beside)
         clock.lap("painting")
         yield 0.98
         if placed.covered is None:
             placed.view_coverage = np.where(optics.view_map.is_whole, 1.0, placed.coverage.of_view)
             placed.covered = _of_the_picture(rig, optics.view_map, placed.view_coverage)
         self._placed = placed
+        plan = replace(optics.plan, settings=settings)
+        glare = None if optics.beside is None else optics.beside.seen_of(source)
         clock.lap("coverage")
         yield 1.0
         return Solution(
             rig,
             source,
             placed.shares,
-            placed.coverage.weight,
+            placed.weight,
             optics.view_map,
             placed.coverage.of_display,
             placed.view_coverage,
@@ -218,9 +259,11 @@ class Session:
             optics.view_map.n_rays if is_new else 0,
             optics.accuracy.tessellation.error,
             optics.plate,
+            glare,
+            plan,
             optics.plan.used,
             optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            remarks_on(rig, optics.plan, optics.accuracy, optics.view_map.error, placed.covered[1], source),
+            remarks_on(rig, plan, optics.accuracy, optics.view_map.error, placed.covered[1], source, glare),
         )
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -240,22 +283,40 @@ class Session:
         plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
-        return _Optics(key, plan, view_map, accuracy, plate)
+        beside = weight = None
+        if settings.only_through_glass:
+            beside = yield from at(0.85, look_beside(plan))
+        if settings.looks_beside:
+            weight = yield from _weight_beside(view_map, settings.brightness)
+        clock.lap("glare")
+        return _Optics(key, plan, view_map, accuracy, plate, beside, weight)
+
+
+def _of_optics(settings: Settings) -> Settings:
+    """What of the settings counts before anything is painted."""
+    return replace(settings, margin=0, ghosts="mean", suppress_glare=float(settings.looks_beside))
 
 
 def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
-    """Add all shares to a painting, and to the coverage where they are new; yields progress 0.85..0.98."""
-    painting = Painting(placed.shares.display_size)
+    """Add all shares to a painting, and to the sums over them where these are new; yields progress 0.85..0.98."""
+    painting, is_new = Painting(placed.shares.display_size), placed.covered is None
     clock.lap("painting")
+    if is_new and placed.shares.has_path:
+        placed.strongest = yield from _strongest_paths(placed.shares)
+        clock.lap("ghosts")
     for n, shares in enumerate(placed.shares):
         clock.lap("shares")
-        if placed.covered is None:
+        shown = shares
+        if placed.strongest is not None:
+            shown = shares.at(np.flatnonzero(placed.strongest[shares.display_index] == shares.path))
+        if is_new:
             placed.coverage.add(shares)
+            placed.add_weight(shown)
             clock.lap("coverage")
         if n < len(placed.strokes):
             strokes = placed.strokes[n]
         else:
-            strokes = find_strokes(rig.picture, rig.viewer, shares)
+            strokes = find_strokes(rig.picture, rig.viewer, shown)
             if n < MOST_PLACED:
                 placed.strokes.append(strokes)
         painting.add(pyramid, strokes)
@@ -266,13 +327,42 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
     return painting
 
 
-def _batches(view_map: ViewMap, is_weighed: bool, rig: Rig) -> ShareBatches:
+def _strongest_paths(batches: ShareBatches) -> Generator[float, None, NDArray[np.uint64]]:
+    paths = Paths(batches.display_size)
+    for shares in batches:
+        paths.add(shares)
+        yield 0.85
+    return paths.strongest()
+
+
+def _shares_to_paint(view_map: ViewMap, rig: Rig, settings: Settings) -> ShareBatches:
     """The shares of a map's cells, which are cut along the picture's outline."""
 
     def pieces() -> Iterator[Piece]:
         return cut_along_outline(view_map.pieces(), rig.picture, rig.viewer)
 
-    return ShareBatches(view_map.display_size, view_map.view_size, is_weighed, pieces)
+    return _shares_of(view_map, settings.brightness, pieces, has_path=settings.ghosts == "strongest")
+
+
+def _shares_of(
+    view_map: ViewMap, has_throughput: bool, pieces: Callable[[], Iterator[Piece]], has_path: bool = False
+) -> ShareBatches:
+    """The shares of pieces of a map, with their paths if asked for."""
+
+    def cells() -> Iterator[tuple[NDArray | None, ...]]:
+        for piece in pieces():
+            yield piece.view, piece.display, piece.throughput, paths_of(piece) if has_path else None
+
+    return ShareBatches(view_map.display_size, view_map.view_size, has_throughput, cells, has_path)
+
+
+def _weight_beside(view_map: ViewMap, has_throughput: bool) -> Generator[float, None, Floats]:
+    """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass."""
+    coverage = Coverage(view_map.display_size, view_map.view_size)
+    for shares in _shares_of(view_map, has_throughput, partial(view_map.pieces, beside=True)):
+        coverage.add(shares)
+        yield 0.85
+    return coverage.weight
 
 
 def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:

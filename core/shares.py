@@ -46,6 +46,7 @@ class Shares:
     area : (n,) float64, viewer px^2, area on the viewer's image
     display_area : (n,) float64, display px^2, area on the display
     throughput : (n,) float64, or None where it is 1 everywhere
+    path : (n,) uint64, the way that light takes, or None where nobody asked
     """
 
     display_size: tuple[int, int]
@@ -56,6 +57,21 @@ class Shares:
     area: Floats
     display_area: Floats
     throughput: Floats | None = None
+    path: NDArray[np.uint64] | None = None
+
+    def at(self, which: NDArray) -> "Shares":
+        """Some of these shares."""
+
+        def some(values: NDArray | None) -> NDArray | None:
+            return None if values is None else values[..., which]
+
+        return Shares(
+            self.display_size,
+            self.view_size,
+            self.display_index[which],
+            self.view_xy[which],
+            *(some(v) for v in (self.covariance, self.area, self.display_area, self.throughput, self.path)),
+        )
 
     def __len__(self) -> int:
         return len(self.area)
@@ -181,8 +197,9 @@ class ShareBatches:
     Parameters
     ----------
     display_size, view_size : (width, height), px
-    has_throughput : whether it is to be kept with the shares
-    pieces : gives the cells, each time anew, some at a time: polygons and throughput, as for `rasterise`
+    has_throughput, has_path : whether these are to be kept with the shares
+    pieces : gives the cells, each time anew, some at a time: polygons and throughput, as for `rasterise`, and path,
+        None where it is not kept
     """
 
     def __init__(
@@ -190,10 +207,11 @@ class ShareBatches:
         display_size: tuple[int, int],
         view_size: tuple[int, int],
         has_throughput: bool,
-        pieces: Callable[[], Iterable[tuple[Floats, Floats, Floats]]],
+        pieces: Callable[[], Iterable[tuple[NDArray, ...]]],
+        has_path: bool = False,
     ) -> None:
         self.display_size, self.view_size = display_size, view_size
-        self.has_throughput, self._pieces = has_throughput, pieces
+        self.has_throughput, self.has_path, self._pieces = has_throughput, has_path, pieces
         self._kept: list[Shares] | None = None
         self._n = 0
 
@@ -227,20 +245,24 @@ class ShareBatches:
         for cells in self._pieces():
             if is_large:
                 order = np.argsort(cells[1][:, 0, 1])
-                cells = [values[order] for values in cells]
-            view, display, throughput = cells
-            for part in _divided(*sizes, view, display, throughput if self.has_throughput else None):
+                cells = [None if values is None else values[order] for values in cells]
+            view, display, throughput, path = cells
+            for part in _divided(*sizes, view, display, throughput if self.has_throughput else None, path):
                 parts.append(part)
                 n += len(part)
                 if n >= SHARES_AT_ONCE:
-                    yield _joined(*sizes, self.has_throughput, parts)
+                    yield _joined(*sizes, self.has_throughput, parts, self.has_path)
                     parts, n = [], 0
         if parts:
-            yield _joined(*sizes, self.has_throughput, parts)
+            yield _joined(*sizes, self.has_throughput, parts, self.has_path)
 
 
 def _joined(
-    display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool, parts: Iterable[Shares]
+    display_size: tuple[int, int],
+    view_size: tuple[int, int],
+    has_throughput: bool,
+    parts: Iterable[Shares],
+    has_path: bool = False,
 ) -> Shares:
     """Shares of the same sizes, in one."""
     none = np.empty(0)
@@ -252,6 +274,7 @@ def _joined(
         np.empty((3, 0), np.float32),
         *(none, none),
         none if has_throughput else None,
+        none.astype(np.uint64) if has_path else None,
     )
     parts = [first, *parts]
 
@@ -267,6 +290,7 @@ def _joined(
         joined("area"),
         joined("display_area"),
         joined("throughput") if has_throughput else None,
+        joined("path") if has_path else None,
     )
 
 
@@ -276,6 +300,7 @@ def _divided(
     view_polygons: Floats,
     display_polygons: Floats,
     throughput: Floats | None,
+    path: NDArray[np.uint64] | None = None,
 ) -> Iterator[Shares]:
     """Shares of cells, a few at a time: parameters as for `rasterise`."""
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
@@ -292,6 +317,7 @@ def _divided(
                 part.area,
                 part.display_area,
                 None if throughput is None else throughput[part.number],
+                None if path is None else path[part.number],
             )
 
 

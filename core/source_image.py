@@ -28,20 +28,23 @@ class Painting:
         for total, values in zip(self._total, pyramid.read(taps), strict=True):
             add_at(total, taps.point, values)
 
-    def finished(self, weight: Floats, margin: int = 0) -> NDArray[np.float32]:
+    def finished(self, weight: Floats, margin: int = 0, beside: Floats | None = None) -> NDArray[np.float32]:
         """Source image (H, W, 3), linear; nothing can be added any more.
 
         Parameters
         ----------
         weight : (H, W), sum of area * T^2 over the shares of each display pixel
         margin : px by which the covered area is grown outward
+        beside : (H, W), the same sum over light that shall be dark, which comes beside the glass
         """
-        covered = weight > 0
+        covered, is_free = weight > 0, None
+        if beside is not None:
+            weight, is_free = weight + beside, beside == 0
         image = np.empty((*weight.shape, 3), np.float32)
         for channel, total in enumerate(self._total):
             np.divide(total, weight, out=total, where=covered)
             image[..., channel] = total
-        return grow(image, covered, margin)
+        return grow(image, covered, margin, is_free)
 
 
 def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Taps:
@@ -57,7 +60,7 @@ def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Taps:
     return replace(taps, point=shares.display_index[taps.point])
 
 
-def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.float32]:
+def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | None = None) -> NDArray[np.float32]:
     """Fill pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
     for _ in range(margin):
         padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
@@ -67,6 +70,8 @@ def grow(image: NDArray[np.float32], covered: Bools, margin: int) -> NDArray[np.
         count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
         total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
         new = (count > 0) & ~covered
+        if is_free is not None:
+            new &= is_free
         image = image.copy()
         image[new] = total[new] / count[new, None]
         covered = covered | new

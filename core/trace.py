@@ -70,7 +70,8 @@ class Landings:
     PlatePath; leak (n,) the part through whose gap a ray went in or out, -1 for none
 
     A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
-    display's border can then be cut there exactly.
+    display's border can then be cut there exactly. So has one that came to the display beside the glass, where the
+    settings look beside it.
     """
 
     sample: Ints
@@ -380,7 +381,7 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
         Reason.MISSED_DISPLAY,
     )
     if plan.display_plane is not None:
-        beside = lost[rays.reason[lost] == Reason.MISSED_DISPLAY]
+        beside = lost[(rays.reason[lost] == Reason.MISSED_DISPLAY) | _is_beside_glass(plan, rays, lost)]
         xy, _, is_front = _on_plane(plan, rays, beside)
         rays.xy[beside[is_front]] = xy[is_front]
         rays.add_to_branch(beside[is_front], plan.patch[-1], _LAND)
@@ -403,6 +404,11 @@ def _is_on_image(plan: Plan, xy: Floats) -> Bools:
     return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
 
 
+def _is_beside_glass(plan: Plan, rays: _Rays, i: Ints) -> Bools:
+    """Is this light that comes by way of the plate, beside the glass, and is it looked for?"""
+    return (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
+
+
 def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
     """End rays that have nothing before them but a flat display."""
     rays.has_ended[i] = True
@@ -419,7 +425,8 @@ def _land_beyond_plate(plan: Plan, rays: _Rays, i: Ints) -> None:
         [Reason.MISSED_GLASS, Reason.BLOCKED, Reason.ARRIVED, Reason.MISSED_GLASS],
         Reason.MISSED_DISPLAY,
     )
-    lands = is_front & np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY))
+    lands = np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY)) | _is_beside_glass(plan, rays, i)
+    lands &= is_front
     rays.xy[i[lands]] = xy[lands]
     rays.add_to_branch(i[lands], plan.patch[-1], _LAND)
 
@@ -557,7 +564,8 @@ def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[H
     rays.add_to_branch(i, plan.patch[hits.triangle], _LAND)
     u, v = interpolate(plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v).T
     xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
-    rays.xy[i] = np.where((reason == Reason.ARRIVED)[:, None], xy, np.nan)
+    lands = (reason == Reason.ARRIVED) | _is_beside_glass(plan, rays, i) & is_front
+    rays.xy[i] = np.where(lands[:, None], xy, np.nan)
     is_beside = (reason == Reason.ARRIVED) & ~_is_on_image(plan, xy)  # the UV map leaves the image
     rays.reason[i[is_beside]] = Reason.MISSED_DISPLAY
 

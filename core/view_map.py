@@ -8,8 +8,10 @@ the nodes are the pixels' corners: pixels whose corners lie on one branch are ce
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import interpolation
 from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_in_image, is_seen, trace_points
@@ -35,6 +37,23 @@ SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is
 AROUND = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a unit square
 ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
 LAST = 0.999  # quantile of the error that keeps to the tolerance
+
+
+class Piece(NamedTuple):
+    """Some pieces of a view map: quads or triangles.
+
+    view, display : (n, 4 or 3, 2) corners, viewer px and display px; throughput : (n,)
+    branch : (n,) uint64, the same for all that show the display by way of the same surfaces
+    """
+
+    view: Floats
+    display: Floats
+    throughput: Floats
+    branch: NDArray[np.uint64]
+
+    def at(self, which: Bools | Ints) -> "Piece":
+        """Some of these pieces."""
+        return Piece(*(values[which] for values in self))
 
 
 @dataclass(frozen=True)
@@ -119,32 +138,43 @@ class ViewMap:
             & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
         )  # fmt: skip
 
+    def _is_beside(self, points: Ints) -> Bools:
+        """Is light of these landed points beside the glass?"""
+        return self.points.reason[points] == Reason.MISSED_GLASS
+
     @property
     def is_whole(self) -> Bools:
-        """Viewer pixels (h, w) that are connected to the display all over."""
-        some = self._is_inside
+        """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
+        some = self._is_inside & ~self._is_beside(self.nodes[:, 0])
         return _filled(self.view_size, self.corner[some], self.size[some], np.ones(int(some.sum()), bool), False)
 
-    def pieces(self, at_pixels: bool = False) -> Iterator[tuple[Floats, Floats, Floats]]:
-        """Quads and triangles (n, 4 or 3, 2) that make up the map, viewer px and display px, and throughput (n,).
+    def pieces(self, at_pixels: bool = False, beside: bool = False) -> Iterator[Piece]:
+        """Quads and triangles that make up the map, by way of the glass, or beside it.
 
         Each lies within one viewer pixel when asked to, but for the squares around samples, whose middles do.
         """
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
-        for m, cells in _by(parts):
+        asked = np.flatnonzero(self._is_beside(self.nodes[:, 0]) == beside)
+        for m, cells in _by(parts[asked]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
-                yield self._quads_of(cells[first : first + step], m)
+                yield self._quads_of(asked[cells[first : first + step]], m)
         for kind in (self.quads, self.triangles):
-            for first in range(0, len(kind), QUADS_AT_ONCE):
-                some = kind[first : first + QUADS_AT_ONCE]
-                points = self.points
-                yield points.view[some], points.xy[some], points.throughput[some].mean(axis=1)
-        landed = np.flatnonzero(self.points.branch[self.samples])
-        for first in range(0, len(landed), QUADS_AT_ONCE):
-            yield self._samples_as_squares(landed[first : first + QUADS_AT_ONCE])
+            asked = kind[self._is_beside(kind[:, 0]) == beside]
+            for first in range(0, len(asked), QUADS_AT_ONCE):
+                yield self._polygons(asked[first : first + QUADS_AT_ONCE])
+        landed = self.points.branch[self.samples] != 0
+        asked = np.flatnonzero(landed & (self._is_beside(self.samples) == beside))
+        for first in range(0, len(asked), QUADS_AT_ONCE):
+            yield self._samples_as_squares(asked[first : first + QUADS_AT_ONCE])
 
-    def _samples_as_squares(self, some: Ints) -> tuple[Floats, Floats, Floats]:
+    def _polygons(self, corners: Ints) -> Piece:
+        """Pieces with these points (n, 4 or 3) as corners."""
+        points = self.points
+        of_piece = points.throughput[corners].mean(axis=1), points.branch[corners[:, 0]]
+        return Piece(points.view[corners], points.xy[corners], *of_piece)
+
+    def _samples_as_squares(self, some: Ints) -> Piece:
         """Squares around samples, as large as their strata, and as many display px, in the pixel that each lands in."""
         points, samples = self.points, self.samples[some]
         side = np.sqrt(self.sample_area[some])[:, None]
@@ -152,9 +182,10 @@ class ViewMap:
         low = pixel + np.clip(points.xy[samples] - pixel - side / 2, 0, 1 - side)
         high = np.minimum(low + side, pixel + 1)  # or rounding would give the next pixel a share of nothing
         view = points.view[samples, None] + side[..., None] * (AROUND - 0.5)
-        return view, np.where(AROUND, high[:, None], low[:, None]), points.throughput[samples]
+        xy = np.where(AROUND, high[:, None], low[:, None])
+        return Piece(view, xy, points.throughput[samples], points.branch[samples])
 
-    def _quads_of(self, cells: Ints, m: int) -> tuple[Floats, Floats, Floats]:
+    def _quads_of(self, cells: Ints, m: int) -> Piece:
         points, nodes = self.points, self.nodes[cells]
         grid = interpolation.on_grid(np.concatenate([points.xy[nodes], points.throughput[nodes][..., None]], axis=2), m)
         side = np.arange(m + 1) / m
@@ -163,10 +194,10 @@ class ViewMap:
         view = self.corner[cells][:, None, None] + self.size[cells][:, None, None, None] * place
         xy, throughput = _quads(grid[..., :2]), _quads(grid[..., 2:])[..., 0].mean(axis=1)
         view = _quads(view)
+        piece = Piece(view, xy, throughput, np.repeat(points.branch[nodes[:, 0]], m * m))
         if (self.corner[cells] + self.size[cells][:, None] <= self.view_size).all():
-            return view, xy, throughput
-        is_there = (view[:, 0] < self.view_size).all(axis=1)
-        return view[is_there], xy[is_there], throughput[is_there]
+            return piece
+        return piece.at((view[:, 0] < self.view_size).all(axis=1))
 
     def display_from_view(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show, also beyond a flat display; NaN where nothing lands.
@@ -420,8 +451,9 @@ class _Sampling:
         cells = self._at_nodes(finest)[:, corners][is_there]
         rows = cells[:, [0, 1, 3, 2]]
         is_aside = _is_aside(self.points.xy[rows], self.points.branch[rows], np.array(self.display_size))
-        # beside the glass there is nothing to find, but where something thin is near
-        is_beside_glass = (self.points.reason[cells] == Reason.MISSED_GLASS).all(axis=1)
+        # beside the glass there is nothing to find, but where something thin is near, or light is followed there, too
+        is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
+        is_beside_glass = is_lost[cells].all(axis=1)
         is_touched = yield from self._is_touched(finest)
         is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_there.shape)[is_there]
         is_seen = ~is_aside & ~is_beside_glass

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .choices import Choice, measure_choices
 from .image_io import encode
 from .plan import LEAST_TOLERANCE, MOST_EFFORT, MOST_TOLERANCE, Settings
 from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer
@@ -86,6 +87,7 @@ class WorkPrecision:
     n_checked : points at which the map was compared with the trace
     times_finer : each way, the display's pixels from which the reference's source image is made
     picture : which picture the image errors are of
+    choices : what Ghosts and Suppress Glare cost or gain, with the rig's own picture
     view_size, display_size : (width, height), px
     """
 
@@ -101,6 +103,7 @@ class WorkPrecision:
     n_checked: int
     times_finer: int
     picture: str
+    choices: tuple[Choice, ...]
     view_size: tuple[int, int]
     display_size: tuple[int, int]
 
@@ -171,7 +174,8 @@ def measure(
     memory = peak_memory()  # before the reference, which takes more than any solve
     reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)
     rungs = yield from within(_adaptive(detailed, dotted, settings, reference, ladder, runs), 0.15, 0.55)
-    rungs += yield from within(_splats(reference, spps, runs, budget), 0.55, 0.95)
+    rungs += yield from within(_splats(reference, spps, runs, budget), 0.55, 0.9)
+    choices = yield from within(measure_choices(rig, settings), 0.9, 0.98)
     source = reference.source
     read_seconds = _median_seconds(read, runs) if read else None
     write_seconds = _median_seconds(lambda: write(source), runs) if write else None
@@ -189,6 +193,7 @@ def measure(
         n_checked=len(reference.points),
         times_finer=times_finer(rig),
         picture=about,
+        choices=choices,
         view_size=(rig.viewer.width, rig.viewer.height),
         display_size=(rig.display.width, rig.display.height),
     )

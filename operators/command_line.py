@@ -229,7 +229,7 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         ("source", solution.source, arguments.format, size),
         ("linear", solution.source, linear, size),
         ("ideal", solution.ideal(), "PNG8", None),
-        ("seen", solution.seen(), "PNG8", None),
+        ("seen", solution.seen(beside=True), "PNG8", None),
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     numbers = _numbers(scene, text)

@@ -103,6 +103,8 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
         only_through_glass=ours.only_through_glass,
         brightness=ours.brightness,
         margin=ours.margin,
+        suppress_glare=ours.suppress_glare,
+        ghosts=ours.ghosts.lower(),
     )
 
 

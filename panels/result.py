@@ -95,6 +95,8 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
         for part, seconds in details["seconds"].items():
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
         column.label(text=f"Rays: {details['rays']}")
+        if details.get("glare"):
+            column.label(text=f"Light beside the glass: {percent(details['glare']['share'])}")
         if details.get("tessellation_error"):
             column.label(text=f"Tessellation: {pixels(details['tessellation_error'])}")
         sentence(layout, context, f"Used: {', '.join(details['used'])}.")

@@ -61,6 +61,10 @@ PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
     ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
 )
+GHOSTS = (
+    ("MEAN", "Mean", "The mean of what these places ask for: each shows a ghost of the others"),
+    ("STRONGEST", "Strongest Path", "What the place asks for that sees most of it: sharp there, wrong in the others"),
+)
 EXPORT_FORMATS = (
     ("PNG8", "PNG 8 bit", "Encoded for an sRGB display, 256 steps a channel"),
     ("PNG16", "PNG 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
@@ -421,6 +425,21 @@ class KirikoScene(bpy.types.PropertyGroup):
         name="Only Through Glass",
         description="Only rays that went through glass carry the picture: those beside it would draw ghost lines",
         default=True,
+    )
+    suppress_glare: FloatProperty(
+        name="Suppress Glare",
+        description="How much it counts that light beside the glass shall be dark: at 1 as much as the picture does."
+        " Pixels of the display that are seen both ways get darker",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    ghosts: EnumProperty(
+        name="Ghosts",
+        description="What a pixel of the display shows where the viewer sees it in several places",
+        items=GHOSTS,
+        default="MEAN",
     )
     brightness: BoolProperty(
         name="Brightness",

@@ -19,6 +19,10 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         column = layout.column()
         column.prop(ours, "tolerance")
         column.prop(ours, "only_through_glass")
+        row = column.row()
+        row.active = ours.only_through_glass
+        row.prop(ours, "suppress_glare")
+        column.prop(ours, "ghosts")
         column.prop(ours, "brightness")
         column.prop(ours, "margin")
         column.prop(ours, "max_events")

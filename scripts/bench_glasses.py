@@ -5,6 +5,11 @@ Seconds, and processor seconds of all threads, of whole solves at default settin
 longest step, in which no Esc is heard; `rest` how many times the rest of the time differs from what the progress tells,
 from 10 % to 90 %. `curved` is the share of the triangles with a curved face, `beyond` that of what is seen off by more
 than the tolerance, `sampled` where light is chaotic.
+
+With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic. `glare` is the share of the
+light that comes beside the glass, `contested` that of what is seen through it that is not by its pixel's strongest path.
+Then the PSNR in dB of all that is seen against the ideal image: by the mean and by the strongest path with the glare as
+it is, and by the mean with Suppress Glare at 0.5 and 1.
 """
 
 from __future__ import annotations
@@ -21,8 +26,11 @@ from glasses import GLASSES, INDICES, made
 from reference_rigs import rig
 
 from kiriko.core import kernel
+from kiriko.core.choices import measure_choices
+from kiriko.core.ghosts import Paths
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.session import Session, Solution
+from kiriko.core.rig import Mesh, Rig
+from kiriko.core.session import Session, Solution, finish
 
 BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}
 
@@ -32,12 +40,13 @@ def main() -> None:
     parser.add_argument("--glass", nargs="+", metavar="NAME", choices=GLASSES, default=list(GLASSES), help="only these")
     parser.add_argument("--surface", nargs="+", choices=CHOICES, default=list(CHOICES), help="only these choices")
     parser.add_argument("--effort", type=int, default=Settings().effort, metavar="RAYS", help="where light is chaotic")
+    parser.add_argument("--light", action="store_true", help="what Ghosts and Suppress Glare cost or gain, instead")
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="of the kernel; as many as there are")
     arguments = parser.parse_args()
     kernel.use_threads(arguments.threads)
     with kernel.off() if arguments.numpy else nullcontext():
-        print_table(arguments)
+        (print_light if arguments.light else print_table)(arguments)
 
 
 @dataclass
@@ -73,6 +82,32 @@ class Steps:
         return float(np.maximum(expected / rest, rest / expected).max())
 
 
+def rig_of(name: str, mesh: Mesh) -> Rig:
+    """A glass on the bench."""
+    return rig(mesh, ior=INDICES.get(name, 1.49), **BENCH)
+
+
+def print_light(arguments: argparse.Namespace) -> None:
+    """Print a line for each glass on glare and ghosts."""
+    print(f"{'glass':<16}{'glare %':>8}{'contested %':>12}{'mean':>7}{'strongest':>10}{'0.5':>7}{'1':>7}  where")
+    settings = Settings(effort=arguments.effort)
+    for name in arguments.glass:
+        a_rig = rig_of(name, replace(made(name), surface="automatic"))
+        seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
+        solution = finish(Session().solve(a_rig, replace(settings, ghosts="strongest")))
+        paths = Paths(solution.shares.display_size)
+        for shares in solution.shares:
+            paths.add(shares)
+        weight, contested = paths.weights()
+        share = 100 * float((weight * contested).sum() / weight.sum())
+        told = "".join(
+            f"{seen[choice]:{width}.1f}"
+            for choice, width in ((("mean", 0), 7), (("strongest", 0), 10), (("mean", 0.5), 7), (("mean", 1), 7))
+        )
+        glare = solution.glare
+        print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
+
+
 def print_table(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice."""
     numbers = f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'rays':>9}{'curved':>7}{'beyond %':>9}{'sampled %':>10}"
@@ -81,7 +116,7 @@ def print_table(arguments: argparse.Namespace) -> None:
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:
-            a_rig = rig(replace(mesh, surface=choice), ior=INDICES.get(name, 1.49), **BENCH)
+            a_rig = rig_of(name, replace(mesh, surface=choice))
             share = sum(make_plan(a_rig, settings).n_curved) / len(mesh.triangles)
             steps, started, of_processor = Steps(), perf_counter(), process_time()
             solution = steps.watch(Session().solve(a_rig, settings))

@@ -247,8 +247,9 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
 def check_solution(scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray) -> None:
     """WrongError unless core alone comes to the same source image (h, w, 3), and its numbers are possible."""
     ours = scene.kiriko
-    names = ("tolerance", "max_events", "effort", "only_through_glass", "brightness", "margin")
-    solution = finish(Session().solve(reading.rig, Settings(**{name: getattr(ours, name) for name in names})))
+    names = ("tolerance", "max_events", "effort", "only_through_glass", "brightness", "margin", "suppress_glare")
+    settings = Settings(**{name: getattr(ours, name) for name in names}, ghosts=ours.ghosts.lower())
+    solution = finish(Session().solve(reading.rig, settings))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
     need(are_shares(solution.view_coverage), "view coverage beyond 0..1")
@@ -259,7 +260,7 @@ def check_solution(scene: bpy.types.Scene, reading: blender_scene.Reading, sourc
         need(not source[~is_seen].any(), "display pixels shine that are not seen")
     seen = solution.seen()
     need(np.isfinite(seen).all() and (seen >= 0).all(), "the seen image is none")
-    check_kernel(reading.rig, Settings(max_events=ours.max_events, only_through_glass=ours.only_through_glass))
+    check_kernel(reading.rig, settings)
 
 
 def check_kernel(rig: Rig, settings: Settings) -> None:

@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 1 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 2 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
@@ -112,7 +112,7 @@ typedef struct {
     Layer *layers;
     int64_t *order;                    /* (n_layers,) in which they are asked */
     double merge_distance;
-    int64_t max_events, only_through_glass, brightness;
+    int64_t max_events, only_through_glass, looks_beside, brightness;
     int64_t has_plane, display_start;
     double plane_corner[3], plane_normal[3], plane_pixels[6], plane_origin[2];
     double *display_uv;                /* (., 3, 2) */

@@ -217,6 +217,7 @@ def _make_plan(plan: "Plan") -> Made | None:
         merge_distance=plan.merge_distance,
         max_events=min(settings.max_events, MOST_EVENTS),
         only_through_glass=bool(settings.only_through_glass),
+        looks_beside=bool(settings.looks_beside),
         brightness=bool(settings.brightness),
         has_plane=plane is not None,
         display_start=plan.display_start,

@@ -111,6 +111,12 @@ static void put_xy(Ray *ray, const double *xy) {
     ray->rays->xy[2 * ray->i + 1] = xy[1];
 }
 
+/* Is this light that comes by way of the plate, beside the glass, and is it looked for? */
+static bool is_beside_glass(const Ray *ray) {
+    const Rays *rays = ray->rays;
+    return rays->reason[ray->i] == MISSED_GLASS && rays->has_met_plate[ray->i] && ray->plan->looks_beside;
+}
+
 static void end_without_hit(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
@@ -120,7 +126,8 @@ static void end_without_hit(Ray *ray) {
                       : !rays->has_met_plate[i] ? MISSED_PLATE
                       : MISSED_DISPLAY;
     double xy[2], t;
-    if (!plan->has_plane || rays->reason[i] != MISSED_DISPLAY || !on_plane(ray, xy, &t)) return;
+    if (!plan->has_plane || (rays->reason[i] != MISSED_DISPLAY && !is_beside_glass(ray))) return;
+    if (!on_plane(ray, xy, &t)) return;
     put_xy(ray, xy);
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
@@ -144,7 +151,8 @@ static void land_beyond_plate(Ray *ray) {
                       : hits ? ARRIVED
                       : !rays->has_met_glass[i] ? MISSED_GLASS
                       : MISSED_DISPLAY;
-    if (!is_front || (rays->reason[i] != ARRIVED && rays->reason[i] != MISSED_DISPLAY)) return;
+    bool lands = rays->reason[i] == ARRIVED || rays->reason[i] == MISSED_DISPLAY || is_beside_glass(ray);
+    if (!is_front || !lands) return;
     put_xy(ray, xy);
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
@@ -288,13 +296,13 @@ static void meet_display(Ray *ray, const Hit *hit) {
     bool is_too_early = !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT;
     rays->reason[i] = !counts ? MISSED_GLASS : is_too_early ? MISSED_PLATE : !is_front ? BLOCKED : ARRIVED;
     add_to_branch(ray, plan->patch[hit->triangle], LAND);
-    if (rays->reason[i] != ARRIVED) return;
+    if (rays->reason[i] != ARRIVED && !(is_front && is_beside_glass(ray))) return;
     const double *uv = plan->display_uv + 6 * (hit->triangle - plan->display_start);
     double w = 1 - hit->u - hit->v, at[2];
     for (int k = 0; k < 2; k++) at[k] = w * uv[k] + hit->u * uv[2 + k] + hit->v * uv[4 + k];
     double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
     put_xy(ray, xy);
-    if (!is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
+    if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* beside its UV map */
 }
 
 static void follow_one(Ray *ray) {

@@ -152,6 +152,7 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
         ("GLASS", "ior", 1.6),
         ("DISPLAY", "resolution", (48, 48)),
         ("SCENE", "brightness", True),
+        ("SCENE", "suppress_glare", 1.0),
         ("VIEWER", "resolution", (48, 32)),
         ("VIEWER", "use_resolution", False),
     ],

@@ -97,6 +97,8 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "effort": lambda rig: setattr(ours(), "effort", 25),
     "margin": lambda rig: setattr(ours(), "margin", 1),
     "brightness": lambda rig: setattr(ours(), "brightness", True),
+    "glare": lambda rig: setattr(ours(), "suppress_glare", 0.5),
+    "ghosts": lambda rig: setattr(ours(), "ghosts", "STRONGEST"),
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),
     "offset": lambda rig: setattr(ours().calibration, "offset", '[{"Cube: shift x": 0.1}]'),
     "role": lambda rig: setattr(rig["PLATE"].kiriko, "role", "MIRROR"),

@@ -86,7 +86,7 @@ def test_no_pixel_is_seen_more_than_whole():
     assert solved().view_coverage.max() <= 1 + 1e-9
     found = solved().view_map
     assert found.sample_area.sum() <= PIXELS**2
-    shares = [view.mean(axis=1) for view, _, _ in found.pieces(at_pixels=True)]
+    shares = [view.mean(axis=1) for view, *_ in found.pieces(at_pixels=True)]
     pixels = np.floor(np.concatenate(shares)).astype(int)
     assert pixels.min() >= 0
     assert pixels.max() < PIXELS
@@ -162,7 +162,7 @@ def test_a_sample_lights_one_display_pixel(effort):
     found = replace(solved().view_map, points=points, samples=np.arange(n), sample_area=area, display_size=(300, 300))
     found = replace(found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0])
     found = replace(found, corner=found.corner[:0], size=found.size[:0])
-    shares = [rasterise((300, 300), (48, 48), *piece) for piece in found.pieces(at_pixels=True)]
+    shares = [rasterise((300, 300), (48, 48), *piece[:3]) for piece in found.pieces(at_pixels=True)]
     index = np.concatenate([some.display_index for some in shares])
     column, row = landings.astype(int).T
     assert np.array_equal(np.sort(index), np.sort(300 * row + column))

@@ -149,7 +149,11 @@ def test_same_landings(name):
     assert_same(expected, found)
 
 
-@pytest.mark.parametrize("some", [{"brightness": True}, {"only_through_glass": False}, {"max_events": 3}], ids=str)
+@pytest.mark.parametrize(
+    "some",
+    [{"brightness": True}, {"only_through_glass": False}, {"suppress_glare": 1.0}, {"max_events": 3}],
+    ids=str,
+)
 @pytest.mark.parametrize("name", ["ball", "cube", "two balls"])
 def test_same_landings_by_other_settings(name, some):
     """Brightness weighs paths alike; light beside the glass, and light that is cut off, end alike."""

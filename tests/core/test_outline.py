@@ -11,6 +11,7 @@ from work import solve
 from kiriko.core.outline import cut_along_outline
 from kiriko.core.picture import outline_in_view, view_of_picture
 from kiriko.core.rig import Picture
+from kiriko.core.view_map import Piece
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -67,8 +68,9 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     view = random.uniform(0, 32, (n, 1, 2)) + random.uniform(0.2, 4, (n, 1, 1)) * (CORNERS[:k] - 0.5)
     view[:50] = np.round(view[:50])  # corners and edges on top of each other
     display = view @ np.array([[1.5, 0.3], [-0.2, 0.8]]) + 3
-    throughput = random.random(n)
-    found = list(cut_along_outline(iter([(view, display, throughput)]), a_picture, a_rig.viewer))
+    throughput, branch = random.random(n), random.integers(0, 1 << 60, n).astype(np.uint64)
+    branch_of = dict(zip(throughput.tolist(), branch.tolist(), strict=True))
+    found = list(cut_along_outline(iter([Piece(view, display, throughput, branch)]), a_picture, a_rig.viewer))
     lines = outline_in_view(a_picture, a_rig.viewer)
     lines /= np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
     for images, whole in ((0, view), (1, display)):
@@ -77,7 +79,8 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
         for moment in (0, 1, 2):
             sums = [sum(a * t**moment for a, t in some) for some in (areas, expected)]
             assert sums[0] == pytest.approx(sums[1], rel=1e-12)
-    for piece, *_ in found:
+    for piece, _, t, b in found:
+        assert [branch_of[number] for number in t.tolist()] == b.tolist()
         side = piece @ lines[:, :2].T + lines[:, 2]
         is_within = (side >= -1e-9).all(axis=(1, 2))
         is_beside = (side <= 1e-9).all(axis=1).any(axis=1)
@@ -90,7 +93,7 @@ def test_what_has_no_straight_outline_is_not_cut():
     a_rig = ball_rig(2, pixels=32)
     bent = a_rig.picture.mesh
     bent = replace(bent, vertices=bent.vertices + np.array([[0, 0.001, 0]] + 3 * [[0, 0, 0]]))
-    pieces = [(CORNERS[None] + 8, CORNERS[None], np.ones(1))]
+    pieces = [Piece(CORNERS[None] + 8, CORNERS[None], np.ones(1), np.ones(1, np.uint64))]
     for mesh in (None, bent):
         found = list(cut_along_outline(iter(pieces), replace(a_rig.picture, mesh=mesh), a_rig.viewer))
         assert found == pieces

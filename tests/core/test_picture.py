@@ -164,17 +164,22 @@ def level_by_level(image, points):
 
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
-        xx, xy, yy = points.covariance[:, i]
-        (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
-        if lesser > picture_module.WIDE:
-            left, signs = lesser / 4, [(i, j) for i in (-1, 1) for j in (-1, 1)]
-        elif greater - lesser > picture_module.ROUND:
-            left, signs = lesser, [(0, -1), (0, 1)]
-        else:
-            left, signs = (lesser + greater) / 2, [(0, 0)]
-        steps = axes * np.sqrt(np.maximum([lesser - left, greater - left], 0))
+        spread, left = apart(points.covariance[:, i])
+        steps = np.linalg.cholesky(spread + 1e-15 * np.trace(spread) * np.eye(2)) if spread.any() else spread
+        signs = [(i, j) for i in (-1, 1) for j in (-1, 1)]
         found[i] = cover * np.mean([at_size(*(middle + steps @ sign), left) for sign in signs], axis=0)
     return found
+
+
+def apart(covariance):
+    """What of a footprint's covariance the places of its reads make up (2, 2), and the variance that each has left."""
+    xx, xy, yy = covariance
+    (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
+    length = np.clip((greater - lesser) / picture_module.ROUND - 1, 0, 1)
+    middle, half = (lesser + greater) / 2, (greater - lesser) / 2 * length
+    width = np.clip(2 * (middle - half) / picture_module.WIDE - 1, 0, 1)
+    left = (middle - half) * (1 - 0.75 * width)
+    return axes @ np.diag([middle - half - left, middle + half - left]) @ axes.T, left
 
 
 def footprints(random, n, most=2.0):
@@ -195,32 +200,53 @@ def test_points_are_read_as_one_by_one():
     np.testing.assert_allclose(Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6)
 
 
-def test_reads_reach_as_far_as_the_footprint():
-    """All reads of a point together have its weight, its middle and its footprint's variance, to rounding.
+def all_reads(covariance):
+    """Places (n, 2), weights (n,) and variances (n,) of the reads of one point at the origin of weight 1."""
+    points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.array(covariance, float)[:, None])
+    number, x, y, part, left = picture_module._reads(points, np.zeros(1, np.int32), np.ones(1))
+    assert (number == 0).all()
+    return np.stack([x, y], axis=1), part, left
 
-    One that is read once has the mean of both variances, all others the covariance itself.
+
+def test_reads_reach_as_far_as_the_footprint():
+    """All reads of a point together have its weight, its middle and its footprint's covariance, to rounding.
+
+    Of one that is nearly round they have the mean of both variances.
     """
     random = np.random.default_rng(10)
-    n = 2000
-    xy, weight, covariance = random.uniform(0, 100, (n, 2)), random.uniform(0.1, 1, n), footprints(random, n, 1.5)
-    points = picture_module.PicturePoints(xy, np.ones(n), covariance)
-    number, x, y, part, left = picture_module._reads(points, np.arange(n, dtype=np.int32), weight)
-    dx, dy = x - xy[number, 0], y - xy[number, 1]
+    counts = np.zeros(5, int)
+    for covariance in footprints(random, 600, 1.5).T:
+        places, weights, left = all_reads(covariance)
+        counts[len(places)] += 1
+        size = covariance[0] + covariance[2]
+        assert weights.sum() == pytest.approx(1, abs=1e-12)
+        np.testing.assert_allclose(weights @ places, 0, atol=1e-12)
+        found = np.einsum("n,ni,nj->ij", weights, places, places) + left[0] * np.eye(2)
+        spread, expected_left = apart(covariance)
+        np.testing.assert_allclose(found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15)
+        xx, xy, yy = covariance
+        if np.hypot(xx - yy, 2 * xy) >= 2 * picture_module.ROUND:
+            np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
+        assert np.trace(found) == pytest.approx(size, rel=1e-9, abs=1e-15)
+    assert (counts[[1, 2, 4]] > 50).all()
 
-    def mean(values):
-        return np.bincount(number, part * values, n) / weight
 
-    found = np.stack([mean(dx * dx + left), mean(dx * dy), mean(dy * dy + left)])
-    is_single = np.bincount(number) == 1
-    assert 100 < is_single.sum() < n - 100
-    np.testing.assert_allclose(mean(1), 1, rtol=1e-12)
-    np.testing.assert_allclose(np.hypot(mean(dx), mean(dy)), 0, atol=1e-12)
-    size = covariance.max(axis=0)
-    np.testing.assert_allclose(
-        found[:, ~is_single] / size[~is_single], covariance[:, ~is_single] / size[~is_single], atol=1e-9
-    )
-    np.testing.assert_allclose(found[0, is_single], (covariance[0] + covariance[2])[is_single] / 2, atol=1e-12)
-    assert ((covariance[0] - covariance[2]) ** 2 + 4 * covariance[1] ** 2)[is_single].max() <= picture_module.ROUND**2
+def test_reads_do_not_jump():
+    """From a round footprint to a long one and to a wide one reads come apart gradually."""
+    for path in (
+        lambda t: (0.2 + t, 0.0, 0.2),
+        lambda t: (0.1 + t, 0.0, 0.1 + t),
+        lambda t: (0.3 + t, 0.2 * t, 0.3 + t / 2),
+        lambda t: (0.05 + 0.3 * t, 0.3 * t, 0.05 + 0.35 * t),
+    ):
+        before = None
+        for t in np.linspace(0, 1, 4001):
+            places, weights, left = all_reads(path(t))
+            # all moments up to the fourth along some directions tell where the weight is
+            along = places @ np.array([[1, 0], [0, 1], [0.6, 0.8], [0.8, -0.6]]).T
+            moments = np.concatenate([weights @ along**k for k in (1, 2, 3, 4)] + [left[:1]])
+            assert before is None or np.abs(moments - before).max() < 2e-3
+            before = moments
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():

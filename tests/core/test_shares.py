@@ -381,9 +381,10 @@ def test_throughput_follows_its_cell():
     assert rasterise((40, 32), (30, 20), view, quads).throughput is None
 
 
+@pytest.mark.parametrize("has_path", [False, True])
 @pytest.mark.parametrize("has_throughput", [False, True])
 @pytest.mark.parametrize("most", [0, 1 << 20], ids=["made again", "kept"])
-def test_batches_add_up(monkeypatch, most, has_throughput):
+def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     """Batches are the shares of all cells, each time they are asked for; few are kept, many are divided anew."""
     monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 50)
     monkeypatch.setattr(shares_module, "PIXELS_AT_ONCE", 64)
@@ -391,13 +392,14 @@ def test_batches_add_up(monkeypatch, most, has_throughput):
     view, asked = grid(12), []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
     throughput = np.random.default_rng(7).uniform(0, 1, len(view))
+    path = np.arange(len(view), dtype=np.uint64)
 
     def pieces():
         asked.append(1)
         for some in (slice(0, 70), slice(70, None)):
-            yield view[some], quads[some], throughput[some]
+            yield view[some], quads[some], throughput[some], path[some] if has_path else None
 
-    batches = ShareBatches((18, 18), (12, 12), has_throughput, pieces)
+    batches = ShareBatches((18, 18), (12, 12), has_throughput, pieces, has_path)
     assert not batches.are_kept
     whole = rasterise((18, 18), (12, 12), view, quads, throughput if has_throughput else None)
     weight = to_display(whole, np.ones(len(whole)) if not has_throughput else whole.throughput**2)
@@ -405,6 +407,8 @@ def test_batches_add_up(monkeypatch, most, has_throughput):
         every = list(batches)
         assert len(every) > 3
         assert len(batches) == sum(len(shares) for shares in every) == len(whole)
+        for shares in every:
+            assert shares.path is None if not has_path else (shares.path == shares.view_index).all()
         found = coverage(*every)
         np.testing.assert_allclose(found.weight, weight, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(found.of_view, coverage(whole).of_view, rtol=1e-12)
@@ -415,7 +419,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput):
 
 def test_no_cells_have_no_shares():
     """A map without cells, or with none on the display, has no shares, and that is no error."""
-    for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9))]):
+    for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9), None)]):
         batches = ShareBatches((8, 8), (3, 3), False, lambda pieces=pieces: iter(pieces))
         assert sum(len(shares) for shares in batches) == len(batches) == 0
 

@@ -30,7 +30,7 @@ def coverage(found):
     """Area (h, w) of cells and samples on each viewer pixel, the former by rasterising them onto the viewer's image."""
     sizes = found.view_size, found.view_size
     cells = replace(found, samples=found.samples[:0], sample_area=found.sample_area[:0])
-    parts = [rasterise(*sizes, view, view) for view, _, _ in cells.pieces(at_pixels=True)]
+    parts = [rasterise(*sizes, view, view) for view, *_ in cells.pieces(at_pixels=True)]
     (w, h), has_landed = found.view_size, found.points.branch[found.samples] != 0
     column, row = np.floor(found.points.view[found.samples[has_landed]]).astype(int).T
     sampled = np.bincount(row * w + column, found.sample_area[has_landed], w * h)
@@ -65,7 +65,7 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
 def test_every_piece_has_the_same_orientation_and_none_is_empty():
     """Pieces of cut pixels are convex and wound as the pixels are: positive area each, at most 1 in a pixel."""
     found = view_map(cube_rig(pixels=128))
-    for view, _, _ in found.pieces():
+    for view, *_ in found.pieces():
         assert (areas(view) > (-1e-12 if view.shape[1] == 3 else 0)).all()
     assert coverage(found).max() < 1 + 1e-9
 
@@ -96,7 +96,7 @@ def test_faceted_glass_is_cut_at_its_edges():
     """A flat-shaded ball maps each facet by its own prism: cells join no two facets, so they map affinely."""
     found = view_map(rig(icosphere(0.025, 1, smooth=False), pixels=64, display=0.2))
     n_inside = 0
-    for _, q, _ in found.pieces(at_pixels=True):
+    for _, q, *_ in found.pieces(at_pixels=True):
         if q.shape[1] == 4:
             inside = (q > 0).all(axis=(1, 2)) & (q < 512).all(axis=(1, 2))
             bow = np.abs(q[:, 0] - q[:, 1] + q[:, 2] - q[:, 3]).max(axis=1)  # 0 for an affine map
@@ -284,7 +284,7 @@ def test_a_viewer_of_any_size_is_covered_whole():
         viewer = replace(a_rig.viewers[0], width=w, height=h)
         found = view_map(replace(a_rig, viewers=(viewer,)))
         np.testing.assert_allclose(coverage(found), 1, atol=1e-9)
-        parts = [rasterise(found.display_size, found.view_size, v, d) for v, d, _ in found.pieces()]
+        parts = [rasterise(found.display_size, found.view_size, v, d) for v, d, *_ in found.pieces()]
         assert sum(p.area.sum() for p in parts) == pytest.approx(w * h, rel=1e-9)
 
 

@@ -1,0 +1,46 @@
+"""What Ghosts and Suppress Glare cost or gain on a rig, by how near what is seen comes to the ideal image."""
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import NamedTuple
+
+from .plan import Settings
+from .reference import psnr
+from .rig import Rig
+from .session import Session
+from .steps import within
+
+GLARES = (0.0, 0.5, 1.0)
+
+
+class Choice(NamedTuple):
+    """One way to settle what display pixels show that are seen several times, or beside the glass.
+
+    seen_psnr : dB, white is 1: what is seen in all of the viewer's image, light beside the glass included, against the
+        ideal image; None where they are the same
+    """
+
+    ghosts: str
+    suppress_glare: float
+    seen_psnr: float | None
+
+
+def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Choice, ...]]:
+    """Solve a rig both ways of Ghosts, and with some weights of Suppress Glare; yields progress 0..1.
+
+    Glare is left out where light beside the glass carries the picture, too.
+    """
+    glares = GLARES if settings.only_through_glass else ()
+    ways = dict.fromkeys([
+        *((ghosts, settings.suppress_glare) for ghosts in ("mean", "strongest")),
+        *((settings.ghosts, glare) for glare in glares),
+    ])  # fmt: skip
+    # the first map knows light beside the glass: what is seen of all of them is seen through it
+    ways = sorted(ways, key=lambda way: -way[1])
+    session, found, shower = Session(), [], None
+    for n, (ghosts, glare) in enumerate(ways):
+        here = replace(settings, ghosts=ghosts, suppress_glare=glare)
+        solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))
+        shower = shower or solution
+        found.append(Choice(ghosts, glare, psnr(shower.seen(solution.source, beside=True) - shower.ideal())))
+    return tuple(sorted(found))

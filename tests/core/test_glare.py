@@ -1,0 +1,209 @@
+"""Light beside the glass: how much of it there is, what is seen of it, and what suppresses it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from marks import STATISTICS
+from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
+from work import solve
+
+from kiriko.core.choices import measure_choices
+from kiriko.core.errors import RigError
+from kiriko.core.glare import LightBeside, look_beside, looking_beside
+from kiriko.core.plan import Settings, make_plan
+from kiriko.core.session import Session, finish
+from kiriko.core.simulation import LUMINANCE
+from kiriko.core.trace import Reason, trace_all
+
+
+def ball(**options):
+    """A ball whose rim sees the display far from where the picture's middle does."""
+    sizes = {"picture": 0.036, "field": 0.08, "display": 0.1}
+    return ball_rig(3, pixels=96, display_pixels=128, image=lattice_image(128), **sizes, **options)
+
+
+def two_balls():
+    """Glass of two parts, with a bare way between them."""
+    glass = tuple(rig(icosphere(0.012, 2, centre=(x, 0, 0))).glasses[0] for x in (-0.014, 0.014))
+    return rig(glass, pixels=96, display_pixels=96, image=lattice_image(64), picture=0.04)
+
+
+def prism():
+    """A flat glass, of which the light leaves on several sides."""
+    return rig(box([0.03] * 3, degrees_about_z=20), pixels=96, display_pixels=128, image=lattice_image(64))
+
+
+RIGS = {"ball": ball, "two balls": two_balls, "prism": prism}
+
+
+def bent_display():
+    """The ball's rig with a display of two planes: light beyond the plate is traced to it."""
+    a_rig = ball()
+    display = a_rig.displays[0]
+    vertices = display.mesh.vertices + np.array([[0, 0, 0.002]] + 3 * [[0, 0, 0]])
+    return replace(a_rig, displays=(replace(display, mesh=replace(display.mesh, vertices=vertices)),))
+
+
+@pytest.mark.parametrize("make", [*RIGS.values(), bent_display], ids=[*RIGS, "bent display"])
+def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
+    """A ray beside the glass still counts as one that missed it; it lands where it does when it carries the picture."""
+    a_rig = make()
+    rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 96, (4000, 2)))
+    all_count = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *rays)
+    plain = trace_all(make_plan(a_rig, Settings()), *rays)
+    found = trace_all(make_plan(a_rig, Settings(suppress_glare=0.5)), *rays)
+    assert np.array_equal(found.reason, plain.reason)
+    is_beside = all_count.has_arrived & (plain.reason == Reason.MISSED_GLASS)
+    assert is_beside.sum() > 100
+    assert np.array_equal(found.xy[is_beside], all_count.xy[is_beside])
+    assert (found.branch[is_beside] != 0).all()
+    assert np.array_equal(found.xy[plain.branch != 0], plain.xy[plain.branch != 0])
+    # whatever else has a landing beside the glass is beyond a flat display
+    others = (found.branch != 0) & (plain.branch == 0) & ~is_beside
+    assert (all_count.reason[others] == Reason.MISSED_DISPLAY).all()
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_what_is_seen_beside_is_what_is_seen_when_all_light_counts(name):
+    """Light beside the glass is added to what is seen through it, whether or not it was followed while solving."""
+    a_rig = RIGS[name]()
+    everything = solve(a_rig, only_through_glass=False)
+    source = solve(a_rig).source
+    expected = everything.seen(source)
+    for glare in (0.0, 0.3):
+        found = solve(a_rig, suppress_glare=glare)
+        off = np.abs(found.seen(source, beside=True) - expected)
+        assert (off > 2e-3).mean() < 1e-3  # where the rim is seen in the rim
+        assert off.mean() < 1e-5
+        assert np.abs(found.seen(source) - expected).max() > 0.05
+    np.testing.assert_array_equal(everything.seen(source, beside=True), expected)
+
+
+def test_suppressed_wholly_all_sight_lines_are_alike():
+    """With weight 1, and no picture beside the glass, the source image is that of light that counts everywhere."""
+    a_rig = ball()
+    found, expected = solve(a_rig, suppress_glare=1.0).source, solve(a_rig, only_through_glass=False).source
+    assert np.abs(found - expected).mean() < 1e-5
+    assert np.abs(found - expected).max() < 2e-3
+    assert np.abs(found - solve(a_rig).source).max() > 0.05
+
+
+def test_least_squares_with_weight():
+    """Each pixel is what minimises the squares, by sums of random rays; light beside the glass is wanted to be 0."""
+    a_rig, n = ball(), 400_000
+    weight, source = solve(a_rig).weight, solve(a_rig).source
+    xy = np.random.default_rng(2).uniform(0, 96, (n, 2))
+    landings = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy))
+    is_beside = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).reason == Reason.MISSED_GLASS
+    is_on, pixel = landings.pixels(128, 128)
+    beside = np.bincount(pixel[is_on & is_beside], minlength=128 * 128).reshape(128, 128) * 96**2 / n
+    for glare in (0.25, 1.0):
+        expected = source * (weight / np.maximum(weight + glare * beside, 1e-9))[..., None]
+        found = solve(a_rig, suppress_glare=glare).source
+        contested = (weight > 0.2) & (beside > 0.2)
+        assert contested.sum() > 100
+        difference = (found - expected)[contested]
+        assert np.abs(difference).mean() < 0.01
+        assert abs(difference.mean()) < 2e-3
+
+
+def test_more_weight_is_less_glare_and_a_darker_picture():
+    """The share of light beside the glass falls with the weight, and so does the light through it."""
+    a_rig = ball()
+    session, before = Session(), None
+    for glare in (0.0, 0.1, 0.5, 1.0):
+        found = solve(a_rig, session, suppress_glare=glare)
+        here = found.glare.share, float(found.seen().sum())
+        assert before is None or (here[0] < before[0] and here[1] < before[1])
+        assert (found.source >= 0).all()
+        before = here
+    assert solve(a_rig, session, suppress_glare=0.7).n_rays == 0  # the optics are the same
+    assert solve(a_rig, session, only_through_glass=False).glare is None
+
+
+def test_coverage_knows_the_glass_alone():
+    """What is covered, missed and painted is told as before: light beside the glass carries no picture."""
+    wide = rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 0.06, 0.06)
+    a_rig = replace(ball(), pictures=(replace(ball().picture, mesh=wide),))
+    one, other = solve(a_rig), solve(a_rig, suppress_glare=1.0)
+    assert one.picture_coverage < 0.9
+    assert other.picture_coverage == pytest.approx(one.picture_coverage, abs=1e-6)
+    assert other.misses.keys() == one.misses.keys()
+    assert other.misses["missed the glass"] == pytest.approx(one.misses["missed the glass"], abs=1e-3)
+    np.testing.assert_allclose(other.view_coverage, one.view_coverage, atol=1e-4)
+    np.testing.assert_allclose(other.display_coverage, one.display_coverage, atol=1e-3)
+
+
+@STATISTICS
+def test_the_share_that_is_told_is_the_one_that_is_seen():
+    """The share of the light, as a sample of rays has it, is that of the seen image: to three standard errors."""
+    for name, make in RIGS.items():
+        found = solve(make())
+        through, both = (dot_luminance(found.seen(beside=beside)) for beside in (False, True))
+        assert found.glare.share == pytest.approx(1 - through / both, abs=0.03), name
+
+
+def dot_luminance(image):
+    return float((image @ LUMINANCE).sum())
+
+
+@pytest.mark.parametrize(
+    ("place", "where"),
+    [
+        ((50, 50), "around it"),
+        ((95, 50), "most of it right of it"),
+        ((5, 50), "most of it left of it"),
+        ((50, 2), "most of it above it"),
+        ((50, 99), "most of it below it"),
+        ((2, 2), "most of it above and left of it"),
+    ],
+)
+def test_where_the_glare_is(place, where):
+    """Told by the sides of the glass, as the viewer sees it: x to the right, y down."""
+    random = np.random.default_rng(1)
+    through, beside = random.normal(50, 8, (500, 2)), random.normal(place, 1, (100, 2))
+    light = LightBeside(np.concatenate([through, beside]), np.zeros(600, np.int64), np.ones(600), np.arange(600) >= 500)
+    found = light.seen_of(np.ones((1, 1, 3), np.float32))
+    assert found.where == where
+    assert found.share == pytest.approx(1 / 6)
+    assert light.seen_of(np.zeros((1, 1, 3), np.float32)) == (0.0, "")
+
+
+def test_rays_of_the_sample_are_spread_over_the_image():
+    """One in each of 64 x 64 parts of the viewer's image, of those that come from the display."""
+    a_rig = two_balls()
+    light = finish(look_beside(make_plan(a_rig, Settings())))
+    part = np.floor(light.view / 96 * 64).astype(int)
+    assert len(np.unique(part, axis=0)) == len(part)
+    assert 0 < light.is_beside.sum() < len(part)
+    assert looking_beside(make_plan(a_rig, Settings())).settings.looks_beside
+
+
+def test_grown_margins_stay_dark_where_they_would_be_seen():
+    """Pixels beside what is covered that are seen beside the glass are not grown into."""
+    a_rig = ball()
+    plain, held = solve(a_rig, margin=6), solve(a_rig, margin=6, suppress_glare=1.0)
+    grown = (plain.weight == 0) & (plain.source.max(axis=2) > 0)
+    assert grown.any()
+    unseen = grown & (held.source.max(axis=2) > 0)
+    assert unseen.sum() < grown.sum()
+
+
+def test_choices_are_told_in_decibels():
+    """Mean and strongest path, and weights of Suppress Glare: as the seen images say, the least squares the best."""
+    a_rig = ball()
+    found = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, Settings()))}
+    assert set(found) == {("mean", 0.0), ("mean", 0.5), ("mean", 1.0), ("strongest", 0.0)}
+    assert found["mean", 1.0] > found["mean", 0.5] > found["mean", 0.0]
+    solution = solve(a_rig)
+    expected = -10 * np.log10(((solution.seen(beside=True) - solution.ideal()) ** 2).mean())
+    assert found["mean", 0.0] == pytest.approx(expected, abs=0.01)
+    everywhere = finish(measure_choices(a_rig, Settings(only_through_glass=False)))
+    assert [choice[:2] for choice in everywhere] == [("mean", 0.0), ("strongest", 0.0)]
+
+
+@pytest.mark.parametrize("glare", [-0.1, 1.5, np.nan])
+def test_a_weight_that_is_none_is_refused(glare):
+    with pytest.raises(RigError, match=r"Suppress Glare is .*: set it from 0 to 1"):
+        solve(ball(), suppress_glare=glare)
