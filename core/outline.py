@@ -13,6 +13,8 @@ from .picture import outline_in_view
 from .rig import Floats, Ints, Picture, Viewer
 from .view_map import Piece
 
+ON_LINE = 1e-6  # viewer px: what is nearer to the outline is on it, so that rounding does not cut
+
 
 def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
     """Cut pieces of a view map along a flat picture's outline; pieces of pictures of another shape stay as they are.
@@ -44,8 +46,9 @@ def _across(lines: Floats, view: Floats) -> Ints:
 
 
 def _sides(lines: Floats, view: Floats) -> Floats:
-    """On which side of lines (l, 3) points (..., 2) lie: (..., l), above 0 within the picture."""
-    return view @ lines[:, :2].T + lines[:, 2]
+    """How far within the picture points (..., 2) lie of lines (l, 3), viewer px: (..., l); 0 where they lie on them."""
+    side = view @ lines[:, :2].T + lines[:, 2]
+    return np.where(np.abs(side) < ON_LINE, 0.0, side)
 
 
 def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:

@@ -97,14 +97,15 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
 
     Returns
     -------
-    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, above 0 on the side of the picture. None where its outline
-    is no rectangle, or that of the viewer's image.
+    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line, above 0 on the side of
+    the picture. None where its outline is no rectangle, or that of the viewer's image.
     """
     short_way = None if picture.mesh is None else _homography(picture.mesh, viewer)
     if short_way is None:
         return None
     (u, v, w), (low, high) = short_way
-    return np.stack([u - low[0] * w, high[0] * w - u, v - low[1] * w, high[1] * w - v])
+    lines = np.stack([u - low[0] * w, high[0] * w - u, v - low[1] * w, high[1] * w - v])
+    return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
 def why_unseen(picture: Picture, viewer: Viewer) -> str:
@@ -317,8 +318,8 @@ def _reads(
 
     # what the places of the reads have to make up, as a matrix; they are the columns of its triangular root
     xx, xy, yy = mean + length * slope - left, length * xy, mean - length * slope - left
-    dx = np.sqrt(np.maximum(xx, 0))
-    along = xy / np.maximum(dx, LEAST)
+    dx, most = np.sqrt(np.maximum(xx, 0)), np.sqrt(np.maximum(yy, 0))
+    along = np.clip(xy / np.maximum(dx, LEAST), -most, most)  # rounding may leave more than there can be
     across = np.sqrt(np.maximum(yy - along * along, 0))
     signs = np.where(width > 0, 4, np.where(length > 0, 2, 1))
     found = []

@@ -6,10 +6,10 @@ longest step, in which no Esc is heard; `rest` how many times the rest of the ti
 from 10 % to 90 %. `curved` is the share of the triangles with a curved face, `beyond` that of what is seen off by more
 than the tolerance, `sampled` where light is chaotic.
 
-With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic. `glare` is the share of the
-light that comes beside the glass, `contested` that of what is seen through it that is not by its pixel's strongest path.
-Then the PSNR in dB of all that is seen against the ideal image: by the mean and by the strongest path with the glare as
-it is, and by the mean with Suppress Glare at 0.5 and 1.
+With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic. `glare` is the share of
+the light that comes beside the glass; `contested` that of the view whose display pixel has a stronger path. Then
+the PSNR in dB of all that is seen against the ideal image: by the mean and by the strongest path with the glare as it
+is, and by the mean with Suppress Glare at 0.5 and 1.
 """
 
 from __future__ import annotations

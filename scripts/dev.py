@@ -93,6 +93,11 @@ def glasses(arguments: argparse.Namespace) -> None:
     run_in_blender("bench_glasses.py", arguments.rest)
 
 
+def marks(arguments: argparse.Namespace) -> None:
+    """Measure Kiriko beside Mitsuba on glass as artists bring it (further options go to scripts/bench_marks.py)."""
+    run_with_tests("bench_marks.py", arguments.rest, BENCH)
+
+
 def curved(arguments: argparse.Namespace) -> None:
     """Measure what curved faces cost a ray."""
     run_with_tests("bench_curved.py", arguments.rest)
@@ -204,6 +209,7 @@ def main() -> None:
         surface,
         irregular,
         glasses,
+        marks,
         kernel,
         fuzz,
         paper,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -189,3 +191,22 @@ def made(name: str) -> Mesh:
     mesh, _ = read_mesh(evaluated.to_mesh(), np.array(place), has_normals=True)
     evaluated.to_mesh_clear()
     return mesh
+
+
+def main() -> None:
+    """Write glasses to a folder, as files that numpy reads: `glasses.py FOLDER [NAME ...]`."""
+    folder, *names = sys.argv[1:]
+    for name in names or GLASSES:
+        mesh = made(name)
+        np.savez(
+            Path(folder, f"{name}.npz"),
+            vertices=mesh.vertices,
+            triangles=mesh.triangles,
+            corner_normals=mesh.corner_normals,
+            is_smooth=mesh.is_smooth,
+            index=INDICES.get(name, 1.49),
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -157,7 +157,7 @@ def test_a_sample_lights_one_display_pixel(effort):
     n = 20_000
     landings = np.random.default_rng(1).uniform(0, 300, (n, 2))
     one = np.ones(n, np.uint64)
-    points = Points(np.random.default_rng(2).uniform(0, 48, (n, 2)), landings, one, one.astype(np.uint8), np.ones(n))
+    points = Points(np.random.default_rng(2).uniform(0, 48, (n, 2)), landings, one, np.zeros(n, np.uint8), np.ones(n))
     area = np.full(n, 1.0 / effort)
     found = replace(solved().view_map, points=points, samples=np.arange(n), sample_area=area, display_size=(300, 300))
     found = replace(found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0])

@@ -72,7 +72,6 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     branch_of = dict(zip(throughput.tolist(), branch.tolist(), strict=True))
     found = list(cut_along_outline(iter([Piece(view, display, throughput, branch)]), a_picture, a_rig.viewer))
     lines = outline_in_view(a_picture, a_rig.viewer)
-    lines /= np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
     for images, whole in ((0, view), (1, display)):
         areas = [(area(polygon), t) for piece in found for polygon, t in zip(piece[images], piece[2], strict=True)]
         expected = [(area(polygon), t) for polygon, t in zip(whole, throughput, strict=True)]
@@ -82,8 +81,8 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     for piece, _, t, b in found:
         assert [branch_of[number] for number in t.tolist()] == b.tolist()
         side = piece @ lines[:, :2].T + lines[:, 2]
-        is_within = (side >= -1e-9).all(axis=(1, 2))
-        is_beside = (side <= 1e-9).all(axis=1).any(axis=1)
+        is_within = (side >= -1e-6).all(axis=(1, 2))
+        is_beside = (side <= 1e-6).all(axis=1).any(axis=1)
         assert (is_within | is_beside).all()
     assert sum(len(piece[0]) for piece in found) > n
 

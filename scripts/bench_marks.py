@@ -1,0 +1,110 @@
+"""Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
+
+For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x 512 pixels. Mitsuba's
+splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
+drawn*, which is what Mitsuba shows, and by *Automatic*, which follows the curved surface and has no judge here. `s` are
+seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import tempfile
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from bench_side_by_side import SPP, Judge, zone_plate
+from mitsuba_splat import MitsubaSplat, image_from_sums
+from reference_rigs import rig
+
+from environments import ROOT, clean_environment, empty_profile, link_package, machine, newest_blender, set_up
+from kiriko.core import kernel
+from kiriko.core.meshes import geometric_normals
+from kiriko.core.plan import Settings
+from kiriko.core.rig import Mesh, Rig
+from kiriko.core.session import Session, Solution, finish
+
+BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}  # as in bench_glasses.py
+
+
+def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
+    """Glasses and their indices by name, made by Blender, which is not in this process."""
+    paths = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"
+    with empty_profile() as profile:
+        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=":".join(map(str, paths)))
+        command = [set_up(*newest_blender()), ROOT / "scripts" / "glasses.py", folder, *names]
+        subprocess.run(command, env=variables, check=True)
+    return {path.stem: _loaded(path) for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)}
+
+
+def _loaded(path: Path) -> tuple[Mesh, float]:
+    with np.load(path) as found:
+        mesh = Mesh(*(found[name] for name in ("vertices", "triangles", "corner_normals", "is_smooth")))
+        return mesh, float(found["index"])
+
+
+def smooth_all_over(mesh: Mesh) -> Mesh:
+    """The same mesh as Mitsuba reads it: flat faces have their own normals at their corners."""
+    own = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
+    normals = np.where(mesh.is_smooth[:, None, None], mesh.corner_normals, own)
+    return replace(mesh, corner_normals=normals, is_smooth=np.ones(len(mesh.triangles), bool), surface="facets")
+
+
+def timed(work: Callable[[], object], rounds: int) -> tuple[float, object]:
+    """Median of the seconds that some runs take, and what the last returned."""
+    seconds = []
+    for _ in range(rounds):
+        started = perf_counter()
+        found = work()
+        seconds.append(perf_counter() - started)
+    return statistics.median(seconds), found
+
+
+def solved(a_rig: Rig, surface: str) -> Solution:
+    """A whole solve from scratch."""
+    glass = a_rig.glasses[0]
+    glass = replace(glass, mesh=replace(glass.mesh, surface=surface))
+    return finish(Session().solve(replace(a_rig, glasses=(glass,)), Settings()))
+
+
+def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
+    """Print the line of a glass."""
+    a_rig = rig(mesh, ior=index, image=zone_plate(), **BENCH)
+    splat = MitsubaSplat(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),)))
+    judge = Judge(splat.rig, arguments.reference, is_sphere=False)
+    splat.sums(SPP)  # compiled by now
+    theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
+    with kernel.off() if arguments.numpy else nullcontext():
+        drawn_seconds, drawn = timed(lambda: solved(a_rig, "facets"), arguments.rounds)
+        seconds, _ = timed(lambda: solved(a_rig, "automatic"), arguments.rounds)
+    errors = judge.error(image_from_sums(sums)), judge.error(drawn.source)
+    print(
+        f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{errors[0]:9.4f}{drawn_seconds:9.2f}{errors[1]:9.4f}"
+        f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--glass", nargs="+", metavar="NAME", default=[], help="only these")
+    parser.add_argument("--reference", type=int, default=1024, metavar="SPP", help="samples of the judge")
+    parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
+    parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
+    arguments = parser.parse_args()
+    print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
+    heads = ("Mitsuba", "error", "drawn s", "error", "auto s", "drawn x", "auto x")
+    print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():
+            print_glass(name, mesh, index, arguments)
+
+
+if __name__ == "__main__":
+    main()
