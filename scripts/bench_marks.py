@@ -3,7 +3,8 @@
 For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x 512 pixels. Mitsuba's
 splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
 drawn*, which is what Mitsuba shows, and by *Automatic*, which follows the curved surface and has no judge here. `s` are
-seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples.
+seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
+over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each.
 """
 
 from __future__ import annotations
@@ -45,14 +46,20 @@ def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
 
 def _loaded(path: Path) -> tuple[Mesh, float]:
     with np.load(path) as found:
-        mesh = Mesh(*(found[name] for name in ("vertices", "triangles", "corner_normals", "is_smooth")))
-        return mesh, float(found["index"])
+        parts = {name: found[name] for name in found.files}
+    index = float(parts.pop("index"))
+    return Mesh(**parts), index
 
 
 def smooth_all_over(mesh: Mesh) -> Mesh:
-    """The same mesh as Mitsuba reads it: flat faces have their own normals at their corners."""
-    own = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
-    normals = np.where(mesh.is_smooth[:, None, None], mesh.corner_normals, own)
+    """The same mesh as Mitsuba reads it: flat faces have their own normals at their corners.
+
+    So have faces with a normal that looks to the other side, which Kiriko takes for flat.
+    """
+    normals = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
+    if mesh.is_smooth is not None:
+        is_usable = mesh.is_smooth & ((mesh.corner_normals * normals).sum(axis=2) > 0).all(axis=1)
+        normals = np.where(is_usable[:, None, None], mesh.corner_normals, normals)
     return replace(mesh, corner_normals=normals, is_smooth=np.ones(len(mesh.triangles), bool), surface="facets")
 
 
@@ -83,9 +90,11 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     with kernel.off() if arguments.numpy else nullcontext():
         drawn_seconds, drawn = timed(lambda: solved(a_rig, "facets"), arguments.rounds)
         seconds, _ = timed(lambda: solved(a_rig, "automatic"), arguments.rounds)
-    errors = judge.error(image_from_sums(sums)), judge.error(drawn.source)
+    of_theirs, of_drawn = (
+        f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}" for image in (image_from_sums(sums), drawn.source)
+    )
     print(
-        f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{errors[0]:9.4f}{drawn_seconds:9.2f}{errors[1]:9.4f}"
+        f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{of_theirs}{drawn_seconds:9.2f}{of_drawn}"
         f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}",
         flush=True,
     )
@@ -99,7 +108,7 @@ def main() -> None:
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     arguments = parser.parse_args()
     print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
-    heads = ("Mitsuba", "error", "drawn s", "error", "auto s", "drawn x", "auto x")
+    heads = ("Mitsuba", "error", "as seen", "drawn s", "error", "as seen", "auto s", "drawn x", "auto x")
     print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
     with tempfile.TemporaryDirectory() as folder:
         for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():

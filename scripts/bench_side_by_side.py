@@ -80,12 +80,19 @@ class Judge:
         halves = [_many(loop, spp // 2, first_seed) for first_seed in (1 << 20, 1 << 21)]
         self.images = [image_from_sums(sums) for sums in halves]
         self.is_judged = np.logical_and.reduce([sums[..., 3] > 0 for sums in halves])
+        self.counts = halves[0][..., 3] + halves[1][..., 3]
         self.n_left_out = int(np.logical_xor(*(sums[..., 3] > 0 for sums in halves)).sum())
 
     def error(self, image: Floats) -> float:
         """RMSE of an image whose noise, if it has any, is independent of the judges'."""
         one, other = ((image - half)[self.is_judged] for half in self.images)
         return float(np.sqrt(max(np.mean(one * other), 0.0)))
+
+    def seen_error(self, image: Floats) -> float:
+        """The same, each display pixel weighed by how much the viewer sees of it."""
+        one, other = ((image - half)[self.is_judged] for half in self.images)
+        mean = np.average((one * other).mean(axis=1), weights=self.counts[self.is_judged])
+        return float(np.sqrt(max(mean, 0.0)))
 
     def distance(self, other: Judge) -> float:
         """RMSE between what two judges converge to."""

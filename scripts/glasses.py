@@ -193,6 +193,9 @@ def made(name: str) -> Mesh:
     return mesh
 
 
+PARTS = "vertices", "triangles", "corner_normals", "is_smooth"  # of a mesh, as they are written
+
+
 def main() -> None:
     """Write glasses to a folder, as files that numpy reads: `glasses.py FOLDER [NAME ...]`."""
     folder, *names = sys.argv[1:]
@@ -200,11 +203,8 @@ def main() -> None:
         mesh = made(name)
         np.savez(
             Path(folder, f"{name}.npz"),
-            vertices=mesh.vertices,
-            triangles=mesh.triangles,
-            corner_normals=mesh.corner_normals,
-            is_smooth=mesh.is_smooth,
             index=INDICES.get(name, 1.49),
+            **{part: getattr(mesh, part) for part in PARTS if getattr(mesh, part) is not None},
         )
 
 
