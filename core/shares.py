@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from . import kernel
+from .rig import Floats, Ints
 
 THINNEST = 1e-5  # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors
@@ -302,7 +302,23 @@ def _divided(
     throughput: Floats | None,
     path: NDArray[np.uint64] | None = None,
 ) -> Iterator[Shares]:
-    """Shares of cells, a few at a time: parameters as for `rasterise`."""
+    """Shares of cells, a few at a time, by the compiled kernel where it can: parameters as for `rasterise`."""
+    cells = view_polygons, display_polygons, throughput
+    if not kernel.can_divide(*cells):
+        yield from _divided_by_rows(display_size, view_size, *cells)
+        return
+    for part in kernel.divided(display_size, *cells, _index_type(display_size), SHARES_AT_ONCE):
+        yield Shares(display_size, view_size, *part)
+
+
+def _divided_by_rows(
+    display_size: tuple[int, int],
+    view_size: tuple[int, int],
+    view_polygons: Floats,
+    display_polygons: Floats,
+    throughput: Floats | None,
+) -> Iterator[Shares]:
+    """Shares of cells, the rows of many of them at once: parameters as for `rasterise`."""
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
         some = slice(start, start + POLYGONS_AT_ONCE)
         number = np.arange(start, start + len(display_polygons[some]))
@@ -468,7 +484,8 @@ def _thickened(cells: _Cells) -> _Cells:
     the left or from above, as a point there would.
     """
     x, y = cells.x, cells.y
-    lengths = np.hypot(np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y)
+    dx, dy = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+    lengths = np.sqrt(dx * dx + dy * dy)
     longest, first = lengths.max(axis=0), lengths.argmax(axis=0)
     thin = np.flatnonzero(2 * np.abs(_signed_area(x, y)) < THINNEST * longest)
     thin = np.union1d(thin, np.flatnonzero(longest < THINNEST))
@@ -479,7 +496,7 @@ def _thickened(cells: _Cells) -> _Cells:
     is_point = longest[thin] < THINNEST
     along_x = np.where(is_point, 0.0, x[end, thin] - x[start, thin])
     along_y = np.where(is_point, THINNEST, y[end, thin] - y[start, thin])
-    length = np.hypot(along_x, along_y)
+    length = np.sqrt(along_x * along_x + along_y * along_y)
     along_x, along_y = along_x / length, along_y / length
     reach = (x[apex, thin] - x[start, thin]) * along_x + (y[apex, thin] - y[start, thin]) * along_y
     side = THINNEST * np.where((along_y > 0) | ((along_y == 0) & (along_x < 0)), 1.0, -1.0)

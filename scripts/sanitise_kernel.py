@@ -14,7 +14,8 @@ from pathlib import Path
 from build_kernel import SOURCES
 from environments import DEV, ROOT, ToolError, ask, clean_environment, run
 
-FLAGS = ["-std=c17", "-O1", "-g", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+CHECKS = "-fsanitize=address,undefined,float-cast-overflow"
+FLAGS = ["-std=c17", "-O1", "-g", "-ffp-contract=off", CHECKS, "-fno-sanitize-recover=all"]
 # Python itself frees little at its end, and numpy's own memory is none of ours.
 OPTIONS = {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
 

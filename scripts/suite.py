@@ -26,7 +26,20 @@ STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
 # What holds for many cases, and is run with the kernel and without it; the oldest numpy runs all else without it.
-BOTH_WAYS = tuple(f"tests/core/test_{name}.py" for name in ("properties", "leaks", "curved", "trace", "closed_forms"))
+BOTH_WAYS = tuple(
+    f"tests/core/test_{name}.py"
+    for name in (
+        "properties",
+        "leaks",
+        "curved",
+        "trace",
+        "closed_forms",
+        "shares",
+        "outline",
+        "picture",
+        "source_image",
+    )
+)
 SLOWEST_OF_ALL = 8  # tests named at the end
 
 

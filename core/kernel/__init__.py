@@ -1,8 +1,8 @@
-"""The compiled kernel: follows rays to their ends as `trace.py` does, one by one instead of event by event.
+"""The compiled kernel follows rays as `trace.py` does, ray by ray, and divides cells as `shares.py` does, cell by cell.
 
 It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel` and loaded by
 ctypes, which lets go of Python's lock during each call. numpy's way stays the reference, and takes the place of the
-kernel where there is none, where the environment has KIRIKO_KERNEL=off, and for plans that the kernel does not know.
+kernel where there is none, where the environment has KIRIKO_KERNEL=off, and for what the kernel does not know.
 """
 
 import ctypes
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..rig import Floats, Ints
 from ..steps import Pauses
+from .dividing import can_divide, divided
 from .loading import library, loaded, n_threads, off, use_threads
 from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ..plan import Plan
     from ..trace import _Rays
 
-__all__ = ["Ways", "can_follow", "follow", "left_out", "library", "off", "use_threads"]
+__all__ = ["Ways", "can_divide", "can_follow", "divided", "follow", "left_out", "library", "off", "use_threads"]
 
 EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy

@@ -51,6 +51,7 @@ def loaded() -> ctypes.CDLL | None:
         library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
         library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, *3 * [pointer]]
         library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
+        library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer]
     except (OSError, AttributeError):  # made for another processor or system, or not by us
         return None
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]

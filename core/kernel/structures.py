@@ -48,11 +48,17 @@ RayStateStructure = _structure(
     has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I, is_recorded=_I,
     light=_I, n_words=_P, is_astray=_P, has_ended=_P, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
 )  # fmt: skip
+DivisionStructure = _structure(
+    "DivisionStructure",
+    view=_P, display=_P, throughput=_P, n_cells=_I, n_corners=_I, width=_I, height=_I, cell=_I, part=_I, row=_I,
+    column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, display_area=_P,
+    throughput_of_share=_P,
+)  # fmt: skip
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
-    *(ArrayStructure, PlanStructure, RayStateStructure),
+    *(ArrayStructure, PlanStructure, RayStateStructure, DivisionStructure),
 )
 
 

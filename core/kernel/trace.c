@@ -365,7 +365,9 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
 
 /* Number i of what loading.py compares with its own; -1 beyond the last. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
-    const int64_t numbers[] = {VERSION,      MOST_LAYERS,   sizeof(Node),  sizeof(Tree), sizeof(Curved),
-                               sizeof(Hull), sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays)};
+    const int64_t numbers[] = {
+        VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
+        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division),
+    };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -1,4 +1,4 @@
-"""The compiled kernel leads rays where numpy's way does, branch by branch, and breaks on nothing."""
+"""The compiled kernel does what numpy's way does, ray by ray and share by share, and breaks on nothing."""
 
 import ctypes
 import re
@@ -31,11 +31,13 @@ from reference_rigs import (
 
 import build_kernel
 from kiriko.core import curved, kernel, plate, ray_engine
+from kiriko.core import shares as shares_module
 from kiriko.core.curved import CurvedFaces
-from kiriko.core.kernel import loading
+from kiriko.core.kernel import dividing, loading
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.plan import Kept, Settings, make_plan
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray
+from kiriko.core.shares import rasterise
 from kiriko.core.steps import finish
 from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
 
@@ -400,6 +402,162 @@ def test_masks_of_other_clusters_are_left_alone():
         assert np.array_equal(getattr(expected, name), getattr(found, name)), name
 
 
+# --- shares ---
+
+VIEW = np.array([[0.0, 0.0], [1.0, 0.1], [1.2, 1.0], [0.1, 0.9]])  # of a cell, viewer px
+
+
+def blobs(dice, shape, size=3.0):
+    """Polygons of any shape about random places of a display, and beside it."""
+    n, k = shape
+    return dice.normal(size=(n, k, 2)) * size + dice.uniform(-2, 19, (n, 1, 2))
+
+
+def lines(dice, shape, width):
+    """Polygons squeezed to lines."""
+    n, k = shape
+    along = dice.normal(size=(n, k, 1)) * dice.normal(size=(n, 1, 2))
+    return 6 * along + dice.uniform(0, 17, (n, 1, 2)) + width * dice.normal(size=(n, k, 2))
+
+
+def spoilt(dice, polygons, value, part=0.1):
+    """Polygons some of whose coordinates are another value."""
+    return np.where(dice.random(polygons.shape) < part, value, polygons)
+
+
+NASTY = {
+    **{f"of {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size) for size in (1e-9, 0.02, 1, 40)},
+    **{f"huge, {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size) for size in (1e4, 1e14, 1e300)},
+    **{f"thin, {width:g} px": lambda dice, shape, width=width: lines(dice, shape, width) for width in (0, 1e-8, 1e-5)},
+    "on the grid": lambda dice, shape: np.round(blobs(dice, shape)),
+    "level, on the grid": lambda dice, shape: blobs(dice, shape) * [1, 0] + [0, 5],
+    "upright": lambda dice, shape: blobs(dice, shape) * [0, 1] + [5.3, 0],
+    "points": lambda dice, shape: blobs(dice, shape)[:, :1].repeat(shape[1], axis=1),
+    "two corners alike": lambda dice, shape: blobs(dice, shape)[:, [0, 0, *range(2, shape[1])]],
+    "one corner far away": lambda dice, shape: blobs(dice, shape) * np.array([1e7, 1, 1, 1])[: shape[1], None],
+    "of all scales": lambda dice, shape: blobs(dice, shape) * 10.0 ** dice.uniform(-30, 20, (*shape, 2)),
+    "no numbers": lambda dice, shape: spoilt(dice, blobs(dice, shape), np.nan),
+    "infinite": lambda dice, shape: spoilt(dice, spoilt(dice, blobs(dice, shape), np.inf), -np.inf),
+}
+
+
+def by_cell_and_pixel(shares, n_cells):
+    """Cell and pixel, area, display area, middle and covariance of shares, whose throughput is the cell's number.
+
+    Two triangles of one quad that lie in one pixel count as one.
+    """
+    n_pixels = int(np.prod(shares.display_size))
+    assert shares.throughput.max(initial=0) < n_cells
+    key, which = np.unique(shares.throughput * n_pixels + shares.display_index, return_inverse=True)
+    area, display_area = (np.bincount(which, values) for values in (shares.area, shares.display_area))
+    values = np.concatenate([shares.view_xy.T, shares.covariance])
+    return key, area, display_area, np.stack([np.bincount(which, shares.area * row) for row in values]) / area
+
+
+def assert_same_shares(size, view, polygons):
+    """Numpy's way, cell by cell, and the kernel divide cells alike: areas to 1e-12 of the cell, places to 1e-10 of it.
+
+    A centroid is a quotient of areas, and so as exact as these are to the share. Covariances are single, 1e-4.
+    """
+    n = len(polygons)
+    number = np.arange(float(n))
+    with kernel.off(), np.errstate(invalid="ignore", over="ignore"):
+        parts = [rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number))) for i in range(n)]
+    expected = shares_module._joined(size, (2, 2), True, parts)
+    found = rasterise(size, (2, 2), view, polygons, number)
+    (key, *of_numpy), (other, *of_kernel) = (by_cell_and_pixel(some, n) for some in (expected, found))
+    both, here, there = np.intersect1d(key, other, return_indices=True)
+    for keys, area in ((key, of_numpy[0]), (other, of_kernel[0])):
+        assert area[~np.isin(keys, both)].max(initial=0) < 1e-12
+    area, display_area, values = (a[..., here] for a in of_numpy)
+    np.testing.assert_allclose(of_kernel[0][there], area, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(of_kernel[1][there], display_area, rtol=1e-9, atol=1e-12 * display_area.max(initial=0))
+    off = np.abs(of_kernel[2][:, there] - values) * area
+    assert off[:2].max(initial=0) < 1e-10
+    np.testing.assert_allclose(off[2:], 0, atol=1e-4 * np.abs(values[2:] * area).max(initial=1))
+    return found
+
+
+@pytest.mark.parametrize("k", [3, 4])
+@pytest.mark.parametrize("name", NASTY)
+def test_same_shares(name, k):
+    """Of triangles and quads, folded or not, thin, on grid lines, larger than the display or not there at all."""
+    dice = np.random.default_rng(11)
+    view = VIEW[:k] + dice.normal(size=(120, k, 2)) * 0.05
+    found = assert_same_shares((17, 11), view, NASTY[name](dice, (120, k)))
+    assert len(found) or name.startswith("huge")
+
+
+@settings(max_examples=200)
+@given(
+    st.lists(
+        st.tuples(st.floats(), st.floats()) | st.tuples(st.floats(-4, 9), st.floats(-4, 9)), min_size=4, max_size=4
+    )
+)
+def test_same_shares_of_any_polygon(corners):
+    """Whatever floats its corners are, near and far."""
+    for k in (3, 4):
+        assert_same_shares((5, 4), VIEW[None, :k], np.array([corners[:k]]))
+
+
+@settings(max_examples=200)
+@given(st.lists(st.tuples(st.floats(), st.floats()), min_size=8, max_size=8))
+def test_no_polygon_breaks_it(corners):
+    """Whatever floats its corners are on both images: its shares lie on the display."""
+    view, display = np.array(corners).reshape(2, 1, 4, 2)
+    for polygons in (display, np.clip(np.nan_to_num(display), -9, 9)):
+        for k in (3, 4):
+            found = rasterise((5, 4), (2, 2), view[:, :k], polygons[:, :k])
+            assert ((found.display_index >= 0) & (found.display_index < 20)).all()
+            assert (found.area > 0).all()
+
+
+@pytest.mark.parametrize("size", [(1300, 40), (40, 1300), (200_000, 3)])
+def test_shares_for_which_there_is_no_room(monkeypatch, size):
+    """Where room ends, within a cell or a row of it, is gone on: bit for bit the same as with room for all."""
+    width, height = size
+    quads = np.array(
+        [[[-0.2, -0.3], [1.1, -0.1], [0.9, 1.2], [0.1, 1.1]], [[0.1, 0.1], [0.9, 0.8], [0.9, 0.1], [0.1, 0.8]]]
+    )
+    quads = np.concatenate([quads * size, np.full((1, 4, 2), np.nan), 1.4 * VIEW[None]])
+    view, throughput = np.broadcast_to(VIEW, quads.shape), np.array([0.5, 0.25, 1.0, 2.0])
+    whole = rasterise(size, (2, 2), view, quads, throughput)
+    assert len(whole) > 0.8 * width * height
+    monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
+    for at_once in (1000, 257):
+        monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", at_once)
+        parts = list(shares_module._divided(size, (2, 2), view, quads, throughput))
+        assert max(map(len, parts)) <= at_once
+        assert len(parts) > len(whole) / at_once
+        found = shares_module._joined(size, (2, 2), True, parts)
+        for f in fields(found):
+            assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
+    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 7)
+    few = [shares for shares in shares_module._divided((40, 30), (2, 2), view, quads / size * [40, 30], throughput)]
+    assert max(map(len, few)) <= 7
+    assert sum(map(len, few)) == len(rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput))
+
+
+def test_a_display_of_more_pixels_than_an_int32_counts():
+    """The pixel's number is as large as it has to be."""
+    size = 70_000, 70_000
+    found = assert_same_shares(size, VIEW[None], VIEW[None] + 69_998.4)
+    assert found.display_index.dtype == np.int64
+    assert found.display_index.max() == 70_000**2 - 1
+
+
+def test_cells_that_it_does_not_know_are_left_to_numpy():
+    """Of more than four corners, or without a partner on the other image: nothing is read that is not there."""
+    quads = VIEW[None].repeat(3, axis=0)
+    assert kernel.can_divide(quads, quads, None)
+    assert kernel.can_divide(quads, quads, np.ones(3))
+    for cells in ((quads, quads[:2], None), (quads[:, :3], quads, None), (quads, quads, np.ones(2))):
+        assert not kernel.can_divide(*cells)
+    assert not kernel.can_divide(*2 * [quads[:, [0, 1, 2, 3, 3]]], None)
+    with kernel.off():
+        assert not kernel.can_divide(quads, quads, None)
+
+
 def test_the_environment_switches_it_off():
     """KIRIKO_KERNEL=off is numpy's way."""
     code = "from kiriko.core import kernel; print(kernel.library())"
@@ -410,7 +568,7 @@ def test_the_environment_switches_it_off():
     assert told.stdout.strip() == "None", told.stderr
 
 
-@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine])
+@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine, shares_module])
 def test_one_number_for_one_name(module):
     """Every constant of the C that a module of core has by the same name is the same number there."""
     sources = "".join(path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]"))

@@ -1,0 +1,92 @@
+"""Divides cells among display pixels, as `shares.py` does, cell by cell."""
+
+import ctypes
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rig import Floats
+from .loading import library, loaded
+from .structures import DivisionStructure, Made
+
+LEAST_ROOM = 256  # shares
+
+
+class Divided(NamedTuple):
+    """Shares as `shares.Shares` has them: display_index, view_xy, covariance, area, display_area and throughput."""
+
+    display_index: NDArray[np.integer]
+    view_xy: Floats
+    covariance: NDArray[np.float32]
+    area: Floats
+    display_area: Floats
+    throughput: Floats | None
+
+
+def can_divide(view_polygons: Floats, display_polygons: Floats, throughput: Floats | None) -> bool:
+    """Can the kernel divide such cells?"""
+    shape = np.shape(display_polygons)
+    return (
+        library() is not None
+        and shape[1:] in {(3, 2), (4, 2)}
+        and np.shape(view_polygons) == shape
+        and (throughput is None or np.shape(throughput) == shape[:1])
+    )
+
+
+def divided(
+    display_size: tuple[int, int],
+    view_polygons: Floats,
+    display_polygons: Floats,
+    throughput: Floats | None,
+    index_type: type[np.signedinteger],
+    at_once: int,
+) -> Iterator[Divided]:
+    """Shares of cells, no more than so many at once: other parameters as for `shares.rasterise`."""
+    made, n_cells = Made(DivisionStructure), len(display_polygons)
+    division = made.structure
+    made.point("view", view_polygons, float)
+    made.point("display", display_polygons, float)
+    made.point("throughput", throughput, float)
+    width, height = display_size
+    made.set(n_cells=n_cells, n_corners=display_polygons.shape[1], width=width, height=height)
+
+    kernel, address = loaded(), ctypes.addressof(division)
+    room = min(4 * n_cells + LEAST_ROOM, at_once)
+    while division.cell < n_cells:
+        shares = _room_for(room, throughput is not None, index_type)
+        _point_to(division, shares)
+        division.n, division.room = 0, room
+        kernel.kiriko_divide(address)
+        if division.n:
+            yield _first_of(shares, division.n)
+        room = min(2 * room, at_once)
+
+
+def _room_for(n: int, has_throughput: bool, index_type: type[np.signedinteger]) -> Divided:
+    """Arrays for n shares."""
+    return Divided(
+        np.empty(n, index_type),
+        np.empty((n, 2)),
+        np.empty((3, n), np.float32),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n) if has_throughput else None,
+    )
+
+
+def _point_to(division: ctypes.Structure, shares: Divided) -> None:
+    """Let a division put its shares there, as long as these are kept."""
+    is_wide = shares.display_index.dtype == np.int64
+    pixel, *others = (None if values is None else values.ctypes.data for values in shares)
+    division.pixel, division.wide_pixel = (None, pixel) if is_wide else (pixel, None)
+    division.view_xy, division.covariance, division.area, division.display_area, division.throughput_of_share = others
+
+
+def _first_of(shares: Divided, n: int) -> Divided:
+    """The first n shares."""
+    pixel, view_xy, covariance, area, display_area, throughput = shares
+    of_share = None if throughput is None else throughput[:n]
+    return Divided(pixel[:n], view_xy[:n], covariance[:, :n], area[:n], display_area[:n], of_share)
