@@ -303,38 +303,29 @@ def _divided(
     path: NDArray[np.uint64] | None = None,
 ) -> Iterator[Shares]:
     """Shares of cells, a few at a time, by the compiled kernel where it can: parameters as for `rasterise`."""
-    cells = view_polygons, display_polygons, throughput
-    if not kernel.can_divide(*cells):
-        yield from _divided_by_rows(display_size, view_size, *cells)
-        return
-    for part in kernel.divided(display_size, *cells, _index_type(display_size), SHARES_AT_ONCE):
-        yield Shares(display_size, view_size, *part)
+    for *part, number in _parts(display_size, view_polygons, display_polygons):
+        of_cell = (None if values is None else values[number] for values in (throughput, path))
+        yield Shares(display_size, view_size, *part, *of_cell)
 
 
-def _divided_by_rows(
-    display_size: tuple[int, int],
-    view_size: tuple[int, int],
-    view_polygons: Floats,
-    display_polygons: Floats,
-    throughput: Floats | None,
-) -> Iterator[Shares]:
-    """Shares of cells, the rows of many of them at once: parameters as for `rasterise`."""
+def _parts(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Iterator[tuple]:
+    """Index, place, covariance and both areas of shares, and the numbers of their cells."""
+    cells = display_size, view_polygons, display_polygons
+    if not kernel.can_divide(view_polygons, display_polygons):
+        return _parts_by_rows(*cells)
+    return kernel.divided(*cells, _index_type(display_size), SHARES_AT_ONCE)
+
+
+def _parts_by_rows(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Iterator[tuple]:
+    """The same, the rows of many cells at once."""
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
         some = slice(start, start + POLYGONS_AT_ONCE)
         number = np.arange(start, start + len(display_polygons[some]))
         cells = _Cells(number, *_columns(display_polygons[some]), *_columns(view_polygons[some]))
         for part in _divide(cells, *display_size):
-            yield Shares(
-                display_size,
-                view_size,
-                part.pixel.astype(_index_type(display_size)),
-                np.stack([part.u, part.v], axis=1),
-                part.covariance,
-                part.area,
-                part.display_area,
-                None if throughput is None else throughput[part.number],
-                None if path is None else path[part.number],
-            )
+            place = np.stack([part.u, part.v], axis=1)
+            pixel = part.pixel.astype(_index_type(display_size))
+            yield pixel, place, part.covariance, part.area, part.display_area, part.number
 
 
 class _Cells(NamedTuple):

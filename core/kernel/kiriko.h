@@ -152,7 +152,6 @@ typedef struct {
 /* Cells to be divided among the pixels of a display, where to go on, and room for shares, as shares.py has them. */
 typedef struct {
     const double *view, *display;      /* (n_cells, n_corners, 2) viewer px and display px */
-    const double *throughput;          /* (n_cells,), or NULL */
     int64_t n_cells, n_corners, width, height;
     int64_t cell, part, row, column;   /* where to go on: the part of a folded quad, the row and column of its window */
     int64_t n, room;                   /* shares that are put down, and that there is room for */
@@ -160,7 +159,8 @@ typedef struct {
     int64_t *wide_pixel;
     double *view_xy;                   /* (room, 2) */
     float *covariance;                 /* (3, room) */
-    double *area, *display_area, *throughput_of_share;
+    double *area, *display_area;
+    int64_t *number;                   /* of the cell */
 } Division;
 
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

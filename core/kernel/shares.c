@@ -113,7 +113,7 @@ static void put_share(Division *d, int64_t pixel, const double *place, const dou
     for (int i = 0; i < 3; i++) d->covariance[i * d->room + n] = to_float(covariance[i]);
     d->area[n] = area;
     d->display_area[n] = display_area;
-    if (d->throughput) d->throughput_of_share[n] = d->throughput[d->cell];
+    d->number[n] = d->cell;
 }
 
 static bool is_seen(const Division *d, const Cell *cell) {

@@ -50,9 +50,9 @@ RayStateStructure = _structure(
 )  # fmt: skip
 DivisionStructure = _structure(
     "DivisionStructure",
-    view=_P, display=_P, throughput=_P, n_cells=_I, n_corners=_I, width=_I, height=_I, cell=_I, part=_I, row=_I,
+    view=_P, display=_P, n_cells=_I, n_corners=_I, width=_I, height=_I, cell=_I, part=_I, row=_I,
     column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, display_area=_P,
-    throughput_of_share=_P,
+    number=_P,
 )  # fmt: skip
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 

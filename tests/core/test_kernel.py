@@ -549,13 +549,11 @@ def test_a_display_of_more_pixels_than_an_int32_counts():
 def test_cells_that_it_does_not_know_are_left_to_numpy():
     """Of more than four corners, or without a partner on the other image: nothing is read that is not there."""
     quads = VIEW[None].repeat(3, axis=0)
-    assert kernel.can_divide(quads, quads, None)
-    assert kernel.can_divide(quads, quads, np.ones(3))
-    for cells in ((quads, quads[:2], None), (quads[:, :3], quads, None), (quads, quads, np.ones(2))):
+    assert kernel.can_divide(quads, quads)
+    for cells in ((quads, quads[:2]), (quads[:, :3], quads), 2 * [quads[:, [0, 1, 2, 3, 3]]]):
         assert not kernel.can_divide(*cells)
-    assert not kernel.can_divide(*2 * [quads[:, [0, 1, 2, 3, 3]]], None)
     with kernel.off():
-        assert not kernel.can_divide(quads, quads, None)
+        assert not kernel.can_divide(quads, quads)
 
 
 def test_the_environment_switches_it_off():
