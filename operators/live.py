@@ -12,13 +12,12 @@ from time import perf_counter
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
-from numpy.typing import NDArray
 
 from ..core.blender_result import OURS, pack_source, update_solution, update_source
 from ..core.blender_scene import Kept, Reading
 from ..core.blender_viewer import frame_of
+from ..core.coarse import enlarged, ladder
 from ..core.errors import KirikoError
 from ..core.plan import Settings, fingerprint
 from ..core.rig import Rig
@@ -29,12 +28,6 @@ PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.03  # s after which a turn begins no other step
 LONG = 0.1  # s: a step that may take longer is announced
 NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
-
-# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
-# once; a display of half the resolution is off by 0.03. So the viewer is what a first picture saves on.
-COARSE_VIEWER, FINER = 64, 4  # px of the longer side; how much finer each picture is than the one before
-COARSE_DISPLAY = 512  # px of the longer side
-COARSE_TOLERANCE = 1.0  # display px
 
 
 @dataclass(frozen=True)
@@ -47,37 +40,6 @@ class Step:
 
 
 READING, WRITING = "reading the scene", "writing the source image"
-
-
-def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
-    """The rig seen by a viewer of about `side` pixels, for a first picture."""
-    viewer, display = rig.viewer, rig.display
-    n = -(-max(viewer.width, viewer.height) // side)
-    m = -(-max(display.width, display.height) // COARSE_DISPLAY)
-    return (
-        replace(
-            rig,
-            viewers=(replace(viewer, width=-(-viewer.width // n), height=-(-viewer.height // n)),),
-            displays=(replace(display, width=-(-display.width // m), height=-(-display.height // m)),),
-        ),
-        replace(settings, tolerance=max(settings.tolerance, COARSE_TOLERANCE), margin=-(-settings.margin // m)),
-    )
-
-
-def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
-    """What to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
-    rungs, side = [], COARSE_VIEWER
-    while 2 * side < max(rig.viewer.width, rig.viewer.height):
-        rungs.append(coarser(rig, settings, side))
-        side *= FINER
-    return [*rungs, (rig, settings)]
-
-
-def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """An image (h, w, c) with as many pixels as the display: each is that of the coarse one it lies in."""
-    rows = np.arange(height) * pixels.shape[0] // height
-    columns = np.arange(width) * pixels.shape[1] // width
-    return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
 
 
 def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
