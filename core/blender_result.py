@@ -1,7 +1,7 @@
 """Writes a solution to Blender: the image, the display's material, the numbers. All of it, or nothing."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -26,6 +26,7 @@ __all__ = [
     "summary",
     "update_solution",
     "update_source",
+    "write_coarse",
     "write_ladder",
     "write_solution",
 ]
@@ -157,6 +158,20 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
     else:
         remarks = _put_in_place(scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source))
     return _write_numbers(scene, reading, solution, numbers, remarks)
+
+
+def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
+    """Show pixels (h, w, 3; linear, row 0 at the top) as a coarse source image, whole as a result without numbers.
+
+    Returns the reading from which the final result is to be written: it knows which materials have given way.
+    """
+    remarks = _put_in_place(scene, reading, _packed(SOURCE, pixels))
+    reading, result = replace(reading, notes=(*reading.notes, *remarks)), scene.kiriko.result
+    result.is_coarse, result.coverage = True, 0.0
+    result.summary = result.details = result.seen_summary = ""  # what was there is of another one
+    result.notes = "\n".join(map(one_line, reading.notes))
+    result.solved_for = reading.solved_for
+    return reading
 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:

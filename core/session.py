@@ -22,7 +22,7 @@ from .picture import Pyramid, Taps, ideal_image, of_square, picture_from_view, w
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .remarks import Remark, remarks_on
-from .rig import ConstantIndex, Floats, Rig
+from .rig import ConstantIndex, Floats, Picture, Rig
 from .seen_image import seen_image
 from .shares import Coverage, ShareBatches, Shares
 from .simulation import PlateView, plate_view
@@ -38,6 +38,7 @@ UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not 
 ROUNDING = 1e-12  # of the picture: less is no light
 MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
 TOO_FINE = "finer than a viewer pixel"
+TRACED = 0.8  # of the progress of a solve: from here on nothing is traced
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 
 REMEDIES = {
@@ -173,6 +174,10 @@ class _Placed:
             self._of_strongest = Coverage(shown.display_size, shown.view_size)
         self._of_strongest.add(shown)
 
+    def view_coverage_in(self, view_map: ViewMap) -> Floats:
+        """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
+        return np.where(view_map.is_whole, 1.0, self.coverage.of_view)
+
     @property
     def weight(self) -> Floats:
         """Sum (H, W) of area * throughput^2 over the shares that are shown."""
@@ -225,21 +230,16 @@ class Session:
         picture = rig.picture
         placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
         placed = self._placed if self._placed and self._placed.key == placed_key else None
-        if placed is None:
-            shares = _shares_to_paint(optics.view_map, rig, settings)
-            placed = _Placed(placed_key, shares, Coverage(shares.display_size, shares.view_size))
-        if not (self._pyramid and self._pyramid.is_of(picture.image)):
-            self._pyramid = Pyramid(picture.image)
-        painting = yield from _paint(rig, placed, self._pyramid, clock)
+        placed = placed or _placed(placed_key, optics.view_map, rig, settings)
+        painting = yield from _paint(rig, placed, self._pyramid_of(picture), clock)
         if is_new:
             _refuse_if_dark(optics, placed.shares)
             self._optics = optics
-        beside = None if optics.weight_beside is None else settings.suppress_glare * optics.weight_beside
-        source = painting.finished(placed.weight, settings.margin, beside)
+        source = _finished(painting, placed, optics.weight_beside, settings)
         clock.lap("painting")
         yield 0.98
         if placed.covered is None:
-            placed.view_coverage = np.where(optics.view_map.is_whole, 1.0, placed.coverage.of_view)
+            placed.view_coverage = placed.view_coverage_in(optics.view_map)
             placed.covered = _of_the_picture(rig, optics.view_map, placed.view_coverage)
         self._placed = placed
         plan = replace(optics.plan, settings=settings)
@@ -266,28 +266,50 @@ class Session:
             remarks_on(rig, plan, optics.accuracy, optics.view_map.error, placed.covered[1], source, glare),
         )
 
+    def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
+        """The source image of a coarse rig alone, of which nothing is measured; yields progress 0..1.
+
+        What is known of the last solve stays known. So does what is made ready: it may be called within a solve.
+
+        Raises
+        ------
+        RigError, MeshError : as by `solve`, but for the words
+        """
+        clock = _Clock()
+        _, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.85)
+        placed = _placed("", view_map, rig, settings)
+        painting = yield from _paint(rig, placed, self._pyramid_of(rig.picture), clock)
+        if not len(placed.shares):
+            raise RigError("The display stays dark.")
+        _of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses what is out of sight
+        beside = yield from _weight_beside(view_map, settings)
+        return _finished(painting, placed, beside, settings)
+
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The whole of a rig ready to be traced, with what is kept from before."""
         rig.check()
         settings.check()
         return make_plan(rig, settings, self._kept)
 
+    def _pyramid_of(self, picture: Picture) -> Pyramid:
+        """The sizes of a picture's image, made once as long as it is the same."""
+        if not (self._pyramid and self._pyramid.is_of(picture.image)):
+            self._pyramid = Pyramid(picture.image)
+        return self._pyramid
+
     def _look(self, rig: Rig, settings: Settings, key: str, clock: _Clock) -> Generator[float, None, _Optics]:
         """Trace the view map of a rig; yields progress 0..0.85."""
-        plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.8)
+        plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, TRACED)
         clock.lap("tracing")
         check_borders(rig, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        accuracy = yield from within(measure(plan, is_cut_off), 0.8, 0.84)
+        accuracy = yield from within(measure(plan, is_cut_off), TRACED, 0.84)
         clock.lap("tessellation error")
         plate = yield from within(plate_view(plan), 0.84, 0.85)
         if plate is not None:
             clock.lap("brightness and blur")
-        beside = weight = None
-        if settings.only_through_glass:
-            beside = yield from at(0.85, look_beside(plan))
-        if settings.looks_beside:
-            weight = yield from _weight_beside(view_map, settings.brightness)
+        beside = (yield from at(0.85, look_beside(plan))) if settings.only_through_glass else None
+        weight = yield from _weight_beside(view_map, settings)
         clock.lap("glare")
         return _Optics(key, plan, view_map, accuracy, plate, beside, weight)
 
@@ -327,6 +349,18 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
     return painting
 
 
+def _placed(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> _Placed:
+    """The shares of a map as a picture's place has them, none of which are made yet."""
+    shares = _shares_to_paint(view_map, rig, settings)
+    return _Placed(key, shares, Coverage(shares.display_size, shares.view_size))
+
+
+def _finished(painting: Painting, placed: _Placed, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:
+    """The source image of a painting to which all shares were added."""
+    held_back = None if beside is None else settings.suppress_glare * beside
+    return painting.finished(placed.weight, settings.margin, held_back)
+
+
 def _strongest_paths(batches: ShareBatches) -> Generator[float, None, NDArray[np.uint64]]:
     paths = Paths(batches.display_size)
     for shares in batches:
@@ -356,10 +390,13 @@ def _shares_of(
     return ShareBatches(view_map.display_size, view_map.view_size, has_throughput, cells, has_path)
 
 
-def _weight_beside(view_map: ViewMap, has_throughput: bool) -> Generator[float, None, Floats]:
-    """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass."""
+def _weight_beside(view_map: ViewMap, settings: Settings) -> Generator[float, None, Floats | None]:
+    """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass, if asked for."""
+    if not settings.looks_beside:
+        return None
+
     coverage = Coverage(view_map.display_size, view_map.view_size)
-    for shares in _shares_of(view_map, has_throughput, partial(view_map.pieces, beside=True)):
+    for shares in _shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
         coverage.add(shares)
         yield 0.85
     return coverage.weight

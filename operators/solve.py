@@ -3,9 +3,12 @@
 from collections.abc import Generator
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
-from ..core.blender_result import write_solution
-from . import work
+from ..core.blender_result import write_coarse, write_solution
+from ..core.coarse import solve_in_sight
+from . import live, work
 
 
 class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
@@ -15,13 +18,29 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
     bl_label = "Solve"
     bl_options = {"REGISTER", "UNDO"}
 
+    shown = 0  # session uid of the coarse source image
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return work.can_run(cls, work.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
-        scene = context.scene
-        reading = work.read_to_solve(context)
+        scene, self.shown = context.scene, 0
+        reading, settings = work.read_to_solve(context), work.settings_of(scene)
+
+        def show(pixels: NDArray[np.float32]) -> None:
+            nonlocal reading
+            reading = write_coarse(scene, reading, pixels)
+            self.shown = scene.kiriko.result.source.session_uid
+
         yield 0.0
-        solution = yield from work.session().solve(reading.rig, work.settings_of(scene))
+        # Live shows coarse images itself, and would take one that stays here for its own, final one
+        if self.is_watched and not live.is_on():
+            solution = yield from solve_in_sight(work.session(), reading.rig, settings, show)
+        else:
+            solution = yield from work.session().solve(reading.rig, settings)
         return write_solution(scene, reading, solution)
+
+    def stays(self) -> str:
+        is_there = any(image.session_uid == self.shown for image in bpy.data.images)  # not undone by now
+        return "a coarse source image" if is_there else ""

@@ -33,6 +33,7 @@ NEEDED = {
     "VIEWER": "No viewer: choose a camera",
 }
 NO_IMAGE = "No picture: choose an image, or set Picture to Plane"
+COARSE = "The source image is a coarse one: solve, or let Live finish"
 
 
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
@@ -169,7 +170,7 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
     result = scene.kiriko.result
     if result.source is None:
         return ["There is no source image yet: solve first"]
-    return ["The source image is a coarse one of Live: let it finish, or solve"] if result.is_coarse else []
+    return [COARSE] if result.is_coarse else []
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
@@ -179,40 +180,41 @@ def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
     return not reasons
 
 
-def sentence(error: BaseException, label: str) -> str:
-    """What to tell of an error, foreseen or not, in the work called `label`, which has changed nothing yet.
+def sentence(error: BaseException, label: str, stays: str = "") -> str:
+    """What to tell of an error, foreseen or not, in the work called `label`, of which nothing stays but what is named.
 
     The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
     """
+    state = f"{stays} stays (Undo takes it back)" if stays else "the scene is as it was"
     if isinstance(error, KirikoError):
-        return str(error)
+        return f"{error} {state[0].upper()}{state[1:]}." if stays else str(error)
     if isinstance(error, KeyboardInterrupt):
-        return f"{label} was stopped; the scene is as it was."
+        return f"{label} was stopped; {state}."
     traceback.print_exception(error)
     text = " ".join(str(error).split()).rstrip(".")
     if isinstance(error, MemoryError):
         why = f" ({text})" if text else ""
         return (
-            f"{label} needs more memory than there is{why}; the scene is as it was:"
+            f"{label} needs more memory than there is{why}; {state}:"
             " lower the resolution of display or viewer, or raise the tolerance."
         )
     if isinstance(error, ReferenceError):  # what Blender's Python says of a datablock that is gone
         return f"{label} was stopped, for undo or a script took away what it worked on: start it again."
     if isinstance(error, OSError):
-        return f"{label} could not read or write a file ({text}); the scene is as it was: check the disk."
+        return f"{label} could not read or write a file ({text}); {state}: check the disk."
     return (
-        f"{label} failed ({type(error).__name__}: {text}); the scene is as it was:"
+        f"{label} failed ({type(error).__name__}: {text}); {state}:"
         " please report this with the file and what the console says."
     )
 
 
 @contextmanager
-def told(operator: bpy.types.Operator) -> Iterator[None]:
-    """Report whatever goes wrong within as one sentence: no traceback reaches an artist."""
+def told(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
+    """Report whatever goes wrong within, and what stays then, as one sentence: no traceback reaches an artist."""
     try:
         yield
     except (Exception, KeyboardInterrupt) as error:
-        operator.report({"ERROR"}, sentence(error, operator.bl_label))
+        operator.report({"ERROR"}, sentence(error, operator.bl_label, stays()))
 
 
 def _at_pointer(context: bpy.types.Context, steps: Generator[float, None, Result]) -> Generator[float, None, Result]:
@@ -235,11 +237,21 @@ def _at_pointer(context: bpy.types.Context, steps: Generator[float, None, Result
 class LongWork:
     """Mix-in for an operator whose work is a generator: stepped with Esc in the interface, drained elsewhere.
 
-    `steps` yields progress 0..1 and returns the sentence to report; it changes nothing before its last step.
+    `steps` yields progress 0..1 and returns the sentence to report; it changes nothing before its last step but what
+    `stays` names, and that only where somebody watches.
     level : of the report at the end, which `steps` may raise
     """
 
     level = "INFO"
+
+    @property
+    def is_watched(self) -> bool:
+        """Is the work stepped in the interface?"""
+        return self in _running
+
+    def stays(self) -> str:
+        """What would stay if the work were stopped now, as "a thing", '' for nothing."""
+        return ""
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         raise NotImplementedError
@@ -266,25 +278,27 @@ class LongWork:
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self.cancel(context)
-            self.report({"INFO"}, "Stopped; the scene is as it was.")
-            return {"CANCELLED"}
+            stays = self.stays()
+            ways = f"{stays} stays: Undo brings back what was there, {self.bl_label} makes it final"
+            self.report({"INFO"}, f"Stopped; {ways if stays else 'the scene is as it was'}.")
+            return {"FINISHED"} if stays else {"CANCELLED"}  # Blender makes an undo step of what is finished
         if event.type != "TIMER":
             # no other key or button may change what is being worked on
             return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
         end = perf_counter() + TURN
-        outcome = {"CANCELLED"}
-        with told(self):
+        is_done = False
+        with told(self, self.stays):
             try:
-                progress = next(self._work)
-                while perf_counter() < end:
+                stays, progress = self.stays(), next(self._work)
+                while perf_counter() < end and self.stays() == stays:  # what is new is drawn at once
                     progress = next(self._work)
                 self._show(context, progress)
                 return {"PASS_THROUGH"}
             except StopIteration as done:
                 self.report({self.level}, done.value)
-                outcome = {"FINISHED"}
+                is_done = True
         self._end(context)
-        return outcome
+        return {"FINISHED"} if is_done or self.stays() else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop; Blender calls this too when it closes or loads another file meanwhile."""
@@ -295,7 +309,9 @@ class LongWork:
 
     def _show(self, context: bpy.types.Context, progress: float) -> None:
         context.window_manager.progress_update(round(100 * progress))
-        context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   (Esc stops)")
+        stays = self.stays()
+        stop = f"shown is {stays}, Esc keeps it" if stays else "Esc stops"
+        context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   ({stop})")
 
     def _end(self, context: bpy.types.Context) -> None:
         _running.remove(self)

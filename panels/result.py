@@ -5,7 +5,7 @@ import json
 import bpy
 
 from ..core.words import number, percent, pixels
-from ..operators import watch
+from ..operators import watch, work
 from .words import Sidebar, sentence
 
 
@@ -17,19 +17,21 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         result = context.scene.kiriko.result
-        if not result.summary:
+        if result.is_coarse:
+            sentence(layout, context, f"{work.COARSE}.", icon="ERROR")
+        elif not result.summary:
             layout.label(text="Not solved yet.")
             return
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
-        sentence(layout, context, result.summary)
-        if result.is_coarse:
-            sentence(layout, context, "The image is a coarse one of Live: let it finish, or solve.", icon="ERROR")
+        if result.summary:
+            sentence(layout, context, result.summary)
         details = json.loads(result.details or "{}")
         if result.source is not None:
-            # not the property, which is rounded: the sentence above tells the same number
-            coverage = details.get("picture_coverage", result.coverage)
-            layout.progress(factor=result.coverage, text=f"{percent(coverage)} of the picture")
+            if result.summary:
+                # not the property, which is rounded: the sentence above tells the same number
+                coverage = details.get("picture_coverage", result.coverage)
+                layout.progress(factor=result.coverage, text=f"{percent(coverage)} of the picture")
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
         if result.seen is not None and result.seen_summary:
             sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")

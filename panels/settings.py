@@ -241,7 +241,7 @@ class KirikoResult(bpy.types.PropertyGroup):
         type=bpy.types.Image,
     )
     is_coarse: BoolProperty(
-        name="Coarse", description="The source image is a first, coarse one of Live, whose final one is still to come"
+        name="Coarse", description="The source image is a first, coarse one, whose final one is still to come"
     )
     solved_for: StringProperty(
         name="Solved For", description="What tells the scene that was solved from others, as JSON; empty: not known"

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from small_rigs import cube, pixels, small_rig
+from small_rigs import cube, inventory, pixels, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
 LONG = ("solve", "simulate", "visible_range", "report")
@@ -159,6 +159,7 @@ class Asked:
         self.bl_label, self.said = self.real.bl_label, []
         for option, declared in self.real.__annotations__.items():
             setattr(self, option, declared.keywords.get("default", 0.0))
+        self.shown = 0
         self.samples, self.share, self.directory, self.overwrite, self.seconds = 8, 0.2, "", True, 1.0
 
     def report(self, levels: set[str], text: str) -> None:
@@ -166,6 +167,9 @@ class Asked:
 
     def steps(self, context: Any) -> Any:
         return self.real.steps(self, context)
+
+    def stays(self) -> str:
+        return self.real.stays(self)
 
 
 class Window:
@@ -244,9 +248,14 @@ def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.Monke
 TIMER, ESC = SimpleNamespace(type="TIMER"), SimpleNamespace(type="ESC")
 
 
+def asked(name: str) -> Any:
+    """An operator that does long work, and was not started yet."""
+    return type("Long", (Asked, part("operators.work").LongWork), {})(name)
+
+
 def pressed(name: str, window: Window) -> Any:
     """An operator that was invoked in the interface and waits for its first turn."""
-    operator = type("Pressed", (Asked, part("operators.work").LongWork), {})(name)
+    operator = asked(name)
     assert operator.invoke(window, None) == {"RUNNING_MODAL"}
     assert part("operators.work").is_busy()
     return operator
@@ -374,6 +383,199 @@ def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monk
         assert not part("operators.work").is_busy()
 
 
+@pytest.fixture
+def shown(rig: dict, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """The coarse source images that were shown; the rig is large enough for one, and nobody waits for it."""
+    ours = bpy.context.scene.kiriko.viewer.kiriko
+    ours.resolution = (160, 160)
+    coarse, solve, images = part("core.coarse"), part("operators.solve"), []
+    monkeypatch.setattr(coarse, "TRACING", 0.0)
+    write = solve.write_coarse
+    monkeypatch.setattr(solve, "write_coarse", lambda *a: (images.append(a[-1]), write(*a))[1])
+    bpy.ops.ed.undo_push(message="rig")
+    return images
+
+
+def step(operator: Any, window: Window, shown: list) -> None:
+    """Go on until a coarse image is shown."""
+    while not shown:
+        assert operator.modal(window, TIMER) == {"PASS_THROUGH"}, operator.said
+
+
+def is_of_coarse(image: np.ndarray) -> bool:
+    """Is the result a coarse image, packed, on the display, and no more?"""
+    scene = bpy.context.scene
+    result, display = scene.kiriko.result, next(o for o in scene.objects if o.kiriko.role == "DISPLAY")
+    return (
+        result.is_coarse
+        and result.source.name == "Kiriko Source"
+        and result.source.packed_file is not None
+        and not result.source.is_dirty
+        and np.array_equal(pixels(result.source)[..., :3], image)
+        and part("core.blender_result").is_on_display(display, result.source)
+        and not (result.summary or result.details or result.seen_summary or result.coverage)
+        and not bpy.ops.kiriko.export.poll()
+    )
+
+
+def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown: list) -> None:
+    """It says that it is one, as does the status bar; the result is a script's to the bit, with all that it tells."""
+    material = bpy.data.materials.new("Mine")
+    rig["DISPLAY"].active_material = material
+    bpy.ops.ed.undo_push(message="material")
+    scene, told = bpy.context.scene, []
+    operator = pressed("solve", window)
+    window.progress_update = told.append
+    step(operator, window, shown)
+    assert is_of_coarse(shown[0])
+    assert "'Mine' of the display" in scene.kiriko.result.notes
+    assert "Esc keeps it" in window.status
+    while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+        pass
+    assert len(shown) == 1
+    assert told == sorted(told)
+    assert operator.said == [("INFO", scene.kiriko.result.summary)]
+    assert not scene.kiriko.result.is_coarse
+    gave_way = f"'Mine' of the display 'Kiriko Display' gave way to '{rig['DISPLAY'].active_material.name}'."
+    assert gave_way in scene.kiriko.result.notes
+    after = product("solve")
+    assert after == whole("solve")
+    assert len(shown) == 1  # by no script
+
+
+def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
+    rig: dict, window: Window, shown: list, tmp_path: Path
+) -> None:
+    """It is an undo step of its own, is saved with the file, and the next solve makes it final."""
+    before = state()[3:6]
+    operator = pressed("solve", window)
+    step(operator, window, shown)
+    assert operator.modal(window, ESC) == {"FINISHED"}  # of which Blender makes an undo step
+    bpy.ops.ed.undo_push(message="Solve")
+    assert window.is_clean
+    assert not part("operators.work").is_busy()
+    ((_, said),) = operator.said
+    assert said.startswith("Stopped; a coarse source image stays: Undo")
+    assert is_sentence(said)
+    assert is_of_coarse(shown[0])
+    bpy.ops.ed.undo()
+    assert (state()[3], state()[5]) == (before[0], before[2])
+    assert not bpy.context.scene.kiriko.result.is_coarse
+    bpy.ops.ed.redo()
+    assert is_of_coarse(shown[0])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert is_of_coarse(shown[0])
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert not bpy.context.scene.kiriko.result.is_coarse
+    after = product("solve")
+    assert after == whole("solve")
+
+
+@pytest.mark.parametrize("stage", ["core.session.measure", "core.blender_shaders.show_image"])
+def test_an_error_after_the_coarse_image_leaves_it(
+    rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch, stage: str
+) -> None:
+    """Marked as what it is, and told; what was there before is an undo away."""
+    owner, attribute = stage.rsplit(".", 1)
+    for error in errors():
+        shown.clear()
+        part("operators.work").forget()
+        operator = pressed("solve", window)
+        step(operator, window, shown)
+        with monkeypatch.context() as broken:
+            broken.setattr(part(owner), attribute, failing(error))
+            while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
+                pass
+        assert outcome == {"FINISHED"}
+        ((level, said),) = operator.said
+        assert level == "ERROR"
+        assert is_sentence(said)
+        assert "coarse source image stays (Undo takes it back)" in said
+        assert is_of_coarse(shown[0])
+        assert window.is_clean
+        bpy.ops.ed.undo_push(message="Solve")
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_a_coarse_image_that_cannot_be_written_changes_nothing(
+    rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An error while it is put in place ends the solve with the result of before."""
+    before = state()
+    for stage in ("core.blender_result.pack", "core.blender_result.put_on_display", "core.coarse.enlarged"):
+        owner, attribute = stage.rsplit(".", 1)
+        operator = pressed("solve", window)
+        with monkeypatch.context() as broken:
+            broken.setattr(part(owner), attribute, failing(ValueError("odd")))
+            while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
+                pass
+        assert outcome == {"CANCELLED"}
+        assert "the scene is as it was" in operator.said[-1][1]
+        assert state() == before
+
+
+def test_what_happens_to_the_file_after_the_coarse_image(
+    rig: dict, window: Window, shown: list, tmp_path: Path
+) -> None:
+    """Where its window closes it stays; undo and another file take it away, and nothing is said of it then."""
+    path = str(tmp_path / "rig.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    for happen, key in (
+        (bpy.ops.ed.undo, ESC),
+        (bpy.ops.ed.undo, TIMER),
+        (lambda: bpy.ops.wm.open_mainfile(filepath=path), ESC),
+        (lambda: bpy.ops.wm.open_mainfile(filepath=path), TIMER),
+    ):
+        part("operators.work").forget()
+        bpy.context.scene.kiriko.margin += 1
+        bpy.ops.ed.undo_push(message="margin")
+        shown.clear()
+        operator = pressed("solve", window)
+        step(operator, window, shown)
+        happen()
+        before = state()
+        while (outcome := operator.modal(window, key)) == {"PASS_THROUGH"}:
+            pass
+        assert outcome == {"CANCELLED"}
+        assert "coarse" not in operator.said[-1][1]
+        assert window.is_clean
+        assert state() == before
+        assert not bpy.context.scene.kiriko.result.is_coarse
+    shown.clear()
+    part("operators.work").forget()
+    operator = pressed("solve", window)
+    step(operator, window, shown)
+    operator.cancel(window)
+    assert window.is_clean
+    assert is_of_coarse(shown[0])
+
+
+def test_only_what_is_traced_while_somebody_watches_is_coarse(rig: dict, window: Window, shown: list) -> None:
+    """No coarse image is made for another picture, nor beside Live, which would take one for its own; none is left."""
+    live, before = part("operators.live"), inventory()
+
+    def solve() -> None:
+        operator = pressed("solve", window)
+        while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+            pass
+        assert operator.said[-1][0] == "INFO"
+
+    solve()
+    assert len(shown) == 1
+    assert inventory() == before
+    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
+    solve()
+    assert len(shown) == 1
+    live.start(bpy.context.scene)
+    try:
+        rig["GLASS"].rotation_euler.z += 0.1
+        solve()
+    finally:
+        live.stop()
+    assert len(shown) == 1
+
+
 ADD_RIG_STAGES = (
     "core.blender_new_rig.read_parts",
     "core.blender_new_rig.read_glass",
@@ -418,7 +620,7 @@ def test_esc_at_every_step_of_add_rig_leaves_nothing(window: Window, is_given: b
 def test_work_that_is_redone_shows_its_progress_at_the_pointer(window: Window) -> None:
     """The box at the lower left calls `execute`, in which no event is heard: the pointer is all that can change."""
     cube()
-    operator = type("Redone", (Asked, part("operators.work").LongWork), {})("add_rig")
+    operator = asked("add_rig")
     shown = []
     window.progress_update = shown.append
     assert operator.execute(window) == {"FINISHED"}
@@ -663,7 +865,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     assert state()[1:] == before[1:]
     path.write_bytes(content)
     image.reload()
-    solved = part("operators.solve").KIRIKO_OT_solve.steps(Asked("solve"), bpy.context)
+    solved = asked("solve").steps(bpy.context)
     next(solved)
     path.unlink()
     part("core.session").finish(solved)

@@ -118,14 +118,6 @@ def test_a_coarse_picture_is_not_exported(live: ModuleType, written: list[str], 
     assert bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png")) == {"FINISHED"}
 
 
-def test_coarse_display_is_enlarged(live: ModuleType) -> None:
-    """A coarse image of 2 x 2 fills 5 x 4 pixels, each with what lies at its place."""
-    coarse = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
-    big = live.enlarged(coarse, 4, 5)
-    assert big.shape == (5, 4, 3)
-    assert np.array_equal(big[:, :, 0], np.repeat([[0, 0, 3, 3], [6, 6, 9, 9]], [3, 2], axis=0))
-
-
 def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[str]) -> None:
     """Once up to date nothing more is written, whatever Blender tells of our own writing and of what does not count."""
     rig = follow(live)
@@ -152,7 +144,6 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
         ("GLASS", "ior", 1.6),
         ("DISPLAY", "resolution", (48, 48)),
         ("SCENE", "brightness", True),
-        ("SCENE", "suppress_glare", 1.0),
         ("VIEWER", "resolution", (48, 32)),
         ("VIEWER", "use_resolution", False),
     ],

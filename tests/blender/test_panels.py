@@ -84,6 +84,20 @@ def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) ->
         assert word in text
 
 
+def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
+    """With numbers of a result before, and with none: then there is no share of the picture either."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    result, words = scene.kiriko.result, "The source image is a coarse one: solve, or let Live finish."
+    assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    result.is_coarse = True
+    text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert words in text
+    assert result.summary in text
+    result.summary = result.details = result.notes = ""
+    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
+
+
 def test_the_result_tells_brightness_and_blur_of_mirrors(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
     """The numbers of the solve in one sentence, with their standard errors; nothing of it with an ideal plate."""
     assert drawn("result", "VIEW3D_PT_kiriko_result").texts == ["Not solved yet."]

@@ -1,0 +1,140 @@
+"""First pictures: what they are, when they are made, and that they change nothing of what comes after them."""
+
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+from reference_rigs import cube_rig, lattice_image
+from work import drain, solve
+
+from kiriko.core import coarse
+from kiriko.core.errors import RigError
+from kiriko.core.plan import Settings
+from kiriko.core.session import Session
+
+
+def a_rig(pixels=160, **options):
+    """As it is large enough for one coarse picture."""
+    return cube_rig(pixels=pixels, display_pixels=96, image=lattice_image(64), **options)
+
+
+def patience(monkeypatch, seconds):
+    """How long the rig itself is at work before the first picture is made."""
+    monkeypatch.setattr(coarse, "TRACING", seconds)
+    monkeypatch.setattr(coarse, "PAINTING", seconds)
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    patience(monkeypatch, 0.0)
+
+
+def in_sight(rig, session, shown, **settings):
+    return coarse.solve_in_sight(session, rig, Settings(**settings), shown.append)
+
+
+def test_a_coarse_image_is_enlarged():
+    """One of 2 x 2 fills 5 x 4 pixels, each with what lies at its place."""
+    small = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
+    big = coarse.enlarged(small, 4, 5)
+    assert big.shape == (5, 4, 3)
+    assert np.array_equal(big[:, :, 0], np.repeat([[0, 0, 3, 3], [6, 6, 9, 9]], [3, 2], axis=0))
+
+
+@pytest.mark.parametrize("progress", [0.0, 0.3, 0.6, 0.85])
+def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
+    """To the bit, wherever it rests for a coarse picture; that shows where things are: a shift by 4 pixels is more."""
+    expected = solve(a_rig(), brightness=True).source
+    patience(monkeypatch, np.inf)
+    monkeypatch.setattr(coarse, "COARSE_DISPLAY", 95)  # so that this one is large
+    shown = []
+    work = in_sight(a_rig(), Session(), shown, brightness=True)
+    while next(work) < progress:
+        pass
+    patience(monkeypatch, 0.0)
+    assert np.array_equal(drain(work).source, expected)
+    (image,) = shown
+    assert image.shape == expected.shape
+    off, moved = (np.abs(other - expected).mean() for other in (image, np.roll(expected, 4, axis=1)))
+    assert 0 < off < 0.5 * moved
+
+
+class Slow:
+    """A session of which each step takes a second."""
+
+    def solve(self, rig, settings):
+        for n in range(100):
+            yield n / 200
+        return "solved"
+
+    def glance(self, rig, settings):
+        yield 0.5
+        return np.full((1, 1, 3), rig.viewer.width, np.float32)
+
+
+def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
+    """Each takes sixteen times as long as the one before, and comes after sixteen times the work."""
+    patience(monkeypatch, 2.0)
+    clock = count()
+    monkeypatch.setattr(coarse, "perf_counter", lambda: float(next(clock)))
+    shown, after = [], []
+    steps = enumerate(in_sight(a_rig(1500), Slow(), shown))
+    for n, progress in steps:
+        assert progress < 0.5
+        after += [n] * (len(shown) - len(after))
+    assert [image[0, 0, 0] for image in shown] == [63, 250]
+    assert after == [2 + 2, 32 + 2 + 2]  # with the steps of the pictures themselves
+
+
+def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
+    """Where nothing is traced nothing coarse is faster; nor is it for a small viewer, or for what is nearly done."""
+    session, shown = Session(), []
+    solve(a_rig(), session)
+    assert drain(in_sight(a_rig(), session, shown)).n_rays == 0
+    drain(in_sight(a_rig(128), Session(), shown))
+    monkeypatch.setattr(coarse, "TRACING", np.inf)
+    drain(in_sight(a_rig(), Session(), shown))
+    assert not shown
+
+
+def test_a_solve_that_is_given_up_leaves_what_was_known(impatient):
+    """The optics of the solve before do not give way to those of the coarse picture: again they need no tracing."""
+    session, shown = Session(), []
+    solve(a_rig(), session)
+    work = in_sight(a_rig(), session, shown, tolerance=0.05)
+    while not shown:
+        next(work)
+    work.close()
+    assert solve(a_rig(), session).n_rays == 0
+
+
+def test_a_coarse_viewer_may_miss_what_the_fine_one_sees(impatient, monkeypatch):
+    """Then there is no coarse picture, and the result is what it is."""
+
+    def refuse(*_):
+        yield 0.0
+        raise RigError("The display stays dark.")
+
+    monkeypatch.setattr(Session, "glance", refuse)
+    shown = []
+    assert np.array_equal(drain(in_sight(a_rig(), Session(), shown)).source, solve(a_rig()).source)
+    assert not shown
+
+
+def test_what_cannot_be_solved_shows_nothing(impatient):
+    """Settings that are none, a plate that no ray meets, a picture out of sight: refused as by a plain solve."""
+    seen = a_rig()
+    aside = replace(seen.picture, mesh=replace(seen.picture.mesh, vertices=seen.picture.mesh.vertices + 10))
+    for rig, settings in (
+        (seen, {"tolerance": 0.0}),
+        (a_rig(plate=1e-6), {}),
+        (replace(seen, pictures=(aside,)), {}),
+    ):
+        shown = []
+        with pytest.raises(RigError) as plain:
+            solve(rig, **settings)
+        with pytest.raises(RigError) as found:
+            drain(in_sight(rig, Session(), shown, **settings))
+        assert str(found.value) == str(plain.value)
+        assert not shown
