@@ -19,7 +19,8 @@ ON_LINE = 1e-6  # viewer px: what is nearer to the outline is on it, so that rou
 def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
     """Cut pieces of a view map along a flat picture's outline; pieces of pictures of another shape stay as they are.
 
-    Quads across the outline become triangles: they are small, so that their images are as good as flat.
+    Quads that it crosses from side to side become quads, all others triangles: they are small, so that their images are
+    as good as flat.
     """
     lines = outline_in_view(picture, viewer)
     for piece in pieces:
@@ -29,10 +30,20 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
             continue
 
         yield piece.at(np.setdiff1d(np.arange(len(piece.view)), across))
-        triangles, of = _in_triangles(np.concatenate([piece.view, piece.display], axis=2)[across], across)
+        corners = np.concatenate([piece.view, piece.display], axis=2)[across]
+        is_quad = corners.shape[1] == 4
+        quads, triangles = (corners[:0], corners) if not is_quad else (corners, np.empty((0, 3, 4)))
+        of_quads, of_triangles = (across, across[:0]) if is_quad else (across[:0], across)
         for line in lines:
-            triangles, of = _cut(triangles, of, line)
-        yield Piece(triangles[..., :2], triangles[..., 2:], piece.throughput[of], piece.branch[of])
+            if is_quad:
+                quads, of_quads, corner, of_corner = _cut_across(quads, of_quads, line)
+                corner, of_corner = _in_triangles(corner, of_corner)
+                triangles = np.concatenate([triangles, corner])
+                of_triangles = np.concatenate([of_triangles, of_corner])
+            triangles, of_triangles = _cut(triangles, of_triangles, line)
+        for polygons, of in ((quads, of_quads), (triangles, of_triangles)):
+            if len(of):
+                yield Piece(polygons[..., :2], polygons[..., 2:], piece.throughput[of], piece.branch[of])
 
 
 def _across(lines: Floats, view: Floats) -> Ints:
@@ -57,13 +68,40 @@ def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
     return np.concatenate(fan), np.tile(of, len(fan))
 
 
+def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Floats, Ints]:
+    """Quads (m, 4, 4) of which none is across a line, and those (c, 4, 4) that it does not cross from side to side.
+
+    After each the numbers of what they are of.
+    """
+    sign = np.sign(_sides(line[None], quads[..., :2])[..., 0]).astype(int)
+    is_across = (sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)
+    # two neighbours on each side: opposite corners are then on different ones
+    is_crossed = is_across & (sign != 0).all(axis=1) & (sign == -np.roll(sign, 2, axis=1)).all(axis=1)
+    whole, crossed, others = (np.flatnonzero(which) for which in (~is_across, is_crossed, is_across & ~is_crossed))
+
+    # the two within come first: the second of them is followed by one beside
+    second = np.argmax((sign[crossed] > 0) & (np.roll(sign[crossed], -1, axis=1) < 0), axis=1)
+    order = (second[:, None] + np.array([-1, 0, 1, 2])) % 4
+    corners = np.take_along_axis(quads[crossed], order[..., None], axis=1)
+    side = _sides(line[None], corners[..., :2])[..., 0]
+    right, left = _on_edge(corners, side, 1, 2), _on_edge(corners, side, 0, 3)
+    within = np.stack([corners[:, 0], corners[:, 1], right, left], axis=1)
+    beside = np.stack([left, right, corners[:, 2], corners[:, 3]], axis=1)
+    return (
+        np.concatenate([quads[whole], within, beside]),
+        np.concatenate([of[whole], of[crossed], of[crossed]]),
+        quads[others],
+        of[others],
+    )
+
+
 def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
     """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and numbers of what they are of."""
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
     whole, across = np.flatnonzero(~is_across), np.flatnonzero(is_across)
     corners, side = _alone_first(triangles[across], side[across])
-    start, end = (_between(corners, side, k) for k in (1, 2))
+    start, end = (_on_edge(corners, side, 0, k) for k in (1, 2))
     apex = np.stack([corners[:, 0], start, end], axis=1)
     rest, of_rest = _in_triangles(np.stack([start, corners[:, 1], corners[:, 2], end], axis=1), of[across])
     return (
@@ -90,7 +128,7 @@ def _odd_one(sign: Ints) -> Ints:
     return np.argmax(sign == -np.sign(sign.sum(axis=1, keepdims=True)), axis=1)
 
 
-def _between(corners: Floats, side: Floats, k: int) -> Floats:
-    """Where the edges from the first corner to another one meet the line: (n, 4)."""
-    part = side[:, 0] / (side[:, 0] - side[:, k])
-    return corners[:, 0] + part[:, None] * (corners[:, k] - corners[:, 0])
+def _on_edge(corners: Floats, side: Floats, start: int, end: int) -> Floats:
+    """Where the edges from one corner to another meet the line: (n, 4)."""
+    part = side[:, start] / (side[:, start] - side[:, end])
+    return corners[:, start] + part[:, None] * (corners[:, end] - corners[:, start])

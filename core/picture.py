@@ -18,6 +18,7 @@ EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
 BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
 LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 ROUND = 0.05  # picture px^2: footprints whose two variances differ by less are read at one place
+UPRIGHT = 1e-3  # of the variance along y: less along x is none
 WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two places each way
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
@@ -316,8 +317,10 @@ def _reads(
     width = np.clip(2 * lesser / WIDE - 1, 0, 1)
     left = (1 - 0.75 * width) * lesser
 
-    # what the places of the reads have to make up, as a matrix; they are the columns of its triangular root
+    # what the places of the reads have to make up, as a matrix; its triangular root takes them from a square to there
     xx, xy, yy = mean + length * slope - left, length * xy, mean - length * slope - left
+    is_upright = xx < UPRIGHT * yy  # where rounding is as large as xx the root begins with y
+    xx, yy = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
     dx, most = np.sqrt(np.maximum(xx, 0)), np.sqrt(np.maximum(yy, 0))
     along = np.clip(xy / np.maximum(dx, LEAST), -most, most)  # rounding may leave more than there can be
     across = np.sqrt(np.maximum(yy - along * along, 0))
@@ -326,7 +329,8 @@ def _reads(
     for n, shifts in ((1, [(0, 0)]), (2, [(-1, 0), (1, 0)]), (4, [(-1, -1), (-1, 1), (1, -1), (1, 1)])):
         rows = np.flatnonzero(signs == n)
         for i, j in shifts:
-            at = x[rows] + i * dx[rows], y[rows] + i * along[rows] + j * across[rows]
+            far, near, turned = i * dx[rows], i * along[rows] + j * across[rows], is_upright[rows]
+            at = x[rows] + np.where(turned, near, far), y[rows] + np.where(turned, far, near)
             found.append((some[rows], *at, part[rows] / n, left[rows]))
     return tuple(np.concatenate(values) for values in zip(*found, strict=True))
 
