@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .errors import KirikoError
 from .plan import Settings
 from .rig import Rig
-from .session import TRACED, Session, Solution
+from .session import Session, Solution
 from .steps import at
 
 # On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
@@ -66,13 +66,13 @@ def solve_in_sight(
     """
     solving = session.solve(rig, settings)
     progress = next(solving)  # the glass is made ready
-    rungs = ladder(rig, settings)[:-1] if progress < TRACED else []
+    rungs = ladder(rig, settings)[:-1] if session.is_tracing else []
     is_large = max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height) > COARSE_DISPLAY
     worked, patience = 0.0, 1
     try:
         while True:
             yield progress
-            is_tracing = progress < TRACED
+            is_tracing = session.is_tracing
             if rungs and (is_tracing or is_large) and worked >= patience * (TRACING if is_tracing else PAINTING):
                 patience *= FINER**2
                 yield from _shown(session, *rungs.pop(0), rig, show, progress)

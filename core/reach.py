@@ -8,12 +8,13 @@ import numpy as np
 
 from .plan import Kept, Plan, Settings, make_plan
 from .rig import Rig
-from .steps import within
 from .trace import ReachedError
-from .view_map import ViewMap, sample
+from .view_map import Sampling, ViewMap
 
 MOST_STARTS = 3  # the last of them with everything
-SECONDS_A_PIXEL = 8e-6  # that a view map takes, about: for the progress alone, beside the seconds of the plan
+SECONDS_A_PIXEL = 4e-6  # that a view map takes, about: for the progress alone, beside the seconds of the plan
+AFTER_A_PIXEL, AFTER_A_RAY = 1.0e-6, 2.4e-6  # seconds that what comes after it takes, about
+DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
@@ -40,8 +41,9 @@ def out_of_sight(rig: Rig) -> tuple[int, ...]:
 def sample_reached(
     rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
-    """Plan and view map of a rig without the glass that no light comes near; yields progress 0..1.
+    """Plan and view map of a rig without the glass that no light comes near; yields progress of a whole solve, 0..1.
 
+    It ends where as much time has passed as it should have of a solve in which what comes after takes its time, too.
     Where a ray comes near such a glass after all, or a bundle of rays does, it begins again with it.
 
     Parameters
@@ -57,12 +59,16 @@ def sample_reached(
         started = perf_counter()
         plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         lap("plan")
-        of_plan, n_pixels = perf_counter() - started, rig.viewer.width * rig.viewer.height
-        steps = within(sample(plan), of_plan / (of_plan + SECONDS_A_PIXEL * n_pixels), 1.0)
+        began, n_pixels, sampling = perf_counter(), rig.viewer.width * rig.viewer.height, Sampling(plan)
+        steps, done = sampling.sample(), 0.0
         try:
             while True:
-                yield told
-                told = max(told, next(steps))  # what begins again has come no further
+                passed = perf_counter() - began
+                expected = (passed + DOUBT * SECONDS_A_PIXEL * n_pixels) / (done + DOUBT)
+                after = AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * max(sampling.expected, sampling.n_done)
+                told = max(told, (began - started + passed) / (began - started + expected + after))
+                yield told  # what begins again has come no further
+                done = next(steps)
         except StopIteration as done:
             return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), done.value
         except ReachedError as found:

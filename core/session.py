@@ -16,7 +16,7 @@ from .accuracy import Accuracy, measure
 from .errors import RigError
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
-from .memory import check_borders, check_memory
+from .memory import check_borders, check_memory, n_shares_of_cut
 from .outline import cut_along_outline
 from .picture import Pyramid, Taps, ideal_image, of_square, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
@@ -27,10 +27,10 @@ from .seen_image import seen_image
 from .shares import Coverage, ShareBatches, Shares
 from .simulation import PlateView, plate_view
 from .source_image import Painting, find_strokes
-from .steps import at, within
+from .steps import Pauses, at, last_told, within
 from .steps import finish as finish  # also from here: scripts of 0.1 have it so
 from .trace import REASON_WORDS, Reason
-from .view_map import MapError, Piece, ViewMap, sample
+from .view_map import MORE, MapError, Piece, ViewMap, sample
 from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18
@@ -38,7 +38,9 @@ UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not 
 ROUNDING = 1e-12  # of the picture: less is no light
 MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
 TOO_FINE = "finer than a viewer pixel"
-TRACED = 0.8  # of the progress of a solve: from here on nothing is traced
+MEASURED = 0.25  # of what comes after tracing: until then errors are measured, then it is painted
+PAINTED = 0.97  # of the progress of a solve
+SHARES_OF_QUAD, OF_CUT = 2.0, 0.35  # about, the latter of the most that there may be
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 
 REMEDIES = {
@@ -206,6 +208,7 @@ class Session:
         self._optics: _Optics | None = None
         self._placed: _Placed | None = None
         self._pyramid: Pyramid | None = None
+        self.is_tracing = False  # is the view map of a solve under way?
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
@@ -221,23 +224,24 @@ class Session:
         settings.check()
         key = fingerprint(replace(rig, pictures=()), _of_optics(settings))
         clock.lap("fingerprint")
-        optics = self._optics
+        optics, told = self._optics, 0.0
         is_new = optics is None or optics.key != key
         if is_new:
             check_memory(rig, settings)
-            optics = yield from self._look(rig, settings, key, clock)
-        yield 0.85
+            optics, told = yield from self._look(rig, settings, key, clock)
+        yield told
         picture = rig.picture
         placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
         placed = self._placed if self._placed and self._placed.key == placed_key else None
         placed = placed or _placed(placed_key, optics.view_map, rig, settings)
-        painting = yield from _paint(rig, placed, self._pyramid_of(picture), clock)
+        n_shares = SHARES_OF_QUAD * optics.view_map.n_quads + OF_CUT * n_shares_of_cut(optics.view_map)
+        painting = yield from within(_paint(rig, placed, self._pyramid_of(picture), clock, n_shares), told, PAINTED)
         if is_new:
             _refuse_if_dark(optics, placed.shares)
             self._optics = optics
         source = _finished(painting, placed, optics.weight_beside, settings)
         clock.lap("painting")
-        yield 0.98
+        yield PAINTED
         if placed.covered is None:
             placed.view_coverage = placed.view_coverage_in(optics.view_map)
             placed.covered = _of_the_picture(rig, optics.view_map, placed.view_coverage)
@@ -276,13 +280,13 @@ class Session:
         RigError, MeshError : as by `solve`, but for the words
         """
         clock = _Clock()
-        _, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.85)
+        _, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.5)
         placed = _placed("", view_map, rig, settings)
-        painting = yield from _paint(rig, placed, self._pyramid_of(rig.picture), clock)
+        painting = yield from within(_paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0)
         if not len(placed.shares):
             raise RigError("The display stays dark.")
         _of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses what is out of sight
-        beside = yield from _weight_beside(view_map, settings)
+        beside = yield from at(1.0, _weight_beside(view_map, settings))
         return _finished(painting, placed, beside, settings)
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -297,21 +301,28 @@ class Session:
             self._pyramid = Pyramid(picture.image)
         return self._pyramid
 
-    def _look(self, rig: Rig, settings: Settings, key: str, clock: _Clock) -> Generator[float, None, _Optics]:
-        """Trace the view map of a rig; yields progress 0..0.85."""
-        plan, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, TRACED)
+    def _look(
+        self, rig: Rig, settings: Settings, key: str, clock: _Clock
+    ) -> Generator[float, None, tuple[_Optics, float]]:
+        """Trace the view map of a rig; yields progress of the whole solve, and returns it, too."""
+        self.is_tracing = True
+        try:
+            (plan, view_map), told = yield from last_told(sample_reached(rig, settings, self._kept, clock.lap))
+        finally:
+            self.is_tracing = False
         clock.lap("tracing")
         check_borders(rig, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        accuracy = yield from within(measure(plan, is_cut_off), TRACED, 0.84)
+        after = told + MEASURED * (1 - told)
+        accuracy = yield from within(measure(plan, is_cut_off), told, after)
         clock.lap("tessellation error")
-        plate = yield from within(plate_view(plan), 0.84, 0.85)
+        plate = yield from at(after, plate_view(plan))
         if plate is not None:
             clock.lap("brightness and blur")
-        beside = (yield from at(0.85, look_beside(plan))) if settings.only_through_glass else None
-        weight = yield from _weight_beside(view_map, settings)
+        beside = (yield from at(after, look_beside(plan))) if settings.only_through_glass else None
+        weight = yield from at(after, _weight_beside(view_map, settings))
         clock.lap("glare")
-        return _Optics(key, plan, view_map, accuracy, plate, beside, weight)
+        return _Optics(key, plan, view_map, accuracy, plate, beside, weight), after
 
 
 def _of_optics(settings: Settings) -> Settings:
@@ -319,12 +330,15 @@ def _of_optics(settings: Settings) -> Settings:
     return replace(settings, margin=0, ghosts="mean", suppress_glare=float(settings.looks_beside))
 
 
-def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
-    """Add all shares to a painting, and to the sums over them where these are new; yields progress 0.85..0.98."""
-    painting, is_new = Painting(placed.shares.display_size), placed.covered is None
+def _paint(
+    rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock, n_shares: float = 0.0
+) -> Generator[float, None, Painting]:
+    """Add all shares, about so many, to a painting, and to the sums over them where these are new; yields progress."""
+    painting, is_new, n_painted = Painting(placed.shares.display_size), placed.covered is None, 0
+    told = 0.0
     clock.lap("painting")
     if is_new and placed.shares.has_path:
-        placed.strongest = yield from _strongest_paths(placed.shares)
+        placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
         clock.lap("ghosts")
     for n, shares in enumerate(placed.shares):
         clock.lap("shares")
@@ -343,7 +357,9 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
                 placed.strokes.append(strokes)
         painting.add(pyramid, strokes)
         clock.lap("painting")
-        yield 0.98 - 0.13 / (1 + n)
+        n_painted += len(shares)
+        told = max(told, n_painted / max(n_shares, MORE * n_painted))
+        yield told
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
     return painting
@@ -361,11 +377,11 @@ def _finished(painting: Painting, placed: _Placed, beside: Floats | None, settin
     return painting.finished(placed.weight, settings.margin, held_back)
 
 
-def _strongest_paths(batches: ShareBatches) -> Generator[float, None, NDArray[np.uint64]]:
+def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
     paths = Paths(batches.display_size)
     for shares in batches:
         paths.add(shares)
-        yield 0.85
+        yield 0
     return paths.strongest()
 
 
@@ -390,7 +406,7 @@ def _shares_of(
     return ShareBatches(view_map.display_size, view_map.view_size, has_throughput, cells, has_path)
 
 
-def _weight_beside(view_map: ViewMap, settings: Settings) -> Generator[float, None, Floats | None]:
+def _weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
     """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass, if asked for."""
     if not settings.looks_beside:
         return None
@@ -398,7 +414,7 @@ def _weight_beside(view_map: ViewMap, settings: Settings) -> Generator[float, No
     coverage = Coverage(view_map.display_size, view_map.view_size)
     for shares in _shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
         coverage.add(shares)
-        yield 0.85
+        yield 0
     return coverage.weight
 
 

@@ -143,6 +143,11 @@ class ViewMap:
         return self.points.reason[points] == Reason.MISSED_GLASS
 
     @property
+    def n_quads(self) -> int:
+        """How many quads stand for smooth cells."""
+        return int((self._n_parts**2).sum())
+
+    @property
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
         some = self._is_inside & ~self._is_beside(self.nodes[:, 0])
@@ -289,15 +294,7 @@ NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
     """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
-    sampling = _Sampling(plan)
-    work, n_done, told = sampling.run(), 0, 0.0
-    while True:
-        try:
-            n_done += next(work)
-        except StopIteration as end:
-            return replace(end.value, n_rays=n_done)
-        told = max(told, n_done / max(sampling.expected, MORE * n_done))  # more may be expected than before
-        yield told
+    return (yield from Sampling(plan).sample())
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,10 +333,10 @@ class _Squares:
         return self.corner[:, None] + self.size[:, None, None] * CHECKS
 
 
-class _Sampling:
+class Sampling:
     """The work of making a view map: the points traced so far and the number of that at each node, -1 for none.
 
-    `expected`: a guess of the rays in all, mended at each level
+    n_done : rays traced so far; expected : a guess of the rays in all, mended at each level
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -358,10 +355,21 @@ class _Sampling:
         low, high = plan.thin_parts().box
         far = np.linalg.norm(np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position)))
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        self.expected = 0.0
+        self.n_done, self.expected = 0, 0.0
         self._expect(self.first, QUARTERED)
 
-    def run(self) -> Generator[int, None, ViewMap]:
+    def sample(self) -> Generator[float, None, ViewMap]:
+        """Make the view map; yields progress 0..1."""
+        work, told = self._run(), 0.0
+        while True:
+            try:
+                self.n_done += next(work)
+            except StopIteration as end:
+                return replace(end.value, n_rays=self.n_done)
+            told = max(told, self.n_done / max(self.expected, MORE * self.n_done))  # more may be expected than before
+            yield told
+
+    def _run(self) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
         todo, checking, smooth, finest = self.first, none, none, none
         while len(todo) or len(checking):

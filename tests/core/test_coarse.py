@@ -63,6 +63,8 @@ def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
 class Slow:
     """A session of which each step takes a second."""
 
+    is_tracing = True
+
     def solve(self, rig, settings):
         for n in range(100):
             yield n / 200

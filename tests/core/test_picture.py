@@ -272,7 +272,7 @@ def test_rounding_moves_no_read_of_a_line(degrees):
     """A long and narrow footprint, along an axis or not, that single precision rounds is read at the same places."""
     random, (c, s) = np.random.default_rng(12), (np.cos(np.radians(degrees)), np.sin(np.radians(degrees)))
     for long in (0.2, 1.0, 18.0, 300.0):
-        covariance = np.array([long * c * c, long * c * s, long * s * s]) + [0.1, 0, 0.1]
+        covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])
         expected, *_ = all_reads(covariance)
         assert len(expected) == 2
         for _ in range(20):
