@@ -1,6 +1,7 @@
 """How much memory a solve takes, told before it is taken.
 
-The amounts are those that `dev.py bench` measures beside this estimate: within a factor of 2 from 100 MB on.
+The amounts are those that `dev.py bench` measures beside this estimate: within a factor of 2 from 100 MB on, with the
+compiled kernel and without it.
 """
 
 import numpy as np
@@ -13,9 +14,9 @@ from .rig import Mesh, Rig
 from .shares import MOST_KEPT
 from .view_map import ViewMap
 
-ALWAYS = 60e6  # bytes
+ALWAYS = 50e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
-OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 84, 2000, 300
+OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 300
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
 QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
 CELLS, RAYS, MOST_RAYS = 5, 40, 3  # times the 2/5th power of the same; for a cell, for a viewer pixel

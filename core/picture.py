@@ -51,6 +51,8 @@ def of_square(side: float) -> Floats:
 
 POINT = of_square(0.0)
 
+FlatWay = tuple[Floats, tuple[Floats, Floats]]  # matrix (3, 3) to UV, w > 0 in front of the viewer; bounds in UV
+
 
 def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT) -> PicturePoints:
     """Follow straight lines from the viewer to the picture, as if there were no glass.
@@ -75,6 +77,14 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
         some = slice(first, first + CHUNK)
         _place(points, some, view_xy[some], covariance[:, some], size, *short_way)
     return points
+
+
+def flat_way(picture: Picture, viewer: Viewer) -> FlatWay | None:
+    """The way from viewer pixels to the UV of a flat picture, or of the viewer's own image, which has no borders."""
+    if picture.mesh is None:
+        own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
+        return own, (np.full(2, -np.inf), np.full(2, np.inf))
+    return _homography(picture.mesh, viewer)
 
 
 def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
@@ -178,7 +188,7 @@ def _pixels(uv: Floats, size: Floats) -> Floats:
     return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * size
 
 
-def _homography(mesh: Mesh, viewer: Viewer) -> tuple[Floats, tuple[Floats, Floats]] | None:
+def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     """Matrix (3, 3) from viewer pixels to UV of a flat rectangle, w > 0 in front of the viewer, and its UV bounds.
 
     None when the mesh is not flat, its UV is not one affine map, or it is no rectangle along the UV axes.

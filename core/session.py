@@ -18,7 +18,7 @@ from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
 from .memory import check_borders, check_memory, n_shares_of_cut
 from .outline import cut_along_outline
-from .picture import Pyramid, Taps, ideal_image, of_square, picture_from_view, why_unseen
+from .picture import Pyramid, ideal_image, of_square, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .remarks import Remark, remarks_on
@@ -26,7 +26,7 @@ from .rig import ConstantIndex, Floats, Picture, Rig
 from .seen_image import seen_image
 from .shares import Coverage, ShareBatches, Shares
 from .simulation import PlateView, plate_view
-from .source_image import Painting, find_strokes
+from .source_image import Painting, Strokes, find_strokes
 from .steps import Pauses, at, last_told, within
 from .steps import finish as finish  # also from here: scripts of 0.1 have it so
 from .trace import REASON_WORDS, Reason
@@ -164,7 +164,7 @@ class _Placed:
     coverage: Coverage
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
-    strokes: list[Taps] = field(default_factory=list)  # of the first batches of shares
+    strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
     _of_strongest: Coverage | None = None
 

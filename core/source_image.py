@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .picture import Pyramid, Taps, find_taps, picture_from_view
+from . import kernel
+from .picture import Pyramid, Taps, find_taps, flat_way, picture_from_view
 from .plan import Plan
 from .rig import Bools, Floats, Picture, Viewer
 from .shares import Shares, add_at
 from .trace import CHUNK, PlateLight, trace
+
+Strokes = Taps | kernel.Strokes
 
 
 class Painting:
@@ -23,10 +26,13 @@ class Painting:
         width, height = display_size
         self._total = np.zeros((3, height, width))
 
-    def add(self, pyramid: Pyramid, taps: Taps) -> None:
-        """Add shares by their taps, as `find_strokes` makes them."""
-        for total, values in zip(self._total, pyramid.read(taps), strict=True):
-            add_at(total, taps.point, values)
+    def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
+        """Add shares by what `find_strokes` found of them."""
+        if isinstance(strokes, kernel.Strokes):
+            kernel.paint(self._total, pyramid.levels, strokes)
+            return
+        for total, values in zip(self._total, pyramid.read(strokes), strict=True):
+            add_at(total, strokes.point, values)
 
     def finished(self, weight: Floats, margin: int = 0, beside: Floats | None = None) -> NDArray[np.float32]:
         """Source image (H, W, 3), linear; nothing can be added any more.
@@ -47,11 +53,15 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Taps:
+def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
     """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
 
-    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly.
+    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly. The
+    compiled kernel needs no taps for a flat picture: it reads as fast as it would take them up.
     """
+    way = flat_way(picture, viewer) if kernel.library() is not None else None
+    if way is not None:
+        return kernel.Strokes(shares, way, picture.image.shape[1::-1])
     points = picture_from_view(picture, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:

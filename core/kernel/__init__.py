@@ -1,4 +1,6 @@
-"""The compiled kernel follows rays as `trace.py` does, ray by ray, and divides cells as `shares.py` does, cell by cell.
+"""The compiled kernel: follows rays, divides cells and paints shares, one by one instead of many at once.
+
+These are the ways of `trace.py`, `shares.py` and `source_image.py`, with the same tests and slacks.
 
 It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel` and loaded by
 ctypes, which lets go of Python's lock during each call. numpy's way stays the reference, and takes the place of the
@@ -15,6 +17,7 @@ from ..rig import Floats, Ints
 from ..steps import Pauses
 from .dividing import can_divide, divided
 from .loading import library, loaded, n_threads, off, use_threads
+from .painting import Strokes, paint
 from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
 
@@ -22,7 +25,19 @@ if TYPE_CHECKING:
     from ..plan import Plan
     from ..trace import _Rays
 
-__all__ = ["Ways", "can_divide", "can_follow", "divided", "follow", "left_out", "library", "off", "use_threads"]
+__all__ = [
+    "Strokes",
+    "Ways",
+    "can_divide",
+    "can_follow",
+    "divided",
+    "follow",
+    "left_out",
+    "library",
+    "off",
+    "paint",
+    "use_threads",
+]
 
 EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy

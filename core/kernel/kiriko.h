@@ -163,6 +163,24 @@ typedef struct {
     int64_t *number;                   /* of the cell */
 } Division;
 
+/* Shares that are painted from a flat picture, as source_image.py has them, and the way to it, as picture.py has it. */
+typedef struct {
+    const int32_t *pixel;              /* (n,) of the display, NULL where it takes */
+    const int64_t *wide_pixel;
+    const double *view_xy;             /* (n, 2) */
+    const float *covariance;           /* (3, n) */
+    const double *area, *throughput;   /* (n,), throughput or NULL */
+    int64_t n;
+    double matrix[9];                  /* from viewer px to the picture's UV */
+    double low[2], high[2], size[2];   /* of the picture, in UV; its pixels */
+} Strokes;
+
+/* A picture at one of its sizes. */
+typedef struct {
+    const float *pixels;               /* (3, height, width) */
+    int64_t width, height;
+} Level;
+
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline void cross(const double *a, const double *b, double *out) {
@@ -180,6 +198,12 @@ static inline void normalise(double *a) {
     double length = sqrt(dot(a, a));
     if (!(length > 0)) return;
     for (int i = 0; i < 3; i++) a[i] /= length;
+}
+
+/* What is no number is `low`. */
+static inline double clip(double number, double low, double high) {
+    double at_least = number > low ? number : low;
+    return at_least < high ? at_least : high;
 }
 
 static inline bool is_within(double u, double v, double slack) {

@@ -52,6 +52,8 @@ def loaded() -> ctypes.CDLL | None:
         library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, *3 * [pointer]]
         library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
         library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer]
+        library.kiriko_paint.restype = None
+        library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]
     except (OSError, AttributeError):  # made for another processor or system, or not by us
         return None
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]

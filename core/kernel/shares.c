@@ -36,12 +36,6 @@ typedef struct {
     double cover, cover_y, cover_yy, area, x, y, xx, xy, yy;
 } Sums;
 
-/* What is no number is `low`. */
-static inline double clip(double number, double low, double high) {
-    double at_least = number > low ? number : low;
-    return at_least < high ? at_least : high;
-}
-
 /* The next whole number below, of a number that is none too large for one. */
 static inline double whole_below(double number) {
     double whole = (double)(int64_t)number;

@@ -54,11 +54,18 @@ DivisionStructure = _structure(
     column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, display_area=_P,
     number=_P,
 )  # fmt: skip
+StrokesStructure = _structure(
+    "StrokesStructure",
+    pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, throughput=_P, n=_I, matrix=_D * 9, low=_D * 2,
+    high=_D * 2, size=_D * 2,
+)  # fmt: skip
+LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I)
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
-    *(ArrayStructure, PlanStructure, RayStateStructure, DivisionStructure),
+    *(ArrayStructure, PlanStructure, RayStateStructure),
+    *(DivisionStructure, StrokesStructure, LevelStructure),
 )
 
 

@@ -367,7 +367,8 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
-        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division),
+        sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(Strokes),
+        sizeof(Level),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -31,13 +31,16 @@ from reference_rigs import (
 
 import build_kernel
 from kiriko.core import curved, kernel, plate, ray_engine
+from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
 from kiriko.core.curved import CurvedFaces
 from kiriko.core.kernel import dividing, loading
 from kiriko.core.kernel.structures import STRUCTURES
+from kiriko.core.picture import Pyramid, Taps, of_square
 from kiriko.core.plan import Kept, Settings, make_plan
-from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray
-from kiriko.core.shares import rasterise
+from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
+from kiriko.core.shares import rasterise, to_display
+from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
 from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
 
@@ -556,6 +559,125 @@ def test_cells_that_it_does_not_know_are_left_to_numpy():
         assert not kernel.can_divide(quads, quads)
 
 
+# --- painting ---
+
+
+def shares_of(dice, n, display_size=(40, 30), view_size=(64, 64), index_type=np.int32):
+    """Shares at random places, some beside the viewer's image; of any size and shape, points and squares among them."""
+    a, b = dice.normal(size=(2, 2, n)) * 10 ** dice.uniform(-3, 1, n)
+    covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
+    covariance[:, ::7], covariance[:, ::11] = 0, of_square(2.0)
+    area = np.where(dice.random(n) < 0.1, 0, dice.uniform(0, 1, n))
+    return shares_module.Shares(
+        display_size,
+        view_size,
+        dice.integers(0, display_size[0] * display_size[1], n).astype(index_type),
+        dice.uniform(-8, 72, (n, 2)),
+        covariance.astype(np.float32),
+        area,
+        np.ones(n),
+        dice.uniform(0, 1, n),
+    )
+
+
+def viewer_of(projection):
+    axes = np.eye(3)[[0, 2, 1]]
+    half = 0.05 if projection == "perspective" else 0.06
+    return Viewer("v", projection, np.array([0, -1.0, 0]), axes, (-half, half, -half, half), 64, 64)
+
+
+PICTURES = {
+    "the viewer's own": None,
+    "turned": rectangle([0.005, 0.01, 0.003], [0.6, 0.8, 0], [0, 0.1, 1], 0.09, 0.07),
+    "small": rectangle([0.005, 0.01, 0.003], [1, 0, 0.3], [-0.3, 0, 1], 0.01, 0.02),
+    "behind": rectangle([0, -2, 0], [1, 0, 0], [0, 0, 1], 0.1, 0.1),
+    "up to the horizon": rectangle([0, 0, 0.02], [1, 0, 0], [0, 1, 0], 3.0, 3.0),
+}
+
+
+def painted(a_picture, viewer, shares):
+    """Sums of a painting (3, H, W)."""
+    painting = Painting(shares.display_size)
+    painting.add(Pyramid(a_picture.image), find_strokes(a_picture, viewer, shares))
+    return painting._total
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("place", PICTURES)
+@pytest.mark.parametrize("shape", [(64, 64), (1, 7), (5, 1), (1, 1), (33, 50)])
+def test_same_painting(shape, place, projection):
+    """Of any picture that is flat, from any side, the sums are numpy's to single precision, 1e-6 of the weight."""
+    dice = np.random.default_rng(12)
+    a_picture = Picture("p", dice.random((*shape, 4)).astype(np.float32), PICTURES[place])
+    viewer = viewer_of(projection)
+    for index_type in (np.int32, np.int64):
+        shares = shares_of(dice, 3000, index_type=index_type)
+        for some in (shares, replace(shares, throughput=None)):
+            with kernel.off():
+                expected = painted(a_picture, viewer, some)
+            found = painted(a_picture, viewer, some)
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * to_display(some, np.ones(3000)).max())
+    unseen = {"perspective": "behind", "orthographic": "up to the horizon"}  # which is edge-on there
+    assert (expected.max() > 0.1) == (place != unseen[projection])
+
+
+def test_painting_by_any_number_of_threads_gives_the_same():
+    """Bit for bit."""
+    dice = np.random.default_rng(13)
+    a_picture = Picture("p", dice.random((64, 64, 4)).astype(np.float32), PICTURES["turned"])
+    shares, by_threads = shares_of(dice, 20_000, (200, 100)), []
+    try:
+        for number in (1, 2, 3, 15, 16, 1000):
+            kernel.use_threads(number)
+            by_threads.append(painted(a_picture, viewer_of("perspective"), shares))
+    finally:
+        kernel.use_threads(0)
+    assert by_threads[0].any()
+    assert all(other.tobytes() == by_threads[0].tobytes() for other in by_threads)
+
+
+@pytest.mark.parametrize("place", PICTURES)
+def test_no_share_breaks_the_painting(place):
+    """Whatever is in one share, on which pixel it may be: other pixels are none the worse."""
+    dice = np.random.default_rng(14)
+    a_picture = Picture("p", dice.random((33, 50, 4)).astype(np.float32), PICTURES[place])
+    shares, viewer = shares_of(dice, 4000), viewer_of("perspective")
+    expected = painted(a_picture, viewer, shares)
+    wild, which = [NAN, INF, -INF, 1e300, -1e300, 1e38, 1e-320, -1.0], np.arange(0, 4000, 5)
+    for name in ("view_xy", "covariance", "area", "throughput"):
+        values = getattr(shares, name).copy()
+        rows = values.T if name == "covariance" else values
+        with np.errstate(over="ignore"):
+            rows[which] = dice.choice(wild, rows[which].shape)
+        found = painted(a_picture, viewer, replace(shares, **{name: values}))
+        is_met = np.zeros(40 * 30, bool)
+        is_met[shares.display_index[which]] = True
+        others = ~is_met.reshape(30, 40)
+        assert others.any()
+        assert np.array_equal(found[:, others], expected[:, others])
+    index = shares.display_index.copy()
+    index[which] = dice.choice([-1, 1200, 2**31 - 1, -(2**31)], len(which))
+    left = replace(shares, area=np.where(np.isin(np.arange(4000), which), 0, shares.area))
+    found = painted(a_picture, viewer, replace(shares, display_index=index))
+    assert np.array_equal(found, painted(a_picture, viewer, left))
+
+
+def test_a_picture_that_is_not_flat_is_left_to_numpy():
+    """Its strokes are taps; those that were found before the kernel was switched off are painted all the same."""
+    dice = np.random.default_rng(15)
+    bent = icosphere(0.03, 1)
+    bent = replace(bent, uv=dice.random((len(bent.triangles), 3, 2)))
+    image, shares = dice.random((8, 8, 4)).astype(np.float32), shares_of(dice, 100)
+    viewer = viewer_of("perspective")
+    assert isinstance(find_strokes(Picture("p", image, bent), viewer, shares), Taps)
+    strokes = find_strokes(Picture("p", image, PICTURES["turned"]), viewer, shares)
+    assert isinstance(strokes, kernel.Strokes)
+    painting = Painting(shares.display_size)
+    with kernel.off():
+        painting.add(Pyramid(image), strokes)
+    assert painting._total.any()
+
+
 def test_the_environment_switches_it_off():
     """KIRIKO_KERNEL=off is numpy's way."""
     code = "from kiriko.core import kernel; print(kernel.library())"
@@ -566,7 +688,7 @@ def test_the_environment_switches_it_off():
     assert told.stdout.strip() == "None", told.stderr
 
 
-@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine, shares_module])
+@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine, shares_module, picture_module])
 def test_one_number_for_one_name(module):
     """Every constant of the C that a module of core has by the same name is the same number there."""
     sources = "".join(path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]"))

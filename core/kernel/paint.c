@@ -1,0 +1,158 @@
+/* Paints shares: one by one what find_taps of core/picture.py and core/source_image.py do for many at once. */
+
+#include "kiriko.h"
+
+#define LEAST 1e-100 /* as in picture.py, like the next three */
+#define ROUND 0.05
+#define UPRIGHT 1e-3
+#define WIDE 0.5
+#define MOST_LEVELS 64
+#define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
+#define STRIPE 1024     /* pixels */
+
+/* A picture's sizes, and how many pixels of each there are for one of the picture. */
+typedef struct {
+    const Level *levels;
+    int64_t n_levels;
+    double scale[MOST_LEVELS][2];
+} Reader;
+
+/* Where a share lies on the picture, how far it reaches, picture px^2, and what it weighs. */
+typedef struct {
+    double at[2], xx, xy, yy, weight;
+} Footprint;
+
+/* Which part of a footprint lies between two lines, as if it were a box; its middle moves to that of this part. */
+static double keep_within(double *x, double low, double high, double variance) {
+    double room = *x - low < high - *x ? *x - low : high - *x;
+    if (room >= 0 && room * room >= 3 * variance) return 1;
+    double half = variance > 0 ? sqrt(3 * variance) : 0, before = low - (*x - half), after = *x + half - high;
+    if (!(before > 0)) before = 0;
+    if (!(after > 0)) after = 0;
+    double share = clip(1 - (before + after) / (2 * half > LEAST ? 2 * half : LEAST), 0, 1);
+    if (share > 0) *x += 0.5 * (before - after);
+    return share;
+}
+
+/* Find where a share lies on the picture; does it, and has it any weight? */
+static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
+    const double *m = s->matrix, *size = s->size;
+    double x = s->view_xy[2 * i], y = s->view_xy[2 * i + 1];
+    double w = m[6] * x + m[7] * y + m[8];
+    if (!(w > 0)) return false;
+    double inverse = 1 / w;
+    double u = (m[0] * x + m[1] * y + m[2]) * inverse, v = (m[3] * x + m[4] * y + m[5]) * inverse;
+    double x_scale = size[0] * inverse, y_scale = -size[1] * inverse; /* v goes up, pixels go down */
+    double a = s->covariance[i], b = s->covariance[s->n + i], c = s->covariance[2 * s->n + i];
+    double xx = (m[0] - u * m[6]) * x_scale, xy = (m[1] - u * m[7]) * x_scale;
+    double yx = (m[3] - v * m[6]) * y_scale, yy = (m[4] - v * m[7]) * y_scale;
+    f->xx = xx * xx * a + 2 * xx * xy * b + xy * xy * c;
+    f->xy = xx * yx * a + (xx * yy + xy * yx) * b + xy * yy * c;
+    f->yy = yx * yx * a + 2 * yx * yy * b + yy * yy * c;
+
+    f->at[0] = u * size[0];
+    f->at[1] = (1 - v) * size[1];
+    double across = keep_within(f->at, s->low[0] * size[0], s->high[0] * size[0], f->xx);
+    double along = keep_within(f->at + 1, (1 - s->high[1]) * size[1], (1 - s->low[1]) * size[1], f->yy);
+    f->weight = s->throughput ? s->area[i] * s->throughput[i] : s->area[i];
+    return across * along >= 0.5 && f->weight > 0;
+}
+
+/* Add colours times weight that are read from one level: centres of pixels at + 0.5, edges extended. */
+static void read_level(const Reader *reader, int64_t k, const double *at, double weight, double *colour) {
+    const Level *level = reader->levels + k;
+    int64_t w = level->width, h = level->height;
+    double x = clip(at[0] * reader->scale[k][0] - 0.5, 0, (double)(w - 1));
+    double y = clip(at[1] * reader->scale[k][1] - 0.5, 0, (double)(h - 1));
+    int64_t column = (int64_t)x, row = (int64_t)y;
+    if (column > 0 && column > w - 2) column = w - 2;
+    if (row > 0 && row > h - 2) row = h - 2;
+    x -= (double)column;
+    double lower = weight * (y - (double)row), upper = weight - lower;
+    double upper_right = upper * x, lower_right = lower * x;
+    double upper_left = upper - upper_right, lower_left = lower - lower_right;
+    const float *pixel = level->pixels + row * w + column;
+    int64_t right = w > 1, below = h > 1 ? w : 0;
+    for (int channel = 0; channel < 3; channel++, pixel += w * h)
+        colour[channel] += upper_left * (double)pixel[0] + upper_right * (double)pixel[right] +
+                           lower_left * (double)pixel[below] + lower_right * (double)pixel[right + below];
+}
+
+/* Add colours times weight at a place, spread by a variance along each axis: two levels are mixed. */
+static void read_place(const Reader *reader, double x, double y, double variance, double weight, double *colour) {
+    double relative = 1 + 4 * variance; /* to that of the level */
+    int64_t k = 0, last = reader->n_levels - 1;
+    for (; k < last && relative >= 4; k++) relative *= 0.25;
+    double of_upper = k < last ? weight * clip((relative - 1) / 3, 0, 1) : 0, of_lower = weight - of_upper;
+    const double at[2] = {x, y};
+    if (of_lower > 0) read_level(reader, k, at, of_lower, colour);
+    if (of_upper > 0) read_level(reader, k + 1, at, of_upper, colour);
+}
+
+/* Add the colours of a share: one that is longer than wide is read at two places, a wide one at two each way. */
+static void read_share(const Reader *reader, const Footprint *f, double *colour) {
+    double mean = 0.5 * (f->xx + f->yy), slope = 0.5 * (f->xx - f->yy);
+    double unlike = sqrt(slope * slope + f->xy * f->xy), length = clip(2 * unlike / ROUND - 1, 0, 1);
+    double lesser = mean - length * unlike;
+    if (!(lesser > 0)) lesser = 0;
+    double width = clip(2 * lesser / WIDE - 1, 0, 1), left = (1 - 0.75 * width) * lesser;
+    if (width <= 0 && length <= 0) {
+        read_place(reader, f->at[0], f->at[1], left, f->weight, colour);
+        return;
+    }
+    /* what the places of the reads have to make up, as a matrix; its triangular root takes them from a square to there */
+    double xx = mean + length * slope - left, xy = length * f->xy, yy = mean - length * slope - left;
+    int first = xx < UPRIGHT * yy, other = 1 - first; /* where rounding is as large as xx the root begins with y */
+    double near = first ? yy : xx, far = first ? xx : yy;
+    double reach = near > 0 ? sqrt(near) : 0, most = far > 0 ? sqrt(far) : 0;
+    double along = clip(xy / (reach > LEAST ? reach : LEAST), -most, most), rest = far - along * along;
+    double across = rest > 0 ? sqrt(rest) : 0;
+    int n = width > 0 ? 4 : 2;
+    for (int k = 0; k < n; k++) {
+        double i = k % 2 ? 1 : -1, j = n < 4 ? 0 : k < 2 ? -1 : 1, at[2];
+        at[first] = f->at[first] + i * reach;
+        at[other] = f->at[other] + (i * along + j * across);
+        read_place(reader, at[0], at[1], left, f->weight / n, colour);
+    }
+}
+
+typedef struct {
+    const Strokes *strokes;
+    Reader reader;
+    double *total;
+    int64_t n_pixels;
+} Canvas;
+
+/* Paint the shares in some stripes of display pixels: each pixel adds its own up in their order. */
+static void paint_stripes(void *context, int64_t first, int64_t last) {
+    const Canvas *canvas = context;
+    const Strokes *strokes = canvas->strokes;
+    int64_t n_pixels = canvas->n_pixels;
+    for (int64_t i = 0; i < strokes->n; i++) {
+        int64_t pixel = strokes->pixel ? strokes->pixel[i] : strokes->wide_pixel[i];
+        if (pixel < 0 || pixel >= n_pixels) continue;
+        int64_t stripe = pixel / STRIPE % N_STRIPES;
+        Footprint footprint;
+        if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
+        double colour[3] = {0, 0, 0};
+        read_share(&canvas->reader, &footprint, colour);
+        for (int channel = 0; channel < 3; channel++) canvas->total[channel * n_pixels + pixel] += colour[channel];
+    }
+}
+
+/* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels, in that many threads; the
+   result is the same for any number. */
+KIRIKO_API void kiriko_paint(const Strokes *strokes, const Level *levels, int64_t n_levels, double *total,
+                             int64_t n_pixels, int64_t n_threads) {
+    Canvas canvas = {.strokes = strokes, .total = total, .n_pixels = n_pixels};
+    Reader *reader = &canvas.reader;
+    reader->levels = levels;
+    reader->n_levels = n_levels < MOST_LEVELS ? n_levels : MOST_LEVELS;
+    for (int64_t k = 0; k < reader->n_levels; k++) {
+        reader->scale[k][0] = (double)levels[k].width / strokes->size[0];
+        reader->scale[k][1] = (double)levels[k].height / strokes->size[1];
+    }
+    if (n_threads < 1) n_threads = 1;
+    int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
+    if (reader->n_levels > 0) share_out(paint_stripes, &canvas, N_STRIPES, at_once, n_threads);
+}
