@@ -46,7 +46,7 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     solve(a_rig, kept)
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = solve(other)
-    monkeypatch.setattr(reach, "sample", lambda plan: pytest.fail("traced again"))
+    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
     monkeypatch.setattr(session_module, "find_strokes", lambda *_: pytest.fail("placed again"))
     found = solve(other, kept)
     assert np.array_equal(found.source, expected.source)
