@@ -523,9 +523,8 @@ def _spread(cells: _Cells, display_area: Floats, width: int, height: int) -> Ite
         mean_x, mean_y = np.clip(mx[kept] / area, 0, 1), np.clip(my[kept] / area, 0, 1)
         to_cell, to_view = np.take(inverse, of_cell, axis=1), np.take(forward, of_cell, axis=1)
         u, v = _on_view(to_cell, to_view, column + mean_x, row + mean_y, is_triangle=len(x) == 3)
-        on_display = _limited(
-            mxx[kept] / area - mean_x * mean_x, mxy[kept] / area - mean_x * mean_y, myy[kept] / area - mean_y * mean_y
-        )
+        xx, xy, yy = mxx[kept] / area, mxy[kept] / area, myy[kept] / area
+        on_display = xx - mean_x * mean_x, xy - mean_x * mean_y, yy - mean_y * mean_y
         yield _Part(
             cells.number[of_cell],
             origin[of_cell] + row * width + column,
@@ -654,23 +653,26 @@ def _sums(widths: Ints, pieces: _Pieces) -> tuple[Floats, ...]:
     )
 
 
-def _limited(xx: Floats, xy: Floats, yy: Floats) -> tuple[Floats, Floats, Floats]:
-    """A covariance that points within a pixel can have, however rounding spoilt that of a sliver."""
-    xx, yy = np.clip(xx, 0, 0.25), np.clip(yy, 0, 0.25)
-    most = np.sqrt(xx * yy)
-    return xx, np.clip(xy, -most, most), yy
-
-
 def _spread_on_view(inverse: Floats, forward: Floats, xx: Floats, xy: Floats, yy: Floats) -> NDArray[np.float32]:
-    """The covariance (3, n) on the viewer's image of that on the display, as if cells were parallelograms."""
+    """The covariance (3, n) on the viewer's image of that on the display, as if cells were parallelograms.
+
+    Within the cell it is limited to what points of it can have, however rounding spoilt that of a sliver.
+    """
     s_x, s_y, _, t_x, t_y, *_ = inverse
     _, us, ut, _, _, vs, vt, _ = forward
-    ux, uy, vx, vy = us * s_x + ut * t_x, us * s_y + ut * t_y, vs * s_x + vt * t_x, vs * s_y + vt * t_y
-    found = np.empty((3, len(xx)), np.float32)
-    found[0] = ux * ux * xx + 2 * ux * uy * xy + uy * uy * yy
-    found[1] = ux * vx * xx + (ux * vy + uy * vx) * xy + uy * vy * yy
-    found[2] = vx * vx * xx + 2 * vx * vy * xy + vy * vy * yy
-    return found
+    ss, st, tt = _turned(s_x, s_y, t_x, t_y, xx, xy, yy)
+    ss, tt = np.clip(ss, 0, 0.25), np.clip(tt, 0, 0.25)
+    most = np.sqrt(ss * tt)
+    return np.array(_turned(us, ut, vs, vt, ss, np.clip(st, -most, most), tt), np.float32)
+
+
+def _turned(a: Floats, b: Floats, c: Floats, d: Floats, xx: Floats, xy: Floats, yy: Floats) -> tuple[Floats, ...]:
+    """Covariances of points mapped by matrices [[a, b], [c, d]]."""
+    return (
+        a * a * xx + 2 * a * b * xy + b * b * yy,
+        a * c * xx + (a * d + b * c) * xy + b * d * yy,
+        c * c * xx + 2 * c * d * xy + d * d * yy,
+    )
 
 
 def _along_rows(values: Floats, widths: Ints) -> Floats:

@@ -56,8 +56,8 @@ class Painting:
 def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
     """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
 
-    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly. The
-    compiled kernel needs no taps for a flat picture: it reads as fast as it would take them up.
+    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly. For a flat
+    picture the compiled kernel takes the shares as they are, and finds where they are read whenever it paints.
     """
     way = flat_way(picture, viewer) if kernel.library() is not None else None
     if way is not None:

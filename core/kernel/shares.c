@@ -316,18 +316,26 @@ static void find_place(const Crossing *c, double x, double y, double *place) {
     place[1] = f[4] + s * f[5] + t * f[6] + k * f[7];
 }
 
-/* The covariance on the viewer's image of that on the display, which is first limited to what a pixel can hold. */
+/* Covariance of points that are mapped by a matrix, row by row. */
+static inline void turn(const double *m, const double *from, double *to) {
+    double xx = from[0], xy = from[1], yy = from[2];
+    to[0] = m[0] * m[0] * xx + 2 * m[0] * m[1] * xy + m[1] * m[1] * yy;
+    to[1] = m[0] * m[2] * xx + (m[0] * m[3] + m[1] * m[2]) * xy + m[1] * m[3] * yy;
+    to[2] = m[2] * m[2] * xx + 2 * m[2] * m[3] * xy + m[3] * m[3] * yy;
+}
+
+/* The covariance on the viewer's image of that on the display, limited in between to what points of the cell can have. */
 static void find_spread(const Crossing *c, double xx, double xy, double yy, double *covariance) {
-    const double *to = c->inverse, *f = c->forward;
-    xx = clip(xx, 0, 0.25);
-    yy = clip(yy, 0, 0.25);
-    double most = sqrt(xx * yy);
-    xy = clip(xy, -most, most);
-    double ux = f[1] * to[0] + f[2] * to[3], uy = f[1] * to[1] + f[2] * to[4];
-    double vx = f[5] * to[0] + f[6] * to[3], vy = f[5] * to[1] + f[6] * to[4];
-    covariance[0] = ux * ux * xx + 2 * ux * uy * xy + uy * uy * yy;
-    covariance[1] = ux * vx * xx + (ux * vy + uy * vx) * xy + uy * vy * yy;
-    covariance[2] = vx * vx * xx + 2 * vx * vy * xy + vy * vy * yy;
+    const double to_cell[4] = {c->inverse[0], c->inverse[1], c->inverse[3], c->inverse[4]};
+    const double to_view[4] = {c->forward[1], c->forward[2], c->forward[5], c->forward[6]};
+    const double on_display[3] = {xx, xy, yy};
+    double in_cell[3];
+    turn(to_cell, on_display, in_cell);
+    in_cell[0] = clip(in_cell[0], 0, 0.25);
+    in_cell[2] = clip(in_cell[2], 0, 0.25);
+    double most = sqrt(in_cell[0] * in_cell[2]);
+    in_cell[1] = clip(in_cell[1], -most, most);
+    turn(to_view, in_cell, covariance);
 }
 
 /* Put down the shares of n pixels of a row from a column on, whose sums begin at the left of the cell or its window. */

@@ -475,13 +475,13 @@ def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
 
 
 def test_slivers_have_no_covariance_but_rounding():
-    """However thin a part is, its covariance is finite, that of some points, and no larger than the cell's."""
+    """However thin a part is, its covariance is that of some points of the cell, which is one viewer pixel large."""
     random = np.random.default_rng(8)
     quads = convex_quads(random, 400, 1.0, 30) + 1e7 * (random.random((400, 1, 1)) < 0.3)
     quads[::3, :, 0] = np.round(quads[::3, :, 0]) + 1e-9 * quads[::3, :, 1]
     shares = rasterise((10_000_100, 40), (20, 20), grid(20), quads)
     xx, xy, yy = shares.covariance.astype(float)
-    assert np.isfinite(shares.covariance).all()
+    assert max(xx.max(), yy.max()) <= 0.25 + 1e-6
     assert (xx >= -1e-6).all()
     assert (yy >= -1e-6).all()
     assert (xy**2 <= xx * yy * (1 + 1e-3) + 1e-6).all()
