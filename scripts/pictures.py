@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from demo import RIGS
+from glasses import made
+from reference_rigs import rig
 
 import kiriko
 from kiriko.core import image_io
@@ -78,6 +81,16 @@ def run(name: str, folder: Path) -> None:
     image_io.write(folder / f"{name}_source.png", small, "PNG8", overwrite=True)
 
 
+def run_glare(folder: Path) -> None:
+    """Write glare_seen.png and glare_suppressed.png: all that is seen of a vase, by Kiriko's own map."""
+    pattern = np.concatenate([star_pattern(), np.ones((1024, 1024, 1), np.float32)], axis=2)
+    mesh = replace(made("vase"), surface="automatic")
+    a_rig = rig(mesh, image=pattern, pixels=PIXELS, field=0.06, picture=0.035, display=0.1)
+    for what, weight in (("seen", 0.0), ("suppressed", 1.0)):
+        solution = finish(Session().solve(a_rig, Settings(suppress_glare=weight)))
+        image_io.write(folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
@@ -86,6 +99,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in RIGS:
         run(name, folder)
+    run_glare(folder)
     kiriko.unregister()
 
 
