@@ -170,7 +170,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         has_gaps[mixed] = _has_gaps(points, cells[mixed], pieces, owner)
 
         if depth == 0:
-            in_doubt = has_gaps | again & (~is_one | np.isinf(off))
+            in_doubt = has_gaps | np.isinf(off)  # not what is only bent by more than the tolerance
             n_in_doubt = np.bincount(square[kept], in_doubt)
             is_calm = (n_in_doubt <= FEW)[square[kept]] | (not is_dense)
         is_tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps

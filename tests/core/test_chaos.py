@@ -177,3 +177,12 @@ def test_much_effort_for_few_pixels_takes_little_memory():
     tracemalloc.stop()
     assert len(places) == 4096
     assert peak < 50e6
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
+def test_a_ball_has_no_chaos_however_exact_it_is(tolerance):
+    """A rim that is bent by more than the tolerance is no chaos: it is cut, and no display pixel is left out."""
+    a_rig = ball_rig(4, pixels=256, display_pixels=256)
+    found, coarse = solve(a_rig, tolerance=tolerance), solve(a_rig, tolerance=1.0)
+    assert found.map_error.n_samples == 0
+    assert not ((coarse.weight > 1e-3) & (found.weight == 0)).any()
