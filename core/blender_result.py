@@ -105,9 +105,9 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     in the mesh and in the file. Returns one sentence for each material that gave way.
     """
     if display.data is None or not hasattr(display.data, "materials"):
-        return [f"The display '{display.name}' has no material: give the image '{image.name}' to what it shows."]
+        return [f"The display '{display.name}' has no material: give the image '{SOURCE}' to what it shows."]
     if not display.is_editable:
-        return [f"The display '{display.name}' is linked from another file: give it the image '{image.name}' there."]
+        return [f"The display '{display.name}' is linked from another file: give it the image '{SOURCE}' there."]
     old = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
     ours = bpy.data.materials.new(f"{display.name} Source")
     try:
@@ -166,7 +166,8 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     Returns the reading from which the final result is to be written: it knows which materials have given way.
     """
     remarks = _put_in_place(scene, reading, _packed(SOURCE, pixels))
-    reading, result = replace(reading, notes=(*reading.notes, *remarks)), scene.kiriko.result
+    notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
+    reading, result = replace(reading, notes=notes), scene.kiriko.result
     result.is_coarse, result.coverage = True, 0.0
     result.summary = result.details = result.seen_summary = ""  # what was there is of another one
     result.notes = "\n".join(map(one_line, reading.notes))
@@ -199,7 +200,7 @@ def _write_numbers(
     result, (details, notes) = scene.kiriko.result, numbers
     result.coverage, result.details = details["picture_coverage"], json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
-    result.notes, result.is_coarse = "\n".join(map(one_line, [*notes, *remarks])), False
+    result.notes, result.is_coarse = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks]))), False
     result.seen_summary = ""  # what was simulated is of another one
     result.solved_for = reading.solved_for
     return result.summary

@@ -32,7 +32,7 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
     """
     glares = GLARES if settings.only_through_glass else ()
     ways = dict.fromkeys([
-        *((ghosts, settings.suppress_glare) for ghosts in ("mean", "strongest")),
+        *((ghosts, settings.suppress_glare if glares else 0.0) for ghosts in ("mean", "strongest")),
         *((settings.ghosts, glare) for glare in glares),
     ])  # fmt: skip
     # the first map knows light beside the glass: what is seen of all of them is seen through it

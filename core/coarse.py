@@ -1,6 +1,7 @@
 """First pictures: a rig seen by a viewer of few pixels is solved in a fraction of the time."""
 
 from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import replace
 from time import perf_counter
 
@@ -64,23 +65,23 @@ def solve_in_sight(
     picture is made. The next one, which takes FINER^2 times as long, comes after as many times the work. None is made
     where nothing has to be traced, since nothing coarse is faster.
     """
-    solving = session.solve(rig, settings)
-    progress = next(solving)  # the glass is made ready
-    rungs = ladder(rig, settings)[:-1] if session.is_tracing else []
     is_large = max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height) > COARSE_DISPLAY
     worked, patience = 0.0, 1
-    try:
-        while True:
-            yield progress
-            is_tracing = session.is_tracing
-            if rungs and (is_tracing or is_large) and worked >= patience * (TRACING if is_tracing else PAINTING):
-                patience *= FINER**2
-                yield from _shown(session, *rungs.pop(0), rig, show, progress)
-            started = perf_counter()
-            progress = next(solving)
-            worked += perf_counter() - started
-    except StopIteration as done:
-        return done.value
+    with closing(session.solve(rig, settings)) as solving:
+        progress = next(solving)  # the glass is made ready
+        rungs = ladder(rig, settings)[:-1] if session.is_tracing else []
+        try:
+            while True:
+                yield progress
+                is_tracing = session.is_tracing
+                if rungs and (is_tracing or is_large) and worked >= patience * (TRACING if is_tracing else PAINTING):
+                    patience *= FINER**2
+                    yield from _shown(session, *rungs.pop(0), rig, show, progress)
+                started = perf_counter()
+                progress = next(solving)
+                worked += perf_counter() - started
+        except StopIteration as done:
+            return done.value
 
 
 def _shown(
@@ -91,10 +92,10 @@ def _shown(
     show: Callable[[NDArray[np.float32]], None],
     progress: float,
 ) -> Generator[float, None, None]:
-    """Show a coarse picture of the whole rig, unless its viewer misses what the whole one's sees."""
+    """Show a coarse picture of the whole rig, unless it fails, as where its viewer misses what the whole one's sees."""
     try:
         source = yield from at(progress, session.glance(rig, settings))
-    except KirikoError:
+    except (KirikoError, MemoryError):
         return
     show(enlarged(source, whole.display.width, whole.display.height))
     yield progress

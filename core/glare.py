@@ -48,14 +48,14 @@ class LightBeside:
     def _where(self, through: Floats, beside: Floats) -> str:
         """On which side of the glass most of the light beside it is."""
         if not through.sum():
-            return "around it"
+            return "all around it"
         middle, off = (np.average(self.view, axis=0, weights=light) for light in (through, beside))
         spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
         x, y = (off - middle) / max(spread, 1.0)
         words = [word for word, is_there in (
             ("above", y < -SIDES), ("below", y > SIDES), ("left of", x < -SIDES), ("right of", x > SIDES)
         ) if is_there]  # fmt: skip
-        return f"most of it {' and '.join(words)} it" if words else "around it"
+        return f"most of it {' and '.join(words)} it" if words else "all around it"
 
 
 def looking_beside(plan: Plan) -> Plan:

@@ -207,7 +207,9 @@ class Bench:
     """
 
     def __init__(self, rig: Rig, settings: Settings, view: Floats, among: list[Parameter] | None = None) -> None:
-        self.rig, self.settings, self.view = rig, settings, np.asarray(view, float)
+        # a point that is seen beside the glass is none of those that are seen in it
+        self.rig, self.settings = rig, replace(settings, suppress_glare=0.0)
+        self.view = np.asarray(view, float)
         self.parameters = parameters(rig) if among is None else among
         self._kept = Kept()
         self.display, self._branch = self._land(self.plan(), self.view)

@@ -69,6 +69,11 @@ class Settings:
         return self.only_through_glass and self.suppress_glare > 0
 
     @property
+    def of_optics(self) -> "Settings":
+        """What counts of these settings before anything is painted; what does not is as it is in others."""
+        return replace(self, margin=0, ghosts="mean", suppress_glare=float(self.looks_beside))
+
+    @property
     def samples_along(self) -> int:
         """Samples along a viewer pixel's side where light is chaotic; each quarter of a pixel has one at least."""
         return isqrt(self.effort)

@@ -240,7 +240,7 @@ def times_finer(rig: Rig) -> int:
 def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Image, Image]]:
     """Source images (H, W, 3) of the rig and of white in its picture's place, from a display of finer pixels.
 
-    Each share has one colour, that of its own point; on finer pixels there are more shares, and each is smaller.
+    Each share is read at a few places; on finer pixels there are more shares, and each is smaller.
     """
     k = times_finer(rig)
     display = replace(rig.display, width=k * rig.display.width, height=k * rig.display.height)

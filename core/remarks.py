@@ -238,7 +238,7 @@ def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Rem
 def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
-    cover = "cover the plate there"
+    cover = "cover what is seen of the plate there"
     remedy = cover if plan.settings.suppress_glare == 1 else f"raise Suppress Glare, or {cover}"
     yield Remark(
         f"Glare: {percent(glare.share)} of the light that the viewer gets comes beside the glass, {glare.where}:"

@@ -66,7 +66,7 @@ class Solution:
     seconds : time by part of the work; n_rays : rays traced for this solve
     tessellation_error : about how far landings are from those of the surface that was meant, rms display px
     plate : brightness and blur by a plate's mirrors, None where it is ideal
-    glare : what of the light comes past the glass; None where that carries the picture, too
+    glare : what of the light comes beside the glass; None where that carries the picture, too
     used, left_out : what this rig needed and what it did not; remarks : what the user should know
     """
 
@@ -110,7 +110,7 @@ class Solution:
     def seen(self, source: NDArray[np.float32] | None = None, beside: bool = False) -> NDArray[np.float32]:
         """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear.
 
-        beside : and by way of the plate alone, beside the glass; that is traced when first asked for
+        beside : and by way of the plate alone, beside the glass; that is traced when first asked for, see `look_beside`
         """
         source = self.source if source is None else source
         seen = seen_image(self._seen_shares, source)
@@ -123,14 +123,24 @@ class Solution:
         """Shares each of which lies in one viewer pixel: those that paint may be larger."""
         return _shares_of(self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True))
 
+    def look_beside(self) -> Generator[float, None, None]:
+        """Trace light beside the glass, unless it is known or is part of the map anyway; yields progress 0..1."""
+        settings = self.plan.settings
+        if settings.only_through_glass and not settings.looks_beside and "_map_beside" not in vars(self):
+            check_memory(self.rig, settings)
+            vars(self)["_map_beside"] = yield from sample(looking_beside(self.plan))
+
+    @cached_property
+    def _map_beside(self) -> ViewMap:
+        return self.view_map if self.plan.settings.looks_beside else finish(sample(looking_beside(self.plan)))
+
     @cached_property
     def _seen_beside(self) -> ShareBatches | None:
-        """The same of light beside the glass; None where that is part of the map anyway."""
-        settings = self.plan.settings
-        if not settings.only_through_glass:
+        """The shares of light beside the glass, each in one viewer pixel; None where it is part of the map anyway."""
+        if not self.plan.settings.only_through_glass:
             return None
-        view_map = self.view_map if settings.looks_beside else finish(sample(looking_beside(self.plan)))
-        return _shares_of(view_map, self.shares.has_throughput, partial(view_map.pieces, at_pixels=True, beside=True))
+        pieces = partial(self._map_beside.pieces, at_pixels=True, beside=True)
+        return _shares_of(self._map_beside, self.shares.has_throughput, pieces)
 
 
 def without_glass(rig: Rig) -> Rig:
@@ -222,7 +232,7 @@ class Session:
         clock = _Clock()
         rig.check()
         settings.check()
-        key = fingerprint(replace(rig, pictures=()), _of_optics(settings))
+        key = fingerprint(replace(rig, pictures=()), settings.of_optics)
         clock.lap("fingerprint")
         optics, told = self._optics, 0.0
         is_new = optics is None or optics.key != key
@@ -307,13 +317,14 @@ class Session:
         """Trace the view map of a rig; yields progress of the whole solve, and returns it, too."""
         self.is_tracing = True
         try:
-            (plan, view_map), told = yield from last_told(sample_reached(rig, settings, self._kept, clock.lap))
+            sampling = within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, PAINTED)
+            (plan, view_map), told = yield from last_told(sampling)
         finally:
             self.is_tracing = False
         clock.lap("tracing")
         check_borders(rig, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        after = told + MEASURED * (1 - told)
+        after = told + MEASURED * (PAINTED - told)
         accuracy = yield from within(measure(plan, is_cut_off), told, after)
         clock.lap("tessellation error")
         plate = yield from at(after, plate_view(plan))
@@ -323,11 +334,6 @@ class Session:
         weight = yield from at(after, _weight_beside(view_map, settings))
         clock.lap("glare")
         return _Optics(key, plan, view_map, accuracy, plate, beside, weight), after
-
-
-def _of_optics(settings: Settings) -> Settings:
-    """What of the settings counts before anything is painted."""
-    return replace(settings, margin=0, ghosts="mean", suppress_glare=float(settings.looks_beside))
 
 
 def _paint(

@@ -28,7 +28,7 @@ NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
 PIXELS_AT_ONCE = 1 << 16
 SHARES_AT_ONCE = 1 << 17
-MOST_KEPT = 1 << 23  # shares, 48 bytes each: more of them are made again each time they are asked for
+MOST_KEPT = 1 << 23  # shares, up to 64 bytes each: more of them are made again each time they are asked for
 
 
 @dataclass(frozen=True, eq=False)

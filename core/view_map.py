@@ -207,6 +207,7 @@ class ViewMap:
     def display_from_view(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show, also beyond a flat display; NaN where nothing lands.
 
+        So does light beside the glass where the settings look for it.
         Where light is chaotic this is the landing of the sample that is nearest.
         """
         xy = np.asarray(xy, float)
@@ -491,6 +492,7 @@ class Sampling:
     def _measure(self, view_map: ViewMap, smooth: _Squares, pixels: Ints) -> Generator[int, None, MapError]:
         """Errors of the map at random places of smooth squares, and of the finest pixels, corners (n, 4)."""
         random = np.random.default_rng(0)
+        smooth = smooth.at(~view_map._is_beside(self._at_nodes(smooth)[:, 0]))  # light beside the glass is no picture's
         n_smooth, n_pixels = (min(SAMPLED, 16 * len(kind)) for kind in (smooth, pixels))
         squares = smooth.at(
             random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum()) if n_smooth else []
@@ -510,6 +512,8 @@ class Sampling:
         is_sampled = np.zeros(len(at), bool)
         is_sampled[view_map._nearest_samples(at, np.isnan(expected[:, 0]))[0]] = True
         seen = is_seen(expected, found.xy, self.display_size) & is_in_image(at, self.view_size)
+        is_beside = view_map._is_beside(some).all(axis=1) & (found.reason[n_smooth:] == Reason.MISSED_GLASS)
+        seen[n_smooth:] &= ~is_beside
         whole = max(float(area[seen].sum()), 1e-300)
         sampled = float(area[seen & is_sampled].sum() / whole)
         seen &= ~is_sampled

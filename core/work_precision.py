@@ -161,8 +161,10 @@ def measure(
     RigError, MeshError
         One sentence on what makes the rig unsolvable.
     """
-    settings = replace(settings or Settings(), margin=0)  # a margin would fill holes
-    settings.check()
+    own_settings = settings or Settings()
+    own_settings.check()
+    # a margin would fill holes; the splat knows neither glare nor paths, of which `choices` tells
+    settings = replace(own_settings, margin=0, suppress_glare=0.0, ghosts="mean")
     rig.check()
     own = next((t for t in tolerances if isclose(t, settings.tolerance, rel_tol=1e-6)), settings.tolerance)
     ladder = sorted({*tolerances, own}, reverse=True)  # Blender has the settings' own in single precision
@@ -175,7 +177,7 @@ def measure(
     reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)
     rungs = yield from within(_adaptive(detailed, dotted, settings, reference, ladder, runs), 0.15, 0.55)
     rungs += yield from within(_splats(reference, spps, runs, budget), 0.55, 0.9)
-    choices = yield from within(measure_choices(rig, settings), 0.9, 0.98)
+    choices = yield from within(measure_choices(rig, replace(own_settings, margin=0)), 0.9, 0.98)
     source = reference.source
     read_seconds = _median_seconds(read, runs) if read else None
     write_seconds = _median_seconds(lambda: write(source), runs) if write else None

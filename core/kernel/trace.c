@@ -302,7 +302,7 @@ static void meet_display(Ray *ray, const Hit *hit) {
     for (int k = 0; k < 2; k++) at[k] = w * uv[k] + hit->u * uv[2 + k] + hit->v * uv[4 + k];
     double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
     put_xy(ray, xy);
-    if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* beside its UV map */
+    if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
 }
 
 static void follow_one(Ray *ray) {

@@ -478,3 +478,10 @@ def test_the_measured_error_goes_with_the_tolerance():
     assert errors[0] > 4 * errors[2]
     assert errors[0] < tolerances[0] / 4
     assert solutions[0].n_rays < solutions[1].n_rays < solutions[2].n_rays
+
+
+def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
+    """Where the view map is told to be all of the work the rest of it goes on from there: `solve` looks at that."""
+    monkeypatch.setattr(reach, "AFTER_A_PIXEL", 0.0)
+    monkeypatch.setattr(reach, "AFTER_A_RAY", 0.0)
+    assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
