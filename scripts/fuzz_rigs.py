@@ -554,7 +554,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
         ours.max_events = round(dice.log(1, 10000))
     ours.effort = int(dice.log(1, 64))
     ours.only_through_glass, ours.brightness = dice.chance(0.7), dice.chance(0.3)
-    ours.suppress_glare = dice.uniform(0, 1) if dice.chance(0.3) else 0
+    ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
     ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"
     ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
     if dice.wild(0.15, "picture in the viewer's pixels"):

@@ -344,7 +344,7 @@ STAGES = (
     "operators.calibrate.fit",
     "operators.calibrate.extra_photographs",
     "operators.calibrate.as_data",
-    "core.reach.sample",
+    "core.reach.Sampling",
     "core.blender_result.image_from_pixels",
     "operators.calibrate.write_solution",
 )
