@@ -35,12 +35,13 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
         *((ghosts, settings.suppress_glare if glares else 0.0) for ghosts in ("mean", "strongest")),
         *((settings.ghosts, glare) for glare in glares),
     ])  # fmt: skip
-    # the first map knows light beside the glass: what is seen of all of them is seen through it
     ways = sorted(ways, key=lambda way: -way[1])
-    session, found, shower = Session(), [], None
+
+    session, found, first = Session(), [], None
     for n, (ghosts, glare) in enumerate(ways):
         here = replace(settings, ghosts=ghosts, suppress_glare=glare)
         solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))
-        shower = shower or solution
-        found.append(Choice(ghosts, glare, psnr(shower.seen(solution.source, beside=True) - shower.ideal())))
+        first = first or solution  # its map knows light beside the glass: all are seen through that
+        seen = first.seen(solution.source, beside=True)
+        found.append(Choice(ghosts, glare, psnr(seen - first.ideal())))
     return tuple(sorted(found))

@@ -35,13 +35,12 @@ class Paths:
     def add(self, shares: Shares) -> None:
         """Add some shares, which know their paths."""
         pixel = shares.display_index.astype(np.int64)
-        weight = shares.area if shares.throughput is None else shares.area * shares.throughput**2
         with np.errstate(over="ignore"):
             key = (shares.path ^ pixel.astype(np.uint64) * MIX) * MIX
         keys, first, of = np.unique(np.concatenate([self._key, key]), return_index=True, return_inverse=True)
         self._pixel = np.concatenate([self._pixel, pixel])[first]
         self._path = np.concatenate([self._path, shares.path])[first]
-        self._weight = np.bincount(of.ravel(), np.concatenate([self._weight, weight]), len(keys))
+        self._weight = np.bincount(of.ravel(), np.concatenate([self._weight, shares.weight]), len(keys))
         self._key = keys
 
     def strongest(self) -> NDArray[np.uint64]:

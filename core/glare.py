@@ -11,7 +11,7 @@ from .plan import Plan
 from .rig import Floats, Ints
 from .simulation import LUMINANCE
 from .steps import Pauses
-from .trace import Reason, tracing
+from .trace import tracing
 
 SIDE = 64  # rays along each side of the viewer's image: a share of a tenth is known to a hundredth
 SIDES = 0.5  # times the spread of the light through the glass: so far off its middle light is to one side of it
@@ -69,9 +69,8 @@ def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     place = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
     view = (place + np.random.default_rng(seed).random(place.shape)) / SIDE * (viewer.width, viewer.height)
     landings = yield from tracing(looking_beside(plan), *viewer.rays(view))
-    is_beside = (landings.reason == Reason.MISSED_GLASS) & (landings.branch != 0)
-    with np.errstate(invalid="ignore"):
-        is_seen = (landings.has_arrived | is_beside) & (landings.xy >= 0).all(axis=1)
-        is_seen &= (landings.xy < (display.width, display.height)).all(axis=1)
-    column, row = landings.xy[is_seen].astype(np.int64).T
-    return LightBeside(view[is_seen], row * display.width + column, landings.throughput[is_seen], is_beside[is_seen])
+
+    size = display.width, display.height
+    (is_through, pixel), (is_beside, beside) = landings.pixels(*size), landings.pixels_beside(*size)
+    is_seen = is_through | is_beside
+    return LightBeside(view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen])

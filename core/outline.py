@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from .picture import outline_in_view
+from .products import turn
 from .rig import Floats, Ints, Picture, Viewer
 from .view_map import Piece
 
@@ -30,20 +31,27 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
             continue
 
         yield piece.at(np.setdiff1d(np.arange(len(piece.view)), across))
-        corners = np.concatenate([piece.view, piece.display], axis=2)[across]
-        is_quad = corners.shape[1] == 4
-        quads, triangles = (corners[:0], corners) if not is_quad else (corners, np.empty((0, 3, 4)))
-        of_quads, of_triangles = (across, across[:0]) if is_quad else (across[:0], across)
-        for line in lines:
-            if is_quad:
-                quads, of_quads, corner, of_corner = _cut_across(quads, of_quads, line)
-                corner, of_corner = _in_triangles(corner, of_corner)
-                triangles = np.concatenate([triangles, corner])
-                of_triangles = np.concatenate([of_triangles, of_corner])
-            triangles, of_triangles = _cut(triangles, of_triangles, line)
-        for polygons, of in ((quads, of_quads), (triangles, of_triangles)):
-            if len(of):
-                yield Piece(polygons[..., :2], polygons[..., 2:], piece.throughput[of], piece.branch[of])
+        for polygons, of in _cut_along(lines, np.concatenate([piece.view, piece.display], axis=2)[across]):
+            number = across[of]
+            yield Piece(polygons[..., :2], polygons[..., 2:], piece.throughput[number], piece.branch[number])
+
+
+def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]:
+    """Quads (m, 4, 4) and triangles (m, 3, 4) of which none is across one of the lines, from polygons (n, k, 4).
+
+    After each the numbers of what they are of.
+    """
+    number, none = np.arange(len(polygons)), np.arange(0)
+    quads, triangles = (polygons, number), (np.empty((0, 3, 4)), none)
+    if polygons.shape[1] == 3:
+        quads, triangles = (np.empty((0, 4, 4)), none), (polygons, number)
+
+    for line in lines:
+        *quads, corners, of_corners = _cut_across(*quads, line)
+        others = _in_triangles(corners, of_corners)
+        triangles = _cut(*map(np.concatenate, zip(triangles, others, strict=True)), line)
+
+    return (some for some in (quads, triangles) if len(some[1]))
 
 
 def _across(lines: Floats, view: Floats) -> Ints:
@@ -58,7 +66,7 @@ def _across(lines: Floats, view: Floats) -> Ints:
 
 def _sides(lines: Floats, view: Floats) -> Floats:
     """How far within the picture points (..., 2) lie of lines (l, 3), viewer px: (..., l); 0 where they lie on them."""
-    side = view @ lines[:, :2].T + lines[:, 2]
+    side = turn(lines[:, :2], view) + lines[:, 2]
     return np.where(np.abs(side) < ON_LINE, 0.0, side)
 
 
@@ -75,20 +83,22 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
     """
     sign = np.sign(_sides(line[None], quads[..., :2])[..., 0]).astype(int)
     is_across = (sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)
+
     # two neighbours on each side: opposite corners are then on different ones
     is_crossed = is_across & (sign != 0).all(axis=1) & (sign == -np.roll(sign, 2, axis=1)).all(axis=1)
     whole, crossed, others = (np.flatnonzero(which) for which in (~is_across, is_crossed, is_across & ~is_crossed))
 
-    # the two within come first: the second of them is followed by one beside
+    # the two within come first: the second of them is followed by one beyond
     second = np.argmax((sign[crossed] > 0) & (np.roll(sign[crossed], -1, axis=1) < 0), axis=1)
     order = (second[:, None] + np.array([-1, 0, 1, 2])) % 4
     corners = np.take_along_axis(quads[crossed], order[..., None], axis=1)
     side = _sides(line[None], corners[..., :2])[..., 0]
     right, left = _on_edge(corners, side, 1, 2), _on_edge(corners, side, 0, 3)
     within = np.stack([corners[:, 0], corners[:, 1], right, left], axis=1)
-    beside = np.stack([left, right, corners[:, 2], corners[:, 3]], axis=1)
+    beyond = np.stack([left, right, corners[:, 2], corners[:, 3]], axis=1)
+
     return (
-        np.concatenate([quads[whole], within, beside]),
+        np.concatenate([quads[whole], within, beyond]),
         np.concatenate([of[whole], of[crossed], of[crossed]]),
         quads[others],
         of[others],
@@ -100,14 +110,13 @@ def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
     whole, across = np.flatnonzero(~is_across), np.flatnonzero(is_across)
+
     corners, side = _alone_first(triangles[across], side[across])
     start, end = (_on_edge(corners, side, 0, k) for k in (1, 2))
     apex = np.stack([corners[:, 0], start, end], axis=1)
     rest, of_rest = _in_triangles(np.stack([start, corners[:, 1], corners[:, 2], end], axis=1), of[across])
-    return (
-        np.concatenate([triangles[whole], apex, rest]),
-        np.concatenate([of[whole], of[across], of_rest]),
-    )
+
+    return np.concatenate([triangles[whole], apex, rest]), np.concatenate([of[whole], of[across], of_rest])
 
 
 def _alone_first(triangles: Floats, side: Floats) -> tuple[Floats, Floats]:

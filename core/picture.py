@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .display import uv_area
 from .errors import RigError
 from .meshes import interpolate
+from .products import turn_covariance
 from .ray_engine import Hits, Layer
 from .rig import Bools, Floats, Mesh, Picture, Viewer
 
@@ -66,10 +67,7 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
     size = np.array([width, height], float)
     n = len(view_xy)
     covariance = np.broadcast_to(covariance, (3, n))
-    if picture.mesh is None:
-        x, y = scale = size / (viewer.width, viewer.height)
-        return PicturePoints(view_xy * scale, np.ones(n), covariance * np.array([[x * x], [x * y], [y * y]]))
-    short_way = _homography(picture.mesh, viewer)
+    short_way = flat_way(picture, viewer)
     if short_way is None:
         return _by_tracing(picture, viewer, view_xy, covariance)
     points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((3, n)))
@@ -94,9 +92,7 @@ def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
     ------
     RigError : the picture is no flat rectangle
     """
-    if picture.mesh is None:
-        return _pixels(uv, np.array([viewer.width, viewer.height], float))
-    short_way = _homography(picture.mesh, viewer)
+    short_way = flat_way(picture, viewer)
     if short_way is None:
         raise RigError(f"The picture '{picture.name}' is no flat rectangle: points of it are told for such only.")
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
@@ -155,7 +151,7 @@ def _place(
     width, height = size
     (ux, uy, _), (vx, vy, _), (wx, wy, _) = matrix
     x_scale, y_scale = width * inverse, -height * inverse  # v goes up, pixels go down
-    spread = _turned(
+    spread = turn_covariance(
         covariance, (ux - u * wx) * x_scale, (uy - u * wy) * x_scale, (vx - v * wx) * y_scale, (vy - v * wy) * y_scale
     )
     (low_u, low_v), (high_u, high_v) = bounds
@@ -164,16 +160,6 @@ def _place(
     points.xy[some, 0], points.xy[some, 1] = x, y
     points.cover[some] = across * along * is_seen
     points.covariance[:, some] = spread
-
-
-def _turned(covariance: NDArray, xx: Floats, xy: Floats, yx: Floats, yy: Floats) -> Floats:
-    """Covariance (3, n) of points that were mapped by matrices [[xx, xy], [yx, yy]], each (n,)."""
-    a, b, c = covariance
-    found = np.empty((3, len(a)))
-    found[0] = xx * xx * a + 2 * xx * xy * b + xy * xy * c
-    found[1] = xx * yx * a + (xx * yy + xy * yx) * b + xy * yy * c
-    found[2] = yx * yx * a + 2 * yx * yy * b + yy * yy * c
-    return found
 
 
 def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Floats, Floats]:
@@ -254,7 +240,7 @@ def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, covariance: F
 
     xy[seen] = xy_at(view_xy[seen])
     (by_x, by_y) = (((xy_at(view_xy[seen] + STEP * d) - xy[seen]) / STEP).T for d in np.eye(2))
-    spread[:, seen] = _turned(covariance[:, seen], by_x[0], by_y[0], by_x[1], by_y[1])
+    spread[:, seen] = turn_covariance(covariance[:, seen], by_x[0], by_y[0], by_x[1], by_y[1])
     return PicturePoints(xy, is_seen.astype(float), spread)
 
 

@@ -8,6 +8,8 @@ depend on the machine. So products whose inner dimension is a handful and whose 
 (5 times as slow), and pieces small enough for BLAS to keep to one thread (the limits differ from version to version).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .rig import Floats
@@ -23,6 +25,16 @@ def turn(linear: Floats, vectors: Floats) -> Floats:
 def combine(weights: Floats, rows: Floats) -> Floats:
     """Sums (m, n) of long rows (k, n), with weights (m, k): `weights @ rows`. Faster where the rows are contiguous."""
     return np.einsum("mk,kn->mn", weights, rows)
+
+
+def turn_covariance(covariance: Sequence[Floats], a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Covariances (3, n), xx, xy and yy, of points that were mapped by matrices [[a, b], [c, d]]."""
+    xx, xy, yy = covariance
+    found = np.empty((3, len(xx)))
+    found[0] = a * a * xx + 2 * a * b * xy + b * b * yy
+    found[1] = a * c * xx + (a * d + b * c) * xy + b * d * yy
+    found[2] = c * c * xx + 2 * c * d * xy + d * d * yy
+    return found
 
 
 def solve_symmetric(matrices: Floats, right: Floats) -> Floats:

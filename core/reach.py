@@ -59,18 +59,21 @@ def sample_reached(
         started = perf_counter()
         plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         lap("plan")
-        began, n_pixels, sampling = perf_counter(), rig.viewer.width * rig.viewer.height, Sampling(plan)
-        steps, done = sampling.sample(), 0.0
+        began, sampling = perf_counter(), Sampling(plan)
+        of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height
+        steps, share = sampling.sample(), 0.0
         try:
             while True:
-                passed = perf_counter() - began
-                expected = (passed + DOUBT * SECONDS_A_PIXEL * n_pixels) / (done + DOUBT)
+                so_far = perf_counter() - began
+                in_all = (so_far + DOUBT * SECONDS_A_PIXEL * n_pixels) / (share + DOUBT)
                 after = AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * max(sampling.expected, sampling.n_done)
-                told = max(told, (began - started + passed) / (began - started + expected + after))
-                yield told  # what begins again has come no further
-                done = next(steps)
-        except StopIteration as done:
-            return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), done.value
+                told = max(
+                    told, (of_plan + so_far) / (of_plan + in_all + after)
+                )  # what begins again has come no further
+                yield told
+                share = next(steps)
+        except StopIteration as end:
+            return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), end.value
         except ReachedError as found:
             aside = tuple(number for k, number in enumerate(plan.aside) if k not in found.boxes)
             lap("tracing")

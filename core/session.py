@@ -24,7 +24,7 @@ from .reach import sample_reached
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Floats, Picture, Rig
 from .seen_image import seen_image
-from .shares import Coverage, ShareBatches, Shares
+from .shares import Coverage, ShareBatches, Shares, add_at
 from .simulation import PlateView, plate_view
 from .source_image import Painting, Strokes, find_strokes
 from .steps import Pauses, at, last_told, within
@@ -165,35 +165,29 @@ class _Optics:
 class _Placed:
     """What of a solve depends on the picture's place and size, but not on its colours.
 
-    The coverage is complete when all shares were made once. `strongest` (H * W,): the path that a pixel shows, None
-    where it shows the mean of all.
+    n_shares : about how many there are
+    coverage : complete when all shares were made once
+    strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
     """
 
     key: str
     shares: ShareBatches
+    n_shares: float
     coverage: Coverage
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
     strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
-    _of_strongest: Coverage | None = None
 
-    def add_weight(self, shown: Shares) -> None:
-        """Add some shares that are shown, where these are not all."""
+    def shown(self, shares: Shares) -> Shares:
+        """Those of some shares that display pixels show."""
         if self.strongest is None:
-            return
-        if self._of_strongest is None:
-            self._of_strongest = Coverage(shown.display_size, shown.view_size)
-        self._of_strongest.add(shown)
+            return shares
+        return shares.at(np.flatnonzero(self.strongest[shares.display_index] == shares.path))
 
     def view_coverage_in(self, view_map: ViewMap) -> Floats:
         """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
         return np.where(view_map.is_whole, 1.0, self.coverage.of_view)
-
-    @property
-    def weight(self) -> Floats:
-        """Sum (H, W) of area * throughput^2 over the shares that are shown."""
-        return (self._of_strongest or self.coverage).weight
 
 
 class _Clock:
@@ -242,14 +236,14 @@ class Session:
         yield told
         picture = rig.picture
         placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
-        placed = self._placed if self._placed and self._placed.key == placed_key else None
-        placed = placed or _placed(placed_key, optics.view_map, rig, settings)
-        n_shares = SHARES_OF_QUAD * optics.view_map.n_quads + OF_CUT * n_shares_of_cut(optics.view_map)
-        painting = yield from within(_paint(rig, placed, self._pyramid_of(picture), clock, n_shares), told, PAINTED)
+        placed = self._placed
+        if placed is None or placed.key != placed_key:
+            placed = _place(placed_key, optics.view_map, rig, settings)
+        painting = yield from within(_paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED)
         if is_new:
             _refuse_if_dark(optics, placed.shares)
             self._optics = optics
-        source = _finished(painting, placed, optics.weight_beside, settings)
+        source = _finished(painting, placed.coverage, optics.weight_beside, settings)
         clock.lap("painting")
         yield PAINTED
         if placed.covered is None:
@@ -264,7 +258,7 @@ class Session:
             rig,
             source,
             placed.shares,
-            placed.weight,
+            placed.coverage.weight,
             optics.view_map,
             placed.coverage.of_display,
             placed.view_coverage,
@@ -291,13 +285,13 @@ class Session:
         """
         clock = _Clock()
         _, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.5)
-        placed = _placed("", view_map, rig, settings)
+        placed = _place("", view_map, rig, settings)
         painting = yield from within(_paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0)
         if not len(placed.shares):
             raise RigError("The display stays dark.")
         _of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses what is out of sight
         beside = yield from at(1.0, _weight_beside(view_map, settings))
-        return _finished(painting, placed, beside, settings)
+        return _finished(painting, placed.coverage, beside, settings)
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The whole of a rig ready to be traced, with what is kept from before."""
@@ -336,51 +330,48 @@ class Session:
         return _Optics(key, plan, view_map, accuracy, plate, beside, weight), after
 
 
-def _paint(
-    rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock, n_shares: float = 0.0
-) -> Generator[float, None, Painting]:
-    """Add all shares, about so many, to a painting, and to the sums over them where these are new; yields progress."""
-    painting, is_new, n_painted = Painting(placed.shares.display_size), placed.covered is None, 0
-    told = 0.0
+def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
+    """Add all shares to a painting, and to the sums over them where these are new; yields progress 0..1."""
+    painting, is_new = Painting(placed.shares.display_size), placed.covered is None
+    n_painted, told = 0, 0.0
     clock.lap("painting")
     if is_new and placed.shares.has_path:
         placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
         clock.lap("ghosts")
+
     for n, shares in enumerate(placed.shares):
         clock.lap("shares")
-        shown = shares
-        if placed.strongest is not None:
-            shown = shares.at(np.flatnonzero(placed.strongest[shares.display_index] == shares.path))
+        is_known = n < len(placed.strokes)
+        shown = None if is_known and not is_new else placed.shown(shares)
         if is_new:
-            placed.coverage.add(shares)
-            placed.add_weight(shown)
+            placed.coverage.add(shares, shown)
             clock.lap("coverage")
-        if n < len(placed.strokes):
-            strokes = placed.strokes[n]
-        else:
-            strokes = find_strokes(rig.picture, rig.viewer, shown)
-            if n < MOST_PLACED:
-                placed.strokes.append(strokes)
+
+        strokes = placed.strokes[n] if is_known else find_strokes(rig.picture, rig.viewer, shown)
+        if not is_known and n < MOST_PLACED:
+            placed.strokes.append(strokes)
         painting.add(pyramid, strokes)
         clock.lap("painting")
+
         n_painted += len(shares)
-        told = max(told, n_painted / max(n_shares, MORE * n_painted))
+        told = max(told, n_painted / max(placed.n_shares, MORE * n_painted))
         yield told
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
     return painting
 
 
-def _placed(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> _Placed:
+def _place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> _Placed:
     """The shares of a map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, rig, settings)
-    return _Placed(key, shares, Coverage(shares.display_size, shares.view_size))
+    n_shares = SHARES_OF_QUAD * view_map.n_quads + OF_CUT * n_shares_of_cut(view_map)
+    return _Placed(key, shares, n_shares, Coverage(shares.display_size, shares.view_size))
 
 
-def _finished(painting: Painting, placed: _Placed, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:
+def _finished(painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:
     """The source image of a painting to which all shares were added."""
     held_back = None if beside is None else settings.suppress_glare * beside
-    return painting.finished(placed.weight, settings.margin, held_back)
+    return painting.finished(coverage.weight, settings.margin, held_back)
 
 
 def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
@@ -417,11 +408,12 @@ def _weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | Non
     if not settings.looks_beside:
         return None
 
-    coverage = Coverage(view_map.display_size, view_map.view_size)
+    width, height = view_map.display_size
+    weight = np.zeros((height, width))
     for shares in _shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
-        coverage.add(shares)
+        add_at(weight, shares.display_index, shares.weight)
         yield 0
-    return coverage.weight
+    return weight
 
 
 def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:

@@ -7,7 +7,7 @@ area inside, pixel by pixel, and no polygon is ever clipped. The same walk gives
 of the part of the cell that lies in a pixel; the inverse of the cell's map takes it back to the viewer's image.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
+from .products import turn_covariance
 from .rig import Floats, Ints
 
 THINNEST = 1e-5  # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
@@ -77,6 +78,11 @@ class Shares:
         return len(self.area)
 
     @property
+    def weight(self) -> Floats:
+        """How much (n,) each counts in its display pixel: area * throughput^2, viewer px^2."""
+        return _weighted(self.area, None if self.throughput is None else self.throughput**2)
+
+    @property
     def view_index(self) -> NDArray[np.integer]:
         """Viewer pixel (n,) int32 or int64 that holds each share's centroid: row * width + column."""
         width, height = self.view_size
@@ -110,7 +116,7 @@ def to_view(shares: Shares, values: NDArray[np.floating], weights: Floats | None
 class Coverage:
     """How much display and viewer see of each other: sums over shares, all of which are added before it is asked.
 
-    weight : (H, W) sum of area * throughput^2 over the shares of each display pixel, viewer px^2
+    weight : (H, W) sum of the weights of the shares that each display pixel shows, viewer px^2
     """
 
     def __init__(self, display_size: tuple[int, int], view_size: tuple[int, int]) -> None:
@@ -118,10 +124,10 @@ class Coverage:
             np.zeros(size[::-1]) for size in (display_size, display_size, view_size)
         )
 
-    def add(self, shares: Shares) -> None:
-        """Add some of the shares."""
-        squared = None if shares.throughput is None else shares.throughput**2
-        add_at(self.weight, shares.display_index, _weighted(shares.area, squared))
+    def add(self, shares: Shares, shown: Shares | None = None) -> None:
+        """Add some of the shares; shown : those of them that the display shows, where it does not show all."""
+        shown = shares if shown is None else shown
+        add_at(self.weight, shown.display_index, shown.weight)
         add_at(self._display, shares.display_index, shares.display_area)
         add_at(self._view, shares.view_index, shares.area)
 
@@ -188,7 +194,8 @@ def rasterise(
     as font rasterisers do (signed areas, accumulated along rows); the moments are Green's theorem on the same edges.
     """
     sizes = display_size, view_size
-    return _joined(*sizes, throughput is not None, _divided(*sizes, view_polygons, display_polygons, throughput))
+    parts = _divided(*sizes, view_polygons, display_polygons, throughput)
+    return _joined([_no_shares(*sizes, throughput is not None), *parts])
 
 
 class ShareBatches:
@@ -251,46 +258,33 @@ class ShareBatches:
                 parts.append(part)
                 n += len(part)
                 if n >= SHARES_AT_ONCE:
-                    yield _joined(*sizes, self.has_throughput, parts, self.has_path)
+                    yield _joined(parts)
                     parts, n = [], 0
         if parts:
-            yield _joined(*sizes, self.has_throughput, parts, self.has_path)
+            yield _joined(parts)
 
 
-def _joined(
-    display_size: tuple[int, int],
-    view_size: tuple[int, int],
-    has_throughput: bool,
-    parts: Iterable[Shares],
-    has_path: bool = False,
-) -> Shares:
-    """Shares of the same sizes, in one."""
+def _no_shares(display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool) -> Shares:
     none = np.empty(0)
-    first = Shares(
-        display_size,
-        view_size,
-        np.empty(0, _index_type(display_size)),
-        np.empty((0, 2)),
-        np.empty((3, 0), np.float32),
-        *(none, none),
-        none if has_throughput else None,
-        none.astype(np.uint64) if has_path else None,
-    )
-    parts = [first, *parts]
+    index, place, covariance = np.empty(0, _index_type(display_size)), np.empty((0, 2)), np.empty((3, 0), np.float32)
+    throughput = none if has_throughput else None
+    return Shares(display_size, view_size, index, place, covariance, none, none, throughput)
 
-    def joined(name: str, axis: int = 0) -> NDArray:
-        return np.concatenate([getattr(part, name) for part in parts], axis=axis)
+
+def _joined(parts: Sequence[Shares]) -> Shares:
+    """Shares of the same sizes, one part or more, in one."""
+
+    def joined(name: str, axis: int = 0) -> NDArray | None:
+        values = [getattr(part, name) for part in parts]
+        return None if values[0] is None else np.concatenate(values, axis=axis)
 
     return Shares(
-        display_size,
-        view_size,
+        parts[0].display_size,
+        parts[0].view_size,
         joined("display_index"),
         joined("view_xy"),
         joined("covariance", axis=1),
-        joined("area"),
-        joined("display_area"),
-        joined("throughput") if has_throughput else None,
-        joined("path") if has_path else None,
+        *map(joined, ("area", "display_area", "throughput", "path")),
     )
 
 
@@ -660,19 +654,12 @@ def _spread_on_view(inverse: Floats, forward: Floats, xx: Floats, xy: Floats, yy
     """
     s_x, s_y, _, t_x, t_y, *_ = inverse
     _, us, ut, _, _, vs, vt, _ = forward
-    ss, st, tt = _turned(s_x, s_y, t_x, t_y, xx, xy, yy)
+    ss, st, tt = turn_covariance((xx, xy, yy), s_x, s_y, t_x, t_y)
+
     ss, tt = np.clip(ss, 0, 0.25), np.clip(tt, 0, 0.25)
     most = np.sqrt(ss * tt)
-    return np.array(_turned(us, ut, vs, vt, ss, np.clip(st, -most, most), tt), np.float32)
-
-
-def _turned(a: Floats, b: Floats, c: Floats, d: Floats, xx: Floats, xy: Floats, yy: Floats) -> tuple[Floats, ...]:
-    """Covariances of points mapped by matrices [[a, b], [c, d]]."""
-    return (
-        a * a * xx + 2 * a * b * xy + b * b * yy,
-        a * c * xx + (a * d + b * c) * xy + b * d * yy,
-        c * c * xx + 2 * c * d * xy + d * d * yy,
-    )
+    in_cell = ss, np.clip(st, -most, most), tt
+    return turn_covariance(in_cell, us, ut, vs, vt).astype(np.float32)
 
 
 def _along_rows(values: Floats, widths: Ints) -> Floats:

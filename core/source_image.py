@@ -13,7 +13,7 @@ from .rig import Bools, Floats, Picture, Viewer
 from .shares import Shares, add_at
 from .trace import CHUNK, PlateLight, trace
 
-Strokes = Taps | kernel.Strokes
+Strokes = Taps | kernel.FlatStrokes
 
 
 class Painting:
@@ -28,7 +28,7 @@ class Painting:
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
         """Add shares by what `find_strokes` found of them."""
-        if isinstance(strokes, kernel.Strokes):
+        if isinstance(strokes, kernel.FlatStrokes):
             kernel.paint(self._total, pyramid.levels, strokes)
             return
         for total, values in zip(self._total, pyramid.read(strokes), strict=True):
@@ -43,13 +43,15 @@ class Painting:
         margin : px by which the covered area is grown outward
         beside : (H, W), the same sum over light that shall be dark, which comes beside the glass
         """
-        covered, is_free = weight > 0, None
+        covered, is_free = weight > 0, True
         if beside is not None:
             weight, is_free = weight + beside, beside == 0
+
         image = np.empty((*weight.shape, 3), np.float32)
         for channel, total in enumerate(self._total):
             np.divide(total, weight, out=total, where=covered)
             image[..., channel] = total
+
         return grow(image, covered, margin, is_free)
 
 
@@ -61,7 +63,7 @@ def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
     """
     way = flat_way(picture, viewer) if kernel.library() is not None else None
     if way is not None:
-        return kernel.Strokes(shares, way, picture.image.shape[1::-1])
+        return kernel.FlatStrokes(shares, way, picture.image.shape[1::-1])
     points = picture_from_view(picture, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
@@ -70,8 +72,8 @@ def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
     return replace(taps, point=shares.display_index[taps.point])
 
 
-def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | None = None) -> NDArray[np.float32]:
-    """Fill pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
+def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | bool = True) -> NDArray[np.float32]:
+    """Fill free pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
     for _ in range(margin):
         padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
         mask = np.pad(covered.astype(np.float32), 1)
@@ -79,9 +81,7 @@ def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools
         around = [(dy, dx) for dy in range(3) for dx in range(3)]
         count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
         total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
-        new = (count > 0) & ~covered
-        if is_free is not None:
-            new &= is_free
+        new = (count > 0) & ~covered & is_free
         image = image.copy()
         image[new] = total[new] / count[new, None]
         covered = covered | new

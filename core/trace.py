@@ -89,10 +89,22 @@ class Landings:
     def has_arrived(self) -> Bools:
         return self.reason == Reason.ARRIVED
 
+    @property
+    def is_beside_glass(self) -> Bools:
+        """Did light come by way of the plate, beside the glass? None did where the settings do not look beside it."""
+        return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
+
     def pixels(self, width: int, height: int) -> tuple[Bools, Ints]:
         """Which (n,) are on the display's image of a size, and at which of its pixels, row by row; 0 for the others."""
+        return self._pixels_of(self.has_arrived, width, height)
+
+    def pixels_beside(self, width: int, height: int) -> tuple[Bools, Ints]:
+        """The same of light beside the glass."""
+        return self._pixels_of(self.is_beside_glass, width, height)
+
+    def _pixels_of(self, some: Bools, width: int, height: int) -> tuple[Bools, Ints]:
         with np.errstate(invalid="ignore"):
-            is_seen = self.has_arrived & (self.xy >= 0).all(axis=1) & (self.xy < (width, height)).all(axis=1)
+            is_seen = some & (self.xy >= 0).all(axis=1) & (self.xy < (width, height)).all(axis=1)
         column, row = np.where(is_seen[:, None], self.xy, 0).astype(np.int64).T
         return is_seen, row * width + column
 
@@ -381,10 +393,10 @@ def _end_without_hit(plan: Plan, rays: _Rays, lost: Ints) -> None:
         Reason.MISSED_DISPLAY,
     )
     if plan.display_plane is not None:
-        beside = lost[(rays.reason[lost] == Reason.MISSED_DISPLAY) | _is_beside_glass(plan, rays, lost)]
-        xy, _, is_front = _on_plane(plan, rays, beside)
-        rays.xy[beside[is_front]] = xy[is_front]
-        rays.add_to_branch(beside[is_front], plan.patch[-1], _LAND)
+        asked = lost[(rays.reason[lost] == Reason.MISSED_DISPLAY) | _is_beside_glass(plan, rays, lost)]
+        xy, _, is_front = _on_plane(plan, rays, asked)
+        rays.xy[asked[is_front]] = xy[is_front]
+        rays.add_to_branch(asked[is_front], plan.patch[-1], _LAND)
 
 
 def _on_plane(plan: Plan, rays: _Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
@@ -566,8 +578,8 @@ def _meet_display(plan: Plan, rays: _Rays, i: Ints, hits: Hits, by_layer: list[H
     xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
     lands = (reason == Reason.ARRIVED) | _is_beside_glass(plan, rays, i) & is_front
     rays.xy[i] = np.where(lands[:, None], xy, np.nan)
-    is_beside = (reason == Reason.ARRIVED) & ~_is_on_image(plan, xy)  # the UV map leaves the image
-    rays.reason[i[is_beside]] = Reason.MISSED_DISPLAY
+    is_off = (reason == Reason.ARRIVED) & ~_is_on_image(plan, xy)  # the UV map leaves the image
+    rays.reason[i[is_off]] = Reason.MISSED_DISPLAY
 
 
 _MEETINGS = {

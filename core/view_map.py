@@ -138,7 +138,7 @@ class ViewMap:
             & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
         )  # fmt: skip
 
-    def _is_beside(self, points: Ints) -> Bools:
+    def _is_beside_glass(self, points: Ints) -> Bools:
         """Is light of these landed points beside the glass?"""
         return self.points.reason[points] == Reason.MISSED_GLASS
 
@@ -150,7 +150,7 @@ class ViewMap:
     @property
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
-        some = self._is_inside & ~self._is_beside(self.nodes[:, 0])
+        some = self._is_inside & ~self._is_beside_glass(self.nodes[:, 0])
         return _filled(self.view_size, self.corner[some], self.size[some], np.ones(int(some.sum()), bool), False)
 
     def pieces(self, at_pixels: bool = False, beside: bool = False) -> Iterator[Piece]:
@@ -159,17 +159,17 @@ class ViewMap:
         Each lies within one viewer pixel when asked to, but for the squares around samples, whose middles do.
         """
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
-        asked = np.flatnonzero(self._is_beside(self.nodes[:, 0]) == beside)
+        asked = np.flatnonzero(self._is_beside_glass(self.nodes[:, 0]) == beside)
         for m, cells in _by(parts[asked]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
                 yield self._quads_of(asked[cells[first : first + step]], m)
         for kind in (self.quads, self.triangles):
-            asked = kind[self._is_beside(kind[:, 0]) == beside]
+            asked = kind[self._is_beside_glass(kind[:, 0]) == beside]
             for first in range(0, len(asked), QUADS_AT_ONCE):
                 yield self._polygons(asked[first : first + QUADS_AT_ONCE])
         landed = self.points.branch[self.samples] != 0
-        asked = np.flatnonzero(landed & (self._is_beside(self.samples) == beside))
+        asked = np.flatnonzero(landed & (self._is_beside_glass(self.samples) == beside))
         for first in range(0, len(asked), QUADS_AT_ONCE):
             yield self._samples_as_squares(asked[first : first + QUADS_AT_ONCE])
 
@@ -492,7 +492,8 @@ class Sampling:
     def _measure(self, view_map: ViewMap, smooth: _Squares, pixels: Ints) -> Generator[int, None, MapError]:
         """Errors of the map at random places of smooth squares, and of the finest pixels, corners (n, 4)."""
         random = np.random.default_rng(0)
-        smooth = smooth.at(~view_map._is_beside(self._at_nodes(smooth)[:, 0]))  # light beside the glass is no picture's
+        # light beside the glass carries no picture
+        smooth = smooth.at(~view_map._is_beside_glass(self._at_nodes(smooth)[:, 0]))
         n_smooth, n_pixels = (min(SAMPLED, 16 * len(kind)) for kind in (smooth, pixels))
         squares = smooth.at(
             random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum()) if n_smooth else []
@@ -512,8 +513,8 @@ class Sampling:
         is_sampled = np.zeros(len(at), bool)
         is_sampled[view_map._nearest_samples(at, np.isnan(expected[:, 0]))[0]] = True
         seen = is_seen(expected, found.xy, self.display_size) & is_in_image(at, self.view_size)
-        is_beside = view_map._is_beside(some).all(axis=1) & (found.reason[n_smooth:] == Reason.MISSED_GLASS)
-        seen[n_smooth:] &= ~is_beside
+        is_beside_glass = view_map._is_beside_glass(some).all(axis=1)
+        seen[n_smooth:] &= ~is_beside_glass | (found.reason[n_smooth:] != Reason.MISSED_GLASS)
         whole = max(float(area[seen].sum()), 1e-300)
         sampled = float(area[seen & is_sampled].sum() / whole)
         seen &= ~is_sampled

@@ -223,9 +223,10 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     text = write_solution(scene, reading, solution)
     yield text
 
-    size = tuple(reading.display_size) if reading.display_size is not None else None
     yield "looking beside the glass"
     yield from _progress(solution.look_beside())
+
+    size = tuple(reading.display_size) if reading.display_size is not None else None
     linear = arguments.format if arguments.format.startswith("EXR") else "EXR_FLOAT"
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
         ("source", solution.source, arguments.format, size),

@@ -23,7 +23,7 @@ from time import perf_counter, process_time
 import numpy as np
 from bench_irregular import CHOICES
 from glasses import GLASSES, INDICES, made
-from reference_rigs import rig
+from reference_rigs import glass_rig
 
 from kiriko.core import kernel
 from kiriko.core.choices import measure_choices
@@ -31,8 +31,6 @@ from kiriko.core.ghosts import Paths
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.session import Session, Solution, finish
-
-BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}
 
 
 def main() -> None:
@@ -84,7 +82,7 @@ class Steps:
 
 def rig_of(name: str, mesh: Mesh) -> Rig:
     """A glass on the bench."""
-    return rig(mesh, ior=INDICES.get(name, 1.49), **BENCH)
+    return glass_rig(mesh, ior=INDICES.get(name, 1.49))
 
 
 def print_light(arguments: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -22,25 +22,20 @@ from time import perf_counter
 import numpy as np
 from bench_side_by_side import SPP, Judge, zone_plate
 from mitsuba_splat import MitsubaSplat, image_from_sums
-from reference_rigs import rig
+from reference_rigs import glass_rig
 
-from environments import ROOT, clean_environment, empty_profile, link_package, machine, newest_blender, set_up
+from environments import machine, run_in_newest_blender
 from kiriko.core import kernel
 from kiriko.core.meshes import geometric_normals
 from kiriko.core.plan import Settings
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.session import Session, Solution, finish
 
-BENCH = {"field": 0.06, "picture": 0.035, "display": 0.1}  # as in bench_glasses.py
-
 
 def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
     """Glasses and their indices by name, made by Blender, which is not in this process."""
-    paths = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"
-    with empty_profile() as profile:
-        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=":".join(map(str, paths)))
-        command = [set_up(*newest_blender()), ROOT / "scripts" / "glasses.py", folder, *names]
-        subprocess.run(command, env=variables, check=True)
+    if run_in_newest_blender("glasses.py", folder, *names):
+        sys.exit("The glasses were not made, for the reason above.")
     return {path.stem: _loaded(path) for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)}
 
 
@@ -82,7 +77,7 @@ def solved(a_rig: Rig, surface: str) -> Solution:
 
 def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
     """Print the line of a glass."""
-    a_rig = rig(mesh, ior=index, image=zone_plate(), **BENCH)
+    a_rig = glass_rig(mesh, ior=index, image=zone_plate())
     splat = MitsubaSplat(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),)))
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
     splat.sums(SPP)  # compiled by now

@@ -16,11 +16,11 @@ from environments import (
     ROOT,
     ToolError,
     clean_environment,
-    empty_profile,
     find_python,
     link_package,
     newest_blender,
     run,
+    run_in_newest_blender,
     set_up,
 )
 from script_help import show_options
@@ -60,12 +60,7 @@ def run_in_blender(script: str, rest: list[str]) -> None:
     """Run a script beside this one in the newest Blender, and leave with its exit code."""
     answer_help(script, rest)
     build_kernel.provide()
-    interpreter = set_up(*newest_blender())
-    with empty_profile() as profile:
-        folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"  # with the tests' rigs
-        path = os.pathsep.join(map(str, folders))
-        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
-        sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
+    sys.exit(run_in_newest_blender(script, *rest))
 
 
 def bench(arguments: argparse.Namespace) -> None:

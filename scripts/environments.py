@@ -191,6 +191,16 @@ def empty_profile() -> Iterator[str]:
         yield folder
 
 
+def run_in_newest_blender(script: str, *options: str | Path) -> int:
+    """Run a script beside this one in the newest Blender, with the tests' rigs; its exit code."""
+    interpreter = set_up(*newest_blender())
+    with empty_profile() as profile:
+        folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"
+        path = os.pathsep.join(map(str, folders))
+        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
+        return subprocess.run([interpreter, ROOT / "scripts" / script, *options], env=variables).returncode
+
+
 def missing_library(interpreter: Path) -> str | None:
     """Name of the first shared library that importing bpy does not find, or None."""
     with empty_profile() as profile:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from demo import RIGS
 from glasses import made
-from reference_rigs import rig
+from reference_rigs import glass_rig
 
 import kiriko
 from kiriko.core import image_io
@@ -85,7 +85,7 @@ def run_glare(folder: Path) -> None:
     """Write glare_seen.png and glare_suppressed.png: all that is seen of a vase, by Kiriko's own map."""
     pattern = np.concatenate([star_pattern(), np.ones((1024, 1024, 1), np.float32)], axis=2)
     mesh = replace(made("vase"), surface="automatic")
-    a_rig = rig(mesh, image=pattern, pixels=PIXELS, field=0.06, picture=0.035, display=0.1)
+    a_rig = glass_rig(mesh, image=pattern, pixels=PIXELS)
     for what, weight in (("seen", 0.0), ("suppressed", 1.0)):
         solution = finish(Session().solve(a_rig, Settings(suppress_glare=weight)))
         image_io.write(folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True)

@@ -17,7 +17,7 @@ from ..rig import Floats, Ints
 from ..steps import Pauses
 from .dividing import can_divide, divided
 from .loading import library, loaded, n_threads, off, use_threads
-from .painting import Strokes, paint
+from .painting import FlatStrokes, paint
 from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..trace import _Rays
 
 __all__ = [
-    "Strokes",
+    "FlatStrokes",
     "Ways",
     "can_divide",
     "can_follow",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..shares import Shares
 
 
-class Strokes:
+class FlatStrokes:
     """Shares and the way from the viewer's image to a flat picture: colours are read whenever they are painted.
 
     Parameters
@@ -37,7 +37,7 @@ class Strokes:
         made.set(n=len(shares), matrix=matrix, low=low, high=high, size=np.array(size, float))
 
 
-def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: Strokes) -> None:
+def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStrokes) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
     Parameters

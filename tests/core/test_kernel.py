@@ -466,7 +466,7 @@ def assert_same_shares(size, view, polygons):
     number = np.arange(float(n))
     with kernel.off(), np.errstate(invalid="ignore", over="ignore"):
         parts = [rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number))) for i in range(n)]
-    expected = shares_module._joined(size, (2, 2), True, parts)
+    expected = shares_module._joined(parts)
     found = rasterise(size, (2, 2), view, polygons, number)
     (key, *of_numpy), (other, *of_kernel) = (by_cell_and_pixel(some, n) for some in (expected, found))
     both, here, there = np.intersect1d(key, other, return_indices=True)
@@ -532,7 +532,7 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
         parts = list(shares_module._divided(size, (2, 2), view, quads, throughput))
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
-        found = shares_module._joined(size, (2, 2), True, parts)
+        found = shares_module._joined(parts)
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
     monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 7)
@@ -671,7 +671,7 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
     viewer = viewer_of("perspective")
     assert isinstance(find_strokes(Picture("p", image, bent), viewer, shares), Taps)
     strokes = find_strokes(Picture("p", image, PICTURES["turned"]), viewer, shares)
-    assert isinstance(strokes, kernel.Strokes)
+    assert isinstance(strokes, kernel.FlatStrokes)
     painting = Painting(shares.display_size)
     with kernel.off():
         painting.add(Pyramid(image), strokes)
