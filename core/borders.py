@@ -221,15 +221,15 @@ def _in_chaos(branch: Words, of_middle: Words, is_mixed: Bools, square: Ints) ->
 
 def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
     """Do the pieces (t, 3) of cells (m, 4) that own them (t,) leave out a part of one with all corners lit?"""
-    covered = np.bincount(owner, areas(points.view[pieces]), len(cells))
+    covered = np.bincount(owner, areas(points.view, pieces), len(cells))
     side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
     return (points.branch[cells] != 0).all(axis=1) & (covered < (1 - GAP) * side**2)
 
 
-def areas(triangles: Floats) -> Floats:
-    """Areas (t,) of triangles (t, 3, 2)."""
-    a, b = np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)
-    return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+def areas(points: Floats, triangles: Ints) -> Floats:
+    """Areas (t,) of triangles (t, 3) between points (n, 2)."""
+    (ax, ay), (bx, by), (cx, cy) = (points[corner].T for corner in triangles.T)
+    return 0.5 * np.abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
 def _missed(
@@ -332,13 +332,13 @@ def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
 
 def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
     """Triangles (t, 3) of convex polygons, whose corners are the members of each row in order, and the rows (t,)."""
-    order = np.argsort(~is_member, axis=1, kind="stable")
-    polygon = np.take_along_axis(places, order, axis=1)
+    members = places[is_member]
     n_corners = is_member.sum(axis=1)
+    first = np.cumsum(n_corners) - n_corners
     fans, rows = [], []
-    for k in range(1, polygon.shape[1] - 1):
+    for k in range(1, places.shape[1] - 1):
         row = np.flatnonzero(n_corners > k + 1)
-        fans.append(polygon[row][:, [0, k, k + 1]])
+        fans.append(members[first[row, None] + np.array([0, k, k + 1])])
         rows.append(row)
     return np.concatenate(fans), np.concatenate(rows)
 

@@ -6,7 +6,7 @@ compiled kernel and without it.
 
 import numpy as np
 
-from .borders import OF_POINT, areas
+from .borders import OF_POINT
 from .free_memory import check_free
 from .meshes import SAME_NORMAL
 from .plan import Settings
@@ -43,7 +43,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)
     n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
     n_kept, n_more = min(n_shares, MOST_KEPT), min(n_quads, max(MOST_KEPT - n_shares, 0.0))
-    n_cut, n_points = (0.0, 0) if view_map is None else (n_shares_of_cut(view_map), len(view_map.points))
+    n_cut, n_points = (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
     return {
         "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
@@ -53,20 +53,6 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
         "always": ALWAYS,
     }
-
-
-def n_shares_of_cut(view_map: ViewMap) -> float:
-    """About how many shares the pixels of a map make that are cut in pieces, or sampled.
-
-    One for each display pixel of a piece, one for each sample.
-    """
-    xy = view_map.points.xy[view_map.triangles]
-    size = np.array(view_map.display_size)
-    low, high = np.clip(xy.min(axis=1), 0, size), np.clip(xy.max(axis=1), 0, size)
-    columns, rows = (np.ceil(high) - np.floor(low)).T
-    with np.errstate(over="ignore"):
-        area = areas(xy)
-    return float(np.minimum(columns * rows, area + columns + rows).sum()) + len(view_map.samples)
 
 
 def _n_curved(mesh: Mesh) -> int:

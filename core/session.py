@@ -16,7 +16,7 @@ from .accuracy import Accuracy, measure
 from .errors import RigError
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
-from .memory import check_borders, check_memory, n_shares_of_cut
+from .memory import check_borders, check_memory
 from .outline import cut_along_outline
 from .picture import Pyramid, ideal_image, of_square, picture_from_view, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
@@ -364,7 +364,7 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
 def _place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> _Placed:
     """The shares of a map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, rig, settings)
-    n_shares = SHARES_OF_QUAD * view_map.n_quads + OF_CUT * n_shares_of_cut(view_map)
+    n_shares = SHARES_OF_QUAD * view_map.n_quads + OF_CUT * view_map.n_cut_shares
     return _Placed(key, shares, n_shares, Coverage(shares.display_size, shares.view_size))
 
 

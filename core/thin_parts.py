@@ -12,7 +12,7 @@ from .steps import Pauses
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
 PAIRS_AT_ONCE, BOXES_AT_ONCE = 1 << 18, 1 << 13
-TURNS = 2  # in which the boxes of a level are looked into
+MANY, TURNS = 4096, 2  # pairs of a bundle and a box, from which on they are looked into in so many turns
 WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 
@@ -28,21 +28,19 @@ class _Bundles:
     owner: Ints
 
     @cached_property
-    def start(self) -> Floats:
-        """Where (3, n) cones begin."""
-        return np.ascontiguousarray(self.ends[:, 0, self.ends.shape[2] // 2].T)
+    def outer(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+        """Along each axis, the upper and the lower line of cones: where each begins, and its way to the end, (3, n).
 
-    @cached_property
-    def way(self) -> Floats:
-        """From the beginning (3, n) of cones to their end."""
-        return self.ends[:, 1, self.ends.shape[2] // 2].T - self.start
-
-    @cached_property
-    def radius(self) -> Floats:
-        """Radius (2, n) of cones at their beginning and end."""
+        No way is -0.0.
+        """
         middle = self.ends.shape[2] // 2
         off = self.ends - self.ends[:, :, middle : middle + 1]
-        return np.sqrt((off * off).sum(axis=3).max(axis=2)).T.copy()
+        radius = np.sqrt((off * off).sum(axis=3).max(axis=2)).T
+        start, end = np.moveaxis(self.ends[:, :, middle], 0, 2)
+        return tuple(
+            (np.ascontiguousarray(start + sign * radius[0]), end - start + sign * (radius[1] - radius[0]) + 0.0)
+            for sign in (1, -1)
+        )
 
 
 class ThinParts:
@@ -103,10 +101,11 @@ class ThinParts:
     def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> Pauses[None]:
         """Mark the owners of bundles i (n,) that come near a triangle in boxes `node` (n,) of a level.
 
-        One triangle is enough for an owner, so the boxes are looked into in turns, and those of marked owners left out.
+        One triangle is enough for an owner: many boxes are looked into in turns, and those of marked owners left out.
         """
-        for turn in range(TURNS):
-            some = np.arange(turn, len(i), TURNS)
+        turns = TURNS if len(i) > MANY else 1
+        for turn in range(turns):
+            some = np.arange(turn, len(i), turns)
             some = some[~touched[bundles.owner[i[some]]]]
 
             for first in range(0, len(some), BOXES_AT_ONCE):
@@ -200,27 +199,18 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
 
 
 def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
-    """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?"""
-    radius = np.take(bundles.radius, i, axis=1)
-    at_most = radius.max(axis=0)
-    enter, leave = _slabs(bundles, i, low - at_most, high + at_most)
-    # those that are left once more, no wider than the cone is where it meets the box
-    near = np.flatnonzero(enter <= leave)
-    first, last = radius[:, near]
-    widest = first + (last - first) * np.where(last > first, leave[near], enter[near])
-    widest = np.clip(widest, 0.0, at_most[near])
-    enter, leave = _slabs(bundles, i[near], low[:, near] - widest, high[:, near] + widest)
-    is_near = np.zeros(len(i), bool)
-    is_near[near] = enter <= leave
-    return is_near
+    """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?
 
-
-def _slabs(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Where (n,), 0..1 of their way, the middles of bundles i (n,) enter and leave boxes low to high (3, n)."""
-    start, way = np.take(bundles.start, i, axis=1), np.take(bundles.way, i, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / way
-        a, b = (low - start) * inverse, (high - start) * inverse
-    near, far = np.fmin(a, b), np.fmax(a, b)
-    # reductions along the first axis: along rows of three they are several times slower
-    return np.fmax.reduce(near, axis=0, initial=0.0), np.fmin.reduce(far, axis=0, initial=1.0)
+    Along each axis a cone reaches, at a part 0..1 of its way, from one line to another: from when to when is it above
+    the box's lower side, and below its upper one?
+    """
+    enter, leave = np.zeros(len(i)), np.ones(len(i))
+    for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
+        way = np.take(way, i, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (side - np.take(start, i, axis=1)) / way  # of a line along the side: inf, so that it always is or never
+        comes = (way >= 0) == is_lower
+        # reductions along the first axis: along rows of three they are several times slower
+        enter = np.fmax(enter, np.fmax.reduce(np.where(comes, at, -np.inf), axis=0))
+        leave = np.fmin(leave, np.fmin.reduce(np.where(comes, np.inf, at), axis=0))
+    return enter <= leave

@@ -7,14 +7,14 @@ the nodes are the pixels' corners: pixels whose corners lie on one branch are ce
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import interpolation
-from .borders import QUARTERINGS, Paths, Points, cut, in_triangles, is_in_image, is_seen, trace_points
+from .borders import QUARTERINGS, Paths, Points, areas, cut, in_triangles, is_in_image, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
 from .rig import Bools, Floats, Ints
@@ -147,6 +147,19 @@ class ViewMap:
         """How many quads stand for smooth cells."""
         return int((self._n_parts**2).sum())
 
+    @cached_property
+    def n_cut_shares(self) -> float:
+        """About how many shares the pixels make that are cut in pieces, or sampled.
+
+        One for each display pixel of a piece, one for each sample.
+        """
+        corners = [self.points.xy[number] for number in self.triangles.T]
+        low, high = (np.clip(reduce(bound, corners), 0, self.display_size) for bound in (np.minimum, np.maximum))
+        columns, rows = (np.ceil(high) - np.floor(low)).T
+        with np.errstate(over="ignore"):
+            area = areas(self.points.xy, self.triangles)
+        return float(np.minimum(columns * rows, area + columns + rows).sum()) + len(self.samples)
+
     @property
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
@@ -176,7 +189,7 @@ class ViewMap:
     def _polygons(self, corners: Ints) -> Piece:
         """Pieces with these points (n, 4 or 3) as corners."""
         points = self.points
-        of_piece = points.throughput[corners].mean(axis=1), points.branch[corners[:, 0]]
+        of_piece = _mean(points.throughput, corners), points.branch[corners[:, 0]]
         return Piece(points.view[corners], points.xy[corners], *of_piece)
 
     def _samples_as_squares(self, some: Ints) -> Piece:
@@ -229,7 +242,7 @@ class ViewMap:
         whole = np.flatnonzero(owner < -1)
         rays, quads = in_image[whole], self.quads[-2 - owner[whole]]
         found[rays] = _bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
-        triangles, of_pixel = self._triangles_by_pixel
+        triangles, of_pixel = self._triangles_in(pixel)
         for some, k in _each_in(of_pixel, pixel):
             rays, corners = in_image[some], triangles[k]
             inside, at = in_triangles(self.points.view[corners], self.points.xy[corners], xy[rays])
@@ -272,20 +285,20 @@ class ViewMap:
         owner[row, column] = -2 - np.arange(len(self.quads))
         return owner
 
-    @cached_property
-    def _triangles_by_pixel(self) -> tuple[Ints, Ints]:
-        """Triangles (t, 3) in the order of their pixels, and these (t,)."""
-        order, pixel = self._by_pixel(self.points.view[self.triangles].mean(axis=1))
-        return self.triangles[order], pixel
+    def _triangles_in(self, pixels: Ints) -> tuple[Ints, Ints]:
+        """Triangles (t, 3) of pixels (n,), by number, and the pixel of each (t,), sorted."""
+        w, h = self.view_size
+        is_asked = np.zeros(w * h, bool)
+        is_asked[pixels] = True
+        of_triangle = self._pixel(_mean(self.points.view, self.triangles))
+        some = np.flatnonzero(is_asked[of_triangle])
+        some = some[np.argsort(of_triangle[some], kind="stable")]
+        return self.triangles[some], of_triangle[some]
 
     @cached_property
     def _samples_by_pixel(self) -> tuple[Ints, Ints]:
-        """Numbers (s,) of samples in the order of their pixels, and these (s,)."""
-        return self._by_pixel(self.points.view[self.samples])
-
-    def _by_pixel(self, xy: Floats) -> tuple[Ints, Ints]:
-        """The order (n,) of viewer px (n, 2) by their pixels, and these pixels (n,), sorted."""
-        pixel = self._pixel(xy)
+        """Numbers (s,) of samples in the order of their pixels, and these (s,), sorted."""
+        pixel = self._pixel(self.points.view[self.samples])
         order = np.argsort(pixel, kind="stable")
         return order, pixel[order]
 
@@ -558,6 +571,11 @@ def _each_in(owners: Ints, wanted: Ints) -> Iterator[tuple[Ints, Ints]]:
     for k in range(int((last - first).max(initial=0))):
         some = np.flatnonzero(first + k < last)
         yield some, first[some] + k
+
+
+def _mean(values: Floats, corners: Ints) -> Floats:
+    """Means (n, ...) of values (m, ...) at corners (n, k): corner by corner, many times faster than over an axis of k."""
+    return sum(values[corner] for corner in corners.T) / corners.shape[1]
 
 
 def _box(xy: Floats) -> tuple[Floats, Floats]:
