@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from .arrays import mean_at, taken
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
@@ -49,7 +50,7 @@ class Points:
 
     def at(self, which: Ints) -> "Points":
         """Some of these points."""
-        return Points(*(getattr(self, f.name)[which] for f in fields(Points)))
+        return Points(*(taken(getattr(self, f.name), which) for f in fields(Points)))
 
     def and_more(self, others: "Points") -> "Points":
         """These points, followed by others."""
@@ -118,7 +119,7 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Pixels cut in pieces: all points; indices of corners of whole pixels (q, 4) and of pieces (t, 3).
+    """Pixels cut in pieces: all points; indices of corners of whole pixels and quarters (q, 4), of other pieces (t, 3).
 
     chaotic (c, 4) : cells that are not cut, because light is chaotic there
     """
@@ -141,12 +142,11 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     in doubt, those with more branches than can be told apart, those of which the pieces leave out a part, though all
     corners are lit, and all mixed quarters.
     """
-    quads, last, chaotic = cells[:0], [], []
-    triangles = [np.empty((0, 3), np.int64)]
+    quads, last, chaotic, triangles = [], [], [], []
     is_calm = np.ones(len(cells), bool)
 
     for depth in range(QUARTERINGS + 1):
-        middle = yield from trace_points(plan, points.view[cells].mean(axis=1))
+        middle = yield from trace_points(plan, mean_at(points.view, cells))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
         branch = points.branch[cells]
@@ -177,17 +177,14 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         is_tangled &= ~is_calm
         chaotic.append(cells[is_tangled])
 
-        whole = is_one & (branch[:, 0] != 0) & ~again
-        if depth == 0:
-            quads = cells[whole]
-        else:
-            triangles.append(_around(cells[whole], number[whole]))
+        quads.append(cells[is_one & (branch[:, 0] != 0) & ~again])
         triangles.append(pieces[~(again | is_tangled)[mixed[owner]]])
 
         again &= ~is_tangled
-        # quarters are of no use where the error is too large to get small
+        # quarters of quarters are of no use where the error is too large to get small
         simple = again & (n_met < MANY) & (depth < QUARTERINGS)
-        simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
+        if depth > 0:
+            simple &= np.isinf(off) | (off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance))
         last.append(_around(cells[again & ~simple], number[again & ~simple]))
         points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
         is_calm = np.tile(is_calm[simple], 4)
@@ -197,7 +194,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
     triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
-    return Pieces(points, quads, triangles, np.concatenate(chaotic))
+    return Pieces(points, np.concatenate(quads), triangles, np.concatenate(chaotic))
 
 
 def _is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
@@ -228,7 +225,7 @@ def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
 
 def areas(points: Floats, triangles: Ints) -> Floats:
     """Areas (t,) of triangles (t, 3) between points (n, 2)."""
-    (ax, ay), (bx, by), (cx, cy) = (points[corner].T for corner in triangles.T)
+    (ax, ay), (bx, by), (cx, cy) = (taken(points, corner).T for corner in triangles.T)
     return 0.5 * np.abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
@@ -240,8 +237,8 @@ def _missed(
     inf on another branch, 0 beside the display.
     """
     branch = np.where(is_one, points.branch[cells[:, 0]], np.uint64(0))
-    xy = np.where(is_one[:, None], points.xy[cells].mean(axis=1), np.nan)
-    holds, at = in_triangles(points.view[pieces], points.xy[pieces], middle.view[owner])
+    xy = np.where(is_one[:, None], mean_at(points.xy, cells), np.nan)
+    holds, at = in_triangles(*(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner))
     branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
     seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
     off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)
@@ -263,9 +260,12 @@ def _quartered(plan: Plan, points: Points, cells: Ints, middle: Ints) -> Generat
     """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all points."""
     if not len(cells):
         return points, cells
-    halfway = (points.view[cells] + points.view[np.roll(cells, -1, axis=1)]) / 2  # dyadic: equal ones are so to the bit
-    places, number = np.unique(halfway.reshape(-1, 2), axis=0, return_inverse=True)
-    found = yield from trace_points(plan, places)
+    view = taken(points.view, cells)
+    halfway = (view + np.roll(view, -1, axis=1)) / 2
+    # they lie on a grid so fine: whole numbers are told apart faster than places
+    column, row = np.moveaxis(2**QUARTERINGS * halfway, 2, 0).astype(np.int64)
+    _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
+    found = yield from trace_points(plan, taken(halfway.reshape(-1, 2), first))
     number = len(points) + number.reshape(cells.shape)
     quarters = [np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)]
     # each begins at its corner of the whole: turned back, so that all begin at the upper left
@@ -394,8 +394,8 @@ def _last_on_branch(
     They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first unless it is `far`.
     Returned before the points is where (n,) the branch has ended.
     """
-    xy, throughput = points.xy[near].copy(), points.throughput[near].copy()
-    a, b = points.view[near], points.view[far]
+    xy, throughput = taken(points.xy, near), points.throughput[near]
+    a, b = taken(points.view, near), taken(points.view, far)
     low, width = np.zeros(len(near)), end.copy()
     course = yield from _courses(plan, a)
     todo = np.arange(len(near))

@@ -30,7 +30,7 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
             yield piece
             continue
 
-        yield piece.at(np.setdiff1d(np.arange(len(piece.view)), across))
+        yield piece.at(np.delete(np.arange(len(piece.view)), across))
         for polygons, of in _cut_along(lines, np.concatenate([piece.view, piece.display], axis=2)[across]):
             number = across[of]
             yield Piece(polygons[..., :2], polygons[..., 2:], piece.throughput[number], piece.branch[number])

@@ -40,7 +40,7 @@ MOSTLY = 0.5  # share of the light: where more goes through gaps these are why a
 TOO_FINE = "finer than a viewer pixel"
 MEASURED = 0.25  # of what comes after tracing: until then errors are measured, then it is painted
 PAINTED = 0.97  # of the progress of a solve
-SHARES_OF_QUAD, OF_CUT = 2.0, 0.35  # about, the latter of the most that there may be
+SHARES_OF_QUAD, OF_CUT = 2.0, 0.8  # about, the latter of what is guessed of them
 MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
 
 REMEDIES = {

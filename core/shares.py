@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
+from .arrays import taken
 from .products import turn_covariance
 from .rig import Floats, Ints
 
@@ -70,7 +71,7 @@ class Shares:
             self.display_size,
             self.view_size,
             self.display_index[which],
-            self.view_xy[which],
+            taken(self.view_xy, which),
             *(some(v) for v in (self.covariance, self.area, self.display_area, self.throughput, self.path)),
         )
 

@@ -190,7 +190,7 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
             first = is_wide & ~parts
         parted |= is_wide | np.isnan(off)
         chosen = np.flatnonzero(~parted)
-        ends.append(np.moveaxis(places[chosen][:, :, k : k + 2], 2, 1))
+        ends.append(np.moveaxis(places[chosen, :, k : k + 2], 2, 1))
         owner.append(chosen)
         parted |= parts
         if parted.all():
@@ -208,7 +208,7 @@ def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools
     for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
         way = np.take(way, i, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (side - np.take(start, i, axis=1)) / way  # of a line along the side: inf, so that it always is or never
+            at = (side - np.take(start, i, axis=1)) / way  # inf where it always is, or never
         comes = (way >= 0) == is_lower
         # reductions along the first axis: along rows of three they are several times slower
         enter = np.fmax(enter, np.fmax.reduce(np.where(comes, at, -np.inf), axis=0))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import interpolation
+from .arrays import mean_at, taken
 from .borders import QUARTERINGS, Paths, Points, areas, cut, in_triangles, is_in_image, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
@@ -33,6 +34,7 @@ QUADS_AT_ONCE = 1 << 15
 RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
 QUARTERED = 0.5  # of squares, before any is known
 MORE = 1.02  # times the rays so far: there are always some to come
+COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
 SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
 AROUND = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # corners of a unit square
 ALIKE = 8  # px: up to here squares may be dark whose rays are lost in different ways
@@ -53,7 +55,7 @@ class Piece(NamedTuple):
 
     def at(self, which: Bools | Ints) -> "Piece":
         """Some of these pieces."""
-        return Piece(*(values[which] for values in self))
+        return Piece(*(taken(values, which) for values in self))
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,8 @@ class ViewMap:
     view_size, display_size : width, height in pixels
     points : traced, with viewer px and display px
     corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper left corner and side, viewer px, indices of points
-    quads, triangles : (q, 4), (t, 3) indices of points, in order: whole pixels and pieces of pixels
+    quads, triangles : (q, 4), (t, 3) indices of points, in order, the upper left one of quads first: whole pixels and
+        quarters of them, and other pieces of pixels
     samples, sample_area : (s,) indices of points where light is chaotic, and the area, viewer px^2, of each
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
@@ -120,7 +123,7 @@ class ViewMap:
         They keep the tolerance, and are not much larger than viewer pixels or a part of a display pixel: one that lay
         in a single quad would take its colour from one place. Where display pixels are the smaller ones they may be.
         """
-        xy = self.points.xy[self.nodes]
+        xy = taken(self.points.xy, self.nodes)
         parts = interpolation.parts_for(xy, FOR_QUADS * self.tolerance, MOST_QUADS)
         low, high = _box(xy)
         span = (high - low).max(axis=1)
@@ -132,7 +135,7 @@ class ViewMap:
     @cached_property
     def _is_inside(self) -> Bools:
         """Are smooth cells (c,) inside of both images, wholly?"""
-        low, high = _box(self.points.xy[self.nodes])
+        low, high = _box(taken(self.points.xy, self.nodes))
         return (
             ((low >= 0) & (high <= self.display_size)).all(axis=1)
             & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
@@ -149,16 +152,32 @@ class ViewMap:
 
     @cached_property
     def n_cut_shares(self) -> float:
-        """About how many shares the pixels make that are cut in pieces, or sampled.
+        """About how many shares the pixels make that are not in smooth cells.
 
-        One for each display pixel of a piece, one for each sample.
+        One for each display pixel of a pixel or piece of it, one for each sample.
         """
-        corners = [self.points.xy[number] for number in self.triangles.T]
-        low, high = (np.clip(reduce(bound, corners), 0, self.display_size) for bound in (np.minimum, np.maximum))
-        columns, rows = (np.ceil(high) - np.floor(low)).T
-        with np.errstate(over="ignore"):
-            area = areas(self.points.xy, self.triangles)
-        return float(np.minimum(columns * rows, area + columns + rows).sum()) + len(self.samples)
+        return sum(map(self._n_shares_of, (self.quads, self.triangles))) + len(self.samples)
+
+    def _n_shares_of(self, pieces: Ints) -> float:
+        """About how many shares pieces (n, 4 or 3) make: known from some of them, where they are many."""
+        some = pieces[:: 1 + len(pieces) // COUNTED]
+        corners = [taken(self.points.xy, number) for number in some.T]
+        low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
+        first, last = np.clip(low, 0, self.display_size), np.clip(high, 0, self.display_size)
+        columns, rows = (np.ceil(last) - np.floor(first)).T
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = areas(self.points.xy, some[:, :3]) * (some.shape[1] - 2)
+            area *= np.fmin.reduce(
+                (last - first) / (high - low), axis=1
+            )  # of long ones most may lie beside the display
+        n_shares = np.fmin(columns * rows, area + columns + rows).sum()
+        return float(n_shares) * len(pieces) / max(len(some), 1)
+
+    @cached_property
+    def _are_pixels(self) -> Bools:
+        """Which quads (q,) are whole pixels, and no quarters?"""
+        left, right = (self.points.view[self.quads[:, k], 0] for k in (0, 1))
+        return right - left == 1
 
     @property
     def is_whole(self) -> Bools:
@@ -189,8 +208,8 @@ class ViewMap:
     def _polygons(self, corners: Ints) -> Piece:
         """Pieces with these points (n, 4 or 3) as corners."""
         points = self.points
-        of_piece = _mean(points.throughput, corners), points.branch[corners[:, 0]]
-        return Piece(points.view[corners], points.xy[corners], *of_piece)
+        of_piece = mean_at(points.throughput, corners), points.branch[corners[:, 0]]
+        return Piece(taken(points.view, corners), taken(points.xy, corners), *of_piece)
 
     def _samples_as_squares(self, some: Ints) -> Piece:
         """Squares around samples, as large as their strata, and as many display px, in the pixel that each lands in."""
@@ -205,7 +224,9 @@ class ViewMap:
 
     def _quads_of(self, cells: Ints, m: int) -> Piece:
         points, nodes = self.points, self.nodes[cells]
-        grid = interpolation.on_grid(np.concatenate([points.xy[nodes], points.throughput[nodes][..., None]], axis=2), m)
+        grid = interpolation.on_grid(
+            np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2), m
+        )
         side = np.arange(m + 1) / m
         x, y = np.meshgrid(side, side)
         place = np.stack([x, y], axis=2)
@@ -242,11 +263,13 @@ class ViewMap:
         whole = np.flatnonzero(owner < -1)
         rays, quads = in_image[whole], self.quads[-2 - owner[whole]]
         found[rays] = _bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
-        triangles, of_pixel = self._triangles_in(pixel)
-        for some, k in _each_in(of_pixel, pixel):
-            rays, corners = in_image[some], triangles[k]
-            inside, at = in_triangles(self.points.view[corners], self.points.xy[corners], xy[rays])
-            found[rays[inside]] = at[inside]
+        for pieces in (self.quads[~self._are_pixels], self.triangles):
+            inside = in_triangles if pieces.shape[1] == 3 else _in_quarters
+            pieces, of_pixel = self._those_in(pieces, pixel)
+            for some, k in _each_in(of_pixel, pixel):
+                rays, corners = in_image[some], pieces[k]
+                is_inside, at = inside(self.points.view[corners], self.points.xy[corners], xy[rays])
+                found[rays[is_inside]] = at[is_inside]
         return found
 
     def _nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
@@ -281,19 +304,20 @@ class ViewMap:
         """Cell of each viewer pixel (h, w): a smooth one's number, -2 - that of a quad, -1 for neither."""
         numbers = np.arange(len(self.size), dtype=np.int32)
         owner = _filled(self.view_size, self.corner, self.size, numbers, -1)
-        column, row = self.points.view[self.quads[:, 0]].astype(np.int64).T
-        owner[row, column] = -2 - np.arange(len(self.quads))
+        pixels = np.flatnonzero(self._are_pixels)
+        column, row = self.points.view[self.quads[pixels, 0]].astype(np.int64).T
+        owner[row, column] = -2 - pixels
         return owner
 
-    def _triangles_in(self, pixels: Ints) -> tuple[Ints, Ints]:
-        """Triangles (t, 3) of pixels (n,), by number, and the pixel of each (t,), sorted."""
+    def _those_in(self, pieces: Ints, pixels: Ints) -> tuple[Ints, Ints]:
+        """Pieces (n, k) in pixels (p,), by number, and the pixel (n,) of each, sorted."""
         w, h = self.view_size
         is_asked = np.zeros(w * h, bool)
         is_asked[pixels] = True
-        of_triangle = self._pixel(_mean(self.points.view, self.triangles))
-        some = np.flatnonzero(is_asked[of_triangle])
-        some = some[np.argsort(of_triangle[some], kind="stable")]
-        return self.triangles[some], of_triangle[some]
+        of_piece = self._pixel(mean_at(self.points.view, pieces))
+        some = np.flatnonzero(is_asked[of_piece])
+        some = some[np.argsort(of_piece[some], kind="stable")]
+        return pieces[some], of_piece[some]
 
     @cached_property
     def _samples_by_pixel(self) -> tuple[Ints, Ints]:
@@ -425,7 +449,7 @@ class Sampling:
     def _sorted(self, squares: _Squares) -> Pauses[tuple[Bools, Bools]]:
         """Which squares (n,) are smooth cells if checks confirm it, and which show nothing of the display?"""
         nodes = self._at_nodes(squares)
-        branch, xy = self.points.branch[nodes], self.points.xy[nodes]
+        branch, xy = self.points.branch[nodes], taken(self.points.xy, nodes)
         is_one = (branch == branch[:, :1]).all(axis=1)
         is_dark = is_one & (branch[:, 0] == 0)
         is_one &= ~is_dark
@@ -444,11 +468,11 @@ class Sampling:
     def _is_touched(self, squares: _Squares) -> Pauses[Bools]:
         """Did the rays of squares (n,) pass by something that none of them met?"""
         nodes = self._at_nodes(squares)
-        return (yield from self.plan.thin_parts().touch(self.paths.places[nodes], self.paths.met[nodes]))
+        return (yield from self.plan.thin_parts().touch(taken(self.paths.places, nodes), taken(self.paths.met, nodes)))
 
     def _bent(self, squares: _Squares) -> Floats:
         """About how far off (n,), display px, the pixels of the smallest squares are, quartered as in `cut`."""
-        by_quads = interpolation.sag(self.points.xy[self._at_nodes(squares)])
+        by_quads = interpolation.sag(taken(self.points.xy, self._at_nodes(squares)))
         return np.where(by_quads > self.tolerance, by_quads / 4**QUARTERINGS, by_quads)
 
     def _missed(self, squares: _Squares, first: int) -> Floats:
@@ -457,7 +481,7 @@ class Sampling:
         nodes, checks = self._at_nodes(squares), first + np.arange(len(CHECKS) * n).reshape(n, len(CHECKS))
         missed = np.zeros(n)
         for k, place in enumerate(CHECKS):
-            expected = interpolation.at_places(self.points.xy[nodes], np.tile(place, (n, 1)))
+            expected = interpolation.at_places(taken(self.points.xy, nodes), np.tile(place, (n, 1)))
             xy = self.points.xy[checks[:, k]]
             is_one = self.points.branch[checks[:, k]] == self.points.branch[nodes[:, 0]]
             off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
@@ -471,8 +495,8 @@ class Sampling:
         corners = np.stack([at, at + 1, at + PARTS + 2, at + PARTS + 1], axis=1)
         is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
         cells = self._at_nodes(finest)[:, corners][is_there]
-        rows = cells[:, [0, 1, 3, 2]]
-        is_aside = _is_aside(self.points.xy[rows], self.points.branch[rows], np.array(self.display_size))
+        by_row = cells[:, [0, 1, 3, 2]]
+        is_aside = _is_aside(taken(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size))
         # beside the glass there is nothing to find, but where something thin is near, or light is followed there, too
         is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
         is_beside_glass = is_lost[cells].all(axis=1)
@@ -573,11 +597,6 @@ def _each_in(owners: Ints, wanted: Ints) -> Iterator[tuple[Ints, Ints]]:
         yield some, first[some] + k
 
 
-def _mean(values: Floats, corners: Ints) -> Floats:
-    """Means (n, ...) of values (m, ...) at corners (n, k): corner by corner, many times faster than over an axis of k."""
-    return sum(values[corner] for corner in corners.T) / corners.shape[1]
-
-
 def _box(xy: Floats) -> tuple[Floats, Floats]:
     """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
     return np.fmin.reduce(xy, axis=1), np.fmax.reduce(xy, axis=1)
@@ -594,7 +613,8 @@ def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1) & ~is_lost.all(axis=1)
     chosen = np.flatnonzero(is_single)
     k = round(xy.shape[1] ** 0.5)
-    beyond = np.stack([xy[chosen] - display_size, -xy[chosen]])  # the image, by so much
+    of_chosen = taken(xy, chosen)
+    beyond = np.stack([of_chosen - display_size, -of_chosen])  # the image, by so much
     beyond[:, is_lost[chosen]] = np.nan
     holds = ~(beyond <= 0)
     beyond, holds = (x.reshape(2, -1, k, k, 2) for x in (beyond, holds))
@@ -636,6 +656,12 @@ def _bilinear(corners: Floats, place: Floats) -> Floats:
     x, y = place[:, :1], place[:, 1:]
     a, b, c, d = np.moveaxis(corners, 1, 0)
     return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)
+
+
+def _in_quarters(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
+    """Are points (n, 2) in quarters of pixels (n, 4, 2), and where (n, 2) does the display show them?"""
+    place = (at - view[:, 0]) / (view[:, 1, :1] - view[:, 0, :1])
+    return ((place >= 0) & (place <= 1)).all(axis=1), _bilinear(xy, place)
 
 
 def _rms(off: Floats, area: Floats) -> float:

@@ -1,0 +1,16 @@
+"""What numpy does several times slower where rows are a few numbers long."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rig import Bools, Floats, Ints
+
+
+def taken(values: NDArray, which: Bools | Ints) -> NDArray:
+    """`values[which]`, which is slow to begin each row: of 200 000 rows of two numbers it takes 4 ms, this 0.4."""
+    return values.compress(which, axis=0) if which.dtype == np.bool_ else values.take(which, axis=0)
+
+
+def mean_at(values: Floats, corners: Ints) -> Floats:
+    """`values[corners].mean(axis=1)`, (n, ...), of values (m, ...) at corners (n, k)."""
+    return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]
