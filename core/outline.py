@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .arrays import taken
 from .picture import outline_in_view
 from .products import turn
 from .rig import Floats, Ints, Picture, Viewer
@@ -56,9 +57,14 @@ def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]
 
 def _across(lines: Floats, view: Floats) -> Ints:
     """Which polygons (n, k, 2) lie on both sides of the outline."""
-    reach = np.abs(view[:, 1:] - view[:, :1]).max(axis=(0, 1), initial=0) @ np.abs(lines[:, :2]).T
-    near = np.flatnonzero((np.abs(_sides(lines, view[:, 0])) <= reach).any(axis=1))
-    side = _sides(lines, view[near])
+    x, y = columns = np.ascontiguousarray(view[:, 0].T)
+    reach = [max(np.abs(view[:, k, i] - columns[i]).max(initial=0) for k in range(1, view.shape[1])) for i in (0, 1)]
+    is_near = np.zeros(len(view), bool)
+    for a, b, c in lines:
+        is_near |= np.abs(a * x + b * y + c) <= abs(a) * reach[0] + abs(b) * reach[1] + ON_LINE
+
+    near = np.flatnonzero(is_near)
+    side = _sides(lines, taken(view, near))
     least, most = side.min(axis=1), side.max(axis=1)
     is_beside = (most <= 0).any(axis=1)
     return near[((least < 0) & (most > 0)).any(axis=1) & ~is_beside]

@@ -12,6 +12,8 @@ from math import comb
 
 import numpy as np
 
+from . import kernel
+from .arrays import taken
 from .curved import (
     AT_NODES,
     CHUNK,
@@ -31,7 +33,7 @@ from .curved import (
     value,
 )
 from .meshes import Edges, components
-from .optics import dot, normalise
+from .optics import dot, length_of, normalise
 from .products import combine, solve_symmetric
 from .rig import Bools, Floats, Ints
 
@@ -41,8 +43,10 @@ BULGE = np.radians(4)  # edges that turn by less cannot bulge enough to matter
 JUMP = 5.0  # a curvature that grows this much from one edge to the next, across a vertex, ...
 SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
 SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
+LEAST_DISTANCE = 1e-12  # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
+LEAST_UPRIGHT = 0.2  # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
 SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
-FARTHEST = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
+MOST_MOVED = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
 AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
 TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
 COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
@@ -103,7 +107,7 @@ def _find_vertices(
     used, of_corner = np.unique(of_corner, return_inverse=True)
     of_corner = of_corner.reshape(n, 3)
     normal, at = np.zeros((len(used), 3)), np.empty((len(used), 3))
-    at[of_corner] = vertices[triangles]
+    at[of_corner] = taken(vertices, triangles)
     normal[of_corner[is_usable]] = corner_normals[is_usable]
     # each joined edge is met from both sides, once in each direction; the others have to be turned round as well
     a, b = of_corner.ravel(), np.roll(of_corner, -1, axis=1).ravel()
@@ -131,7 +135,8 @@ class _Fields:
 def _tangent_planes(v: _Vertices) -> _Fields:
     """Fields of height 0 over all vertices."""
     axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
-    distance = np.linalg.norm(v.at[v.end] - v.at[v.start], axis=1)
+    away = taken(v.at, v.end) - taken(v.at, v.start)
+    distance = length_of(away)
     size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
     return _Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
 
@@ -139,15 +144,15 @@ def _tangent_planes(v: _Vertices) -> _Fields:
 def _around(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
     """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
     end = v.end[pairs]
-    away = (v.at[end] - v.at[some, None]) / fields.size[some, None, None]
+    away = (taken(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
     x, y = dot(away, fields.axis_x[some, None]), dot(away, fields.axis_y[some, None])
     return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
 
 
 def _gradients(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
     """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of their vertex."""
-    theirs = normal[v.end[pairs]]
-    upright = np.maximum(dot(theirs, v.normal[some, None]), 0.2)
+    theirs = taken(normal, v.end[pairs])
+    upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
     return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(theirs, fields.axis_y[some, None]) / upright
 
 
@@ -159,7 +164,9 @@ def _system(
     by_x, by_y = slopes(x, y)
     rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
     # a height tells as much of the slope as the slope itself does, over its distance
-    weights = np.concatenate([2.0 / np.sqrt(np.maximum(distance, 1e-12)), np.ones_like(x), np.ones_like(x)], axis=1)
+    weights = np.concatenate(
+        [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)], axis=1
+    )
     weights *= np.tile(is_used, 3)
     rows = rows * weights[..., None]
     matrix = np.matmul(rows.transpose(0, 2, 1), rows)
@@ -172,6 +179,10 @@ def _system(
 def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
     """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
     fields = _tangent_planes(v)
+    if kernel.library() is not None:
+        kernel.Fit(v, fields).fit_fields(wanted, RIDGE, fields.coefficients)
+        return fields
+
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = _system(v, fields, some, pairs, slice(2, None))
         right = np.concatenate([z, *_gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
@@ -186,7 +197,22 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme: fourth order from
     one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at least halve the error.
     """
-    fields = _tangent_planes(v)
+    normal = v.normal.copy()
+    if kernel.library() is not None:
+        kernel.Fit(v, _tangent_planes(v)).settle_normals(wanted, RIDGE, normal, SWEEPS, SETTLED)
+    else:
+        _settle_normals(v, _tangent_planes(v), wanted, normal)
+
+    # where the mesh is too irregular to tell, the mean is the better guess
+    turn = taken(v.normal, v.end) - taken(v.normal, v.start)
+    with np.errstate(invalid="ignore"):
+        moved = length_of(normal - v.normal)
+        is_sane = moved <= MOST_MOVED * np.maximum.reduceat(length_of(turn), v.first[:-1])
+    return np.where(is_sane[:, None], normal, v.normal)
+
+
+def _settle_normals(v: _Vertices, fields: _Fields, wanted: Bools, normal: Floats) -> None:
+    """Let the wanted ones of normals (f, 3) agree with those of their neighbours."""
     solvers = []
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = _system(v, fields, some, pairs, slice(None))
@@ -197,24 +223,18 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
         inverse = np.matmul(weighted, solve_symmetric(matrix, slope))
         m = pairs.shape[1]
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
-    normal = v.normal.copy()
+
     for _ in range(SWEEPS):
-        change = 0.0
+        change, before = 0.0, normal.copy()
         for some, pairs, from_heights, from_slopes in solvers:
-            theirs = np.concatenate(_gradients(v, fields, some, pairs, normal), axis=1)
+            theirs = np.concatenate(_gradients(v, fields, some, pairs, before), axis=1)
             slope = from_heights + np.einsum("nrk,nr->nk", from_slopes, theirs)
             found = v.normal[some] - slope[:, :1] * fields.axis_x[some] - slope[:, 1:] * fields.axis_y[some]
             found = normalise(found)
-            change = max(change, float(np.abs(found - normal[some]).max(initial=0.0)))
+            change = max(change, float(np.abs(found - before[some]).max(initial=0.0)))
             normal[some] = found
         if change < SETTLED:
             break
-    # where the mesh is too irregular to tell, the mean is the better guess
-    turn = np.linalg.norm(v.normal[v.end] - v.normal[v.start], axis=1)
-    with np.errstate(invalid="ignore"):
-        moved = np.linalg.norm(normal - v.normal, axis=1)
-        is_sane = moved <= FARTHEST * np.maximum.reduceat(turn, v.first[:-1])
-    return np.where(is_sane[:, None], normal, v.normal)
 
 
 def _contradicted(v: _Vertices, normal: Floats, wanted: Bools) -> Bools:
@@ -223,10 +243,10 @@ def _contradicted(v: _Vertices, normal: Floats, wanted: Bools) -> Bools:
     Curvature changes little from one edge to the next one straight on. Where it jumps up on a much shorter edge, the
     normal between them belongs to that edge.
     """
-    away = v.at[v.end] - v.at[v.start]
-    length = np.linalg.norm(away, axis=1)
+    away = taken(v.at, v.end) - taken(v.at, v.start)
+    length = length_of(away)
     direction = away / np.maximum(length, 1e-300)[:, None]
-    turn = np.abs(dot(normal[v.end] - normal[v.start], direction))
+    turn = np.abs(dot(taken(normal, v.end) - taken(normal, v.start), direction))
     is_bad = np.zeros(len(v.start), bool)
     suspect = wanted & (np.bincount(v.start, turn > BULGE, len(v.at)) > 0)
     for _, pairs in v.by_valence(suspect):
@@ -247,17 +267,19 @@ def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
     All fields are met along one direction, blended from the corners' normals: met along different ones they would
     differ sideways by the third power of the edge, which costs an order.
     """
-    n = len(corner)
-    offsets = np.zeros((N_NODES, 3, n))
     weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
-    at, normal = v.at[corner], v.normal[corner]
+    if kernel.library() is not None:
+        return kernel.Fit(v, fields).find_offsets(fields.coefficients, NODES, weight, corner)
+
+    offsets = np.zeros((N_NODES, 3, len(corner)))
+    at, normal = taken(v.at, corner), taken(v.normal, corner)
     for i in range(3):
         own = corner[:, i]
         size = fields.size[own]
         frame = fields.axis_x[own], fields.axis_y[own], v.normal[own]
         sides = [[dot(at[:, (i + s) % 3] - at[:, i], axis) / size for axis in frame] for s in (1, 2)]
         leans = [[dot(normal[:, (i + s) % 3], axis) for axis in frame] for s in (1, 2)]
-        n_steps = 1 if max(np.abs(lean).max() for lean in leans[0][:2] + leans[1][:2]) < SLIGHT else 2
+        is_slight = np.maximum.reduce([np.abs(lean) for lean in leans[0][:2] + leans[1][:2]]) < SLIGHT
         c = np.ascontiguousarray(fields.coefficients[own].T)
         for node in np.flatnonzero(weight[:, i]):
             li, lj, lk = (NODES[node, (i + s) % 3] for s in range(3))
@@ -265,8 +287,9 @@ def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
             dx, dy, dz = (lj * a + lk * b for a, b in zip(*leans, strict=True))
             dz += li
             height = (value(c, x, y) - z) / dz
-            for _ in range(n_steps):
-                height = (value(c, x + height * dx, y + height * dy) - z) / dz
+            height = (value(c, x + height * dx, y + height * dy) - z) / dz
+            if not is_slight.all():
+                height = np.where(is_slight, height, (value(c, x + height * dx, y + height * dy) - z) / dz)
             direction = sum(NODES[node, m] * normal[:, m].T for m in range(3))
             offsets[node] += weight[node, i] * (size * height) * direction
     return offsets
@@ -292,7 +315,7 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
 
 def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
     """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?"""
-    longest = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2).max(axis=1)
+    longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
     with np.errstate(invalid="ignore"):
         is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < MOST_OFFSET * longest
         return is_near & (np.einsum("nkc,nc->nk", normals, facets).min(axis=1) > STEEPEST_INSIDE)
@@ -352,16 +375,19 @@ def _agree(own: Floats, at_corners: Floats, beside: _Beside) -> tuple[Floats, Fl
     jump = np.zeros((len(own), N_ON_EDGES))
     facets = np.matmul(NODES[:N_ON_EDGES], at_corners)
     for edge in range(3):
-        nodes = 3 * edge + np.arange(3)
-        here = np.flatnonzero(beside.triangle[:, edge] >= 0)
-        mine = own[here[:, None], nodes]
-        other = beside.row[beside.triangle[here, edge]]
+        nodes = slice(3 * edge, 3 * edge + 3)
+        mine = own[:, nodes]
+        other = beside.row[beside.triangle[:, edge]]
         # it runs the other way there
-        theirs = own[other[:, None], 3 * beside.edge[here, edge, None].astype(int) + [2, 1, 0]]
-        agreed[here[:, None], nodes] = normalise(mine + theirs)
-        jump[here[:, None], nodes] = np.linalg.norm(mine - theirs, axis=2)
-        here = np.flatnonzero(beside.is_drawn[:, edge])
-        agreed[here[:, None], nodes] = facets[here[:, None], nodes]
+        first = other * len(_AT) + 3 * beside.edge[:, edge]
+        theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
+        agreed[:, nodes] = normalise(mine + theirs)
+        jump[:, nodes] = length_of(mine - theirs)
+
+        alone = np.flatnonzero(beside.triangle[:, edge] < 0)
+        agreed[alone, nodes], jump[alone, nodes] = own[alone, nodes], 0.0
+        drawn = np.flatnonzero(beside.is_drawn[:, edge])
+        agreed[drawn, nodes] = facets[drawn, nodes]
     around = np.r_[:N_ON_EDGES, N_NODES : N_NODES + 3]
     agreed[:, N_ON_EDGES:N_NODES] += np.matmul(_INWARD, agreed[:, around] - own[:, around])
     return agreed[:, :N_NODES], jump
@@ -381,10 +407,11 @@ def _is_trusted(
     corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals of the vertices (p, 3)
     agreed, jump : of `_agree`
     """
-    turned = ((agreed - normalise(np.matmul(NODES, at_corners))) ** 2).sum(axis=2).mean(axis=1)
+    away = agreed - normalise(np.matmul(NODES, at_corners))
+    turned = np.einsum("nkc,nkc->n", away, away) / N_NODES
     # a ray that meets the face later, by its height, finds it turned by so much more
-    height = np.sqrt((np.matmul(AT_NODES, coefficients) ** 2).sum(axis=2).max(axis=1))
-    along, turn = (np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2).max(axis=1) for x in (corners, at_corners))
+    height = length_of(np.matmul(AT_NODES, coefficients)).max(axis=1)
+    along, turn = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in (corners, at_corners))
     unsure, gained = (jump**2).mean(axis=1), (np.sqrt(turned) + height * turn / along) ** 2
 
     def is_believed(unsure: Floats, gained: Floats) -> Bools:
@@ -417,7 +444,7 @@ def make_curved(
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
     is_automatic : faces that are no nearer to what was meant than the facets are doubted, and left flat
     """
-    corners = vertices[triangles]
+    corners = taken(vertices, triangles)
     asked = wanted
     least = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1)
     wanted = wanted & (least > STEEPEST)
@@ -428,14 +455,14 @@ def make_curved(
     given = v.normal
     if has_mean_normals:
         v = replace(v, normal=_find_normals(v, is_used))
-        wanted &= (np.einsum("tij,tj->ti", v.normal[v.of_corner], facets) > STEEPEST).all(axis=1)
+        wanted &= (np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), facets) > STEEPEST).all(axis=1)
     is_bad = _contradicted(v, v.normal, is_used)
     if is_bad.any():
         n = len(v.at)
         bad = np.concatenate([v.start[is_bad] * n + v.end[is_bad], v.end[is_bad] * n + v.start[is_bad]])
         wanted &= ~np.isin(v.of_corner * n + np.roll(v.of_corner, -1, axis=1), bad).any(axis=1)
     # a flat face in parts is curved as a whole or not at all
-    is_flat = is_joined & (np.abs(facets[edges.first] - facets[edges.second]).max(axis=1) < COPLANAR)
+    is_flat = is_joined & (np.abs(taken(facets, edges.first) - taken(facets, edges.second)).max(axis=1) < COPLANAR)
     face = components(len(triangles), edges.first[is_flat], edges.second[is_flat])
     wanted &= ~np.isin(face, face[asked & ~wanted])
     # nor is it when nothing around it is
@@ -450,19 +477,19 @@ def make_curved(
     is_whole = np.empty(len(chosen), bool)
     for k in range(0, len(chosen), CHUNK):
         some = slice(k, k + CHUNK)
-        at = corners[chosen[some]]
+        at = taken(corners, chosen[some])
         offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
         own[some] = _normals_at_nodes(offsets, at)
-        is_whole[some] = _is_whole(offsets, at, own[some], facets[chosen[some]])
+        is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
     if not is_whole.all():
         chosen, coefficients, own = chosen[is_whole], coefficients[is_whole], own[is_whole]
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
-    agreed, jump = _agree(own, v.normal[vertex], beside)
+    agreed, jump = _agree(own, taken(v.normal, vertex), beside)
     is_doubted = np.zeros(len(triangles), bool)
     if is_automatic:
-        is_trusted = _is_trusted(corners[chosen], coefficients, v.normal[vertex], vertex, agreed, jump)
+        is_trusted = _is_trusted(taken(corners, chosen), coefficients, taken(v.normal, vertex), vertex, agreed, jump)
         if not is_trusted.all():
             is_trusted &= ~np.isin(face[chosen], face[chosen[~is_trusted]])
             is_doubted[chosen] = ~is_trusted
@@ -476,7 +503,7 @@ def make_curved(
     is_drawn[v.of_corner[beside.row < 0]] = True
     normal = np.where(is_drawn[:, None], given, v.normal)
     if len(chosen) < len(triangles):
-        agreed, jump = _agree(own, normal[vertex], beside)
+        agreed, jump = _agree(own, taken(normal, vertex), beside)
 
     is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
@@ -487,11 +514,11 @@ def make_curved(
     offsets[:, :N_ON_EDGES] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
     coefficients[held] = np.matmul(FROM_NODES, offsets)
 
-    off = np.linalg.norm(np.concatenate([agreed, normal[vertex]], axis=1) - own, axis=2).max(axis=1)
+    off = length_of(np.concatenate([agreed, taken(normal, vertex)], axis=1) - own).max(axis=1)
     with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREE))
     normal_row = np.full(len(chosen), -1, np.int32)
     normal_row[with_terms] = np.arange(len(with_terms))
-    normal_terms = np.matmul(FROM_NODES, agreed[with_terms] - np.matmul(NODES, normal[vertex[with_terms]]))
+    normal_terms = np.matmul(FROM_NODES, agreed[with_terms] - np.matmul(NODES, taken(normal, vertex[with_terms])))
     curved = CurvedFaces(
         corners=corners,
         row=beside.row,

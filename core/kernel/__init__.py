@@ -1,6 +1,6 @@
-"""The compiled kernel: follows rays, divides cells and paints shares, one by one instead of many at once.
+"""The compiled kernel: follows rays, divides cells, paints shares, fits curved faces, one by one, not many at once.
 
-These are the ways of `trace.py`, `shares.py` and `source_image.py`, with the same tests and slacks.
+These are the ways of `trace.py`, `shares.py`, `source_image.py` and `surface_fit.py`, with the same tests and slacks.
 
 It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel` and loaded by
 ctypes, which lets go of Python's lock during each call. numpy's way stays the reference, and takes the place of the
@@ -16,6 +16,7 @@ import numpy as np
 from ..rig import Floats, Ints
 from ..steps import Pauses
 from .dividing import can_divide, divided
+from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
 from .plans import left_out, made_of
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ..trace import _Rays
 
 __all__ = [
+    "Fit",
     "FlatStrokes",
     "Ways",
     "can_divide",

@@ -181,6 +181,18 @@ typedef struct {
     int64_t width, height;
 } Level;
 
+/* Vertices over which the surface is a height field, and those of them that are wanted, as surface_fit.py has them. */
+typedef struct {
+    const double *at, *normal;         /* (f, 3) */
+    const double *axis_x, *axis_y;     /* (f, 3) */
+    const double *size;                /* (f,) */
+    const uint8_t *is_known;           /* (f,) */
+    const int64_t *first, *end;        /* (f + 1,), (p,) */
+    const int64_t *wanted;             /* (n_wanted,) */
+    int64_t n_wanted;
+    double ridge[N_TERMS];
+} Fit;
+
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline void cross(const double *a, const double *b, double *out) {

@@ -54,6 +54,11 @@ def loaded() -> ctypes.CDLL | None:
         library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer]
         library.kiriko_paint.restype = None
         library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]
+        library.kiriko_fit_fields.restype, library.kiriko_fit_fields.argtypes = None, [pointer, pointer, number]
+        library.kiriko_settle_normals.restype = None
+        library.kiriko_settle_normals.argtypes = [*6 * [pointer], number, ctypes.c_double, number]
+        library.kiriko_find_offsets.restype = None
+        library.kiriko_find_offsets.argtypes = [*5 * [pointer], number, pointer, number]
     except (OSError, AttributeError):  # made for another processor or system, or not by us
         return None
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]

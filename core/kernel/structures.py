@@ -60,12 +60,17 @@ StrokesStructure = _structure(
     high=_D * 2, size=_D * 2,
 )  # fmt: skip
 LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I)
+FitStructure = _structure(
+    "FitStructure",
+    at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, first=_P, end=_P, wanted=_P, n_wanted=_I,
+    ridge=_D * 14,
+)  # fmt: skip
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
     *(ArrayStructure, PlanStructure, RayStateStructure),
-    *(DivisionStructure, StrokesStructure, LevelStructure),
+    *(DivisionStructure, StrokesStructure, LevelStructure, FitStructure),
 )
 
 

@@ -1,4 +1,4 @@
-"""The compiled kernel does what numpy's way does, ray by ray and share by share, and breaks on nothing."""
+"""The compiled kernel does what numpy's way does, one by one, and breaks on nothing."""
 
 import ctypes
 import re
@@ -30,11 +30,11 @@ from reference_rigs import (
 )
 
 import build_kernel
-from kiriko.core import curved, kernel, plate, ray_engine
+from kiriko.core import curved, kernel, plate, ray_engine, surface_fit
 from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
-from kiriko.core.curved import CurvedFaces
-from kiriko.core.kernel import dividing, loading
+from kiriko.core.curved import NODES, CurvedFaces
+from kiriko.core.kernel import dividing, fitting, loading
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.picture import Pyramid, Taps, of_square
 from kiriko.core.plan import Kept, Settings, make_plan
@@ -42,6 +42,8 @@ from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
 from kiriko.core.shares import rasterise, to_display
 from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
+from kiriko.core.surface_fit import RIDGE, _Fields, _Vertices
+from kiriko.core.surfaces import make_surface
 from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
 
 pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
@@ -678,6 +680,86 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
     assert painting._total.any()
 
 
+def shaken(mesh, by):
+    """Vertices moved by up to a part of the mesh's size."""
+    at = mesh.vertices + by * np.ptp(mesh.vertices) * np.random.default_rng(5).uniform(-1, 1, mesh.vertices.shape)
+    return mean_normals(replace(mesh, vertices=at))
+
+
+def with_twin_vertices(mesh):
+    """Two neighbours in one place."""
+    at = mesh.vertices.copy()
+    a, b = mesh.triangles[7, :2]
+    at[a] = at[b]
+    return replace(mesh, vertices=at)
+
+
+MESHES = {
+    "ball": lambda: icosphere(0.025, 4),
+    "ball, mean normals": lambda: mean_normals(icosphere(0.025, 4)),
+    "torus, mean normals": lambda: mean_normals(torus(0.018, 0.007, 64, 32)),
+    "ellipsoid of a hundred to a pole": lambda: mean_normals(uv_ellipsoid(0.025, 100, 50)),
+    "barrel": lambda: barrel(0.02, 0.05, 0.003, 48, 24),
+    "lathed": lambda: mean_normals(turned_vase()),
+    "open ball": lambda: without_some(icosphere(0.025, 4)),
+    "shaken ball": lambda: shaken(icosphere(0.025, 4), 0.002),
+    "badly shaken ball": lambda: shaken(icosphere(0.025, 3), 0.05),
+    "twin vertices": lambda: with_twin_vertices(icosphere(0.025, 3)),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_same_curved_faces(name):
+    """Of the same triangles; points to 1e-10 of the mesh's size, normals to what is left when sweeps end, 1e-10."""
+    mesh = MESHES[name]()
+    with kernel.off():
+        expected = make_surface(mesh).curved
+    found = make_surface(mesh).curved
+    assert (found.row == expected.row).all()
+    for curved_faces in (found, expected):
+        assert len(curved_faces.coefficients)
+    points, others = (faces.points_on(3) for faces in (found, expected))
+    np.testing.assert_allclose(points, others, rtol=0, atol=1e-10 * np.ptp(mesh.vertices))
+    np.testing.assert_allclose(found.vertex_normal, expected.vertex_normal, rtol=0, atol=2e-10)
+
+
+def test_the_fit_by_any_number_of_threads_gives_the_same():
+    """Bit for bit."""
+    mesh, found = shaken(icosphere(0.025, 5), 0.001), []
+    for n in (1, 2, 5):
+        kernel.use_threads(n)
+        try:
+            found.append(make_surface(mesh).curved)
+        finally:
+            kernel.use_threads(0)
+    for faces in found[1:]:
+        for f in fields(faces):
+            one, other = getattr(found[0], f.name), getattr(faces, f.name)
+            assert np.array_equal(one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float), f.name
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 2**32), st.floats(), st.floats())
+def test_no_vertex_breaks_the_fit(seed, one, other):
+    """Whatever floats stand for places, normals and sizes: only what is wanted is written."""
+    dice = np.random.default_rng(seed)
+    n, n_pairs = 9, 40
+    start, end = np.sort(dice.integers(0, n, n_pairs)), dice.integers(0, n, n_pairs)
+    first = np.searchsorted(start, np.arange(n + 1))
+    places, normals, axis_x, axis_y = (spoilt(dice, dice.normal(size=(n, 3)), one) for _ in range(4))
+    size, coefficients = spoilt(dice, dice.random(n), other), spoilt(dice, dice.normal(size=(n, 14)), other)
+    v = _Vertices(places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first)
+    fit, wanted = kernel.Fit(v, _Fields(axis_x, axis_y, size, coefficients)), dice.random(n) < 0.5
+    before, settled = coefficients.copy(), normals.copy()
+    fit.fit_fields(wanted, RIDGE, coefficients)
+    fit.settle_normals(wanted, RIDGE, settled, 5, 1e-10)
+    for values, others in ((coefficients, before), (settled, normals)):
+        assert np.array_equal(values[~wanted], others[~wanted], equal_nan=True)
+    assert np.array_equal(coefficients[:, :2], before[:, :2], equal_nan=True)
+    corner = dice.integers(0, n, (6, 3))
+    assert fit.find_offsets(coefficients, NODES, NODES, corner).shape == (12, 3, 6)
+
+
 def test_the_environment_switches_it_off():
     """KIRIKO_KERNEL=off is numpy's way."""
     code = "from kiriko.core import kernel; print(kernel.library())"
@@ -688,7 +770,9 @@ def test_the_environment_switches_it_off():
     assert told.stdout.strip() == "None", told.stderr
 
 
-@pytest.mark.parametrize("module", [curved, loading, plate, ray_engine, shares_module, picture_module])
+@pytest.mark.parametrize(
+    "module", [curved, fitting, loading, plate, ray_engine, shares_module, surface_fit, picture_module]
+)
 def test_one_number_for_one_name(module):
     """Every constant of the C that a module of core has by the same name is the same number there."""
     sources = "".join(path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]"))

@@ -1,0 +1,276 @@
+/* Fits curved faces: vertex by vertex and face by face what core/surface_fit.py does for many at once. */
+
+#include <string.h>
+
+#include "kiriko.h"
+
+#define FITTED_AT_ONCE 256 /* vertices or faces, as in fitting.py */
+#define N_NODES 12
+#define LEAST_UPRIGHT 0.2 /* as in surface_fit.py, like the next two */
+#define LEAST_DISTANCE 1e-12
+#define SLIGHT 0.1
+
+static const int POWERS[N_TERMS][2] = {{1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}, {3, 0}, {2, 1},
+                                       {1, 2}, {0, 3}, {4, 0}, {3, 1}, {2, 2}, {1, 3}, {0, 4}};
+
+/* What a neighbour tells of a vertex's field: its height, z, and its slopes by x and y, which follow from its normal. */
+typedef struct {
+    double terms[3][N_TERMS], weights[3], z;
+} Told;
+
+static void find_terms(double x, double y, double terms[3][N_TERMS]) {
+    const double px[5] = {1, x, x * x, x * x * x, (x * x) * (x * x)};
+    const double py[5] = {1, y, y * y, y * y * y, (y * y) * (y * y)};
+    for (int k = 0; k < N_TERMS; k++) {
+        int a = POWERS[k][0], b = POWERS[k][1];
+        terms[0][k] = px[a] * py[b];
+        terms[1][k] = a * px[a > 0 ? a - 1 : 0] * py[b];
+        terms[2][k] = b * px[a] * py[b > 0 ? b - 1 : 0];
+    }
+}
+
+static void look_at(const Fit *f, int64_t vertex, int64_t end, Told *told) {
+    double away[3];
+    for (int j = 0; j < 3; j++) away[j] = (f->at[3 * end + j] - f->at[3 * vertex + j]) / f->size[vertex];
+    double distance = dot(away, away), used = f->is_known[end];
+    find_terms(dot(away, f->axis_x + 3 * vertex), dot(away, f->axis_y + 3 * vertex), told->terms);
+    told->z = dot(away, f->normal + 3 * vertex);
+    told->weights[0] = used * (2 / sqrt(distance > LEAST_DISTANCE ? distance : LEAST_DISTANCE));
+    told->weights[1] = told->weights[2] = used;
+}
+
+/* Slopes by x and y, in the frame of a vertex, of a surface with that normal. */
+static void find_slopes(const Fit *f, int64_t vertex, const double *normal, double *slopes) {
+    double upright = dot(normal, f->normal + 3 * vertex);
+    if (upright < LEAST_UPRIGHT) upright = LEAST_UPRIGHT;
+    slopes[0] = -dot(normal, f->axis_x + 3 * vertex) / upright;
+    slopes[1] = -dot(normal, f->axis_y + 3 * vertex) / upright;
+}
+
+/* Add what a neighbour tells to the upper half of the matrix of the terms from `first` on, in rows of `width`. */
+static void add_told(const Told *told, int first, int width, double *matrix, double *scale) {
+    int k = N_TERMS - first;
+    for (int r = 0; r < 3; r++) {
+        double row[N_TERMS];
+        for (int i = 0; i < k; i++) row[i] = told->terms[r][first + i] * told->weights[r];
+        for (int i = 0; i < k; i++)
+            for (int j = i; j < k; j++) matrix[i * width + j] += row[i] * row[j];
+        *scale += told->weights[r] * told->weights[r];
+    }
+}
+
+static void add_ridge(const Fit *f, int first, int width, double scale, double *matrix) {
+    for (int i = 0; i < N_TERMS - first; i++) matrix[i * width + i] += f->ridge[first + i] * scale;
+}
+
+/* Solve k equations, whose matrix is symmetric, by elimination; right sides stand beside it and become the solutions. */
+static void solve(double *a, int k, int width) {
+    for (int i = 0; i < k; i++) {
+        double *row = a + i * width, beside[N_TERMS];
+        for (int j = i + 1; j < k; j++) beside[j] = row[j];
+        for (int j = i + 1; j < width; j++) row[j] /= row[i];
+        for (int r = i + 1; r < k; r++)
+            for (int j = r; j < width; j++) a[r * width + j] -= beside[r] * row[j];
+    }
+    for (int i = k - 2; i >= 0; i--)
+        for (int r = i + 1; r < k; r++)
+            for (int j = k; j < width; j++) a[i * width + j] -= a[i * width + r] * a[r * width + j];
+}
+
+typedef struct {
+    const Fit *fit;
+    double *coefficients;
+} Fields;
+
+#define FREE (N_TERMS - 2) /* terms of a field that has the vertex's own slope */
+
+static void fit_some_fields(void *context, int64_t first, int64_t last) {
+    const Fields *fields = context;
+    const Fit *f = fields->fit;
+    for (int64_t n = first; n < last; n++) {
+        int64_t vertex = f->wanted[n];
+        double a[FREE * (FREE + 1)] = {0}, scale = 1;
+        for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
+            Told told;
+            look_at(f, vertex, f->end[p], &told);
+            add_told(&told, 2, FREE + 1, a, &scale);
+            double values[3] = {told.z};
+            find_slopes(f, vertex, f->normal + 3 * f->end[p], values + 1);
+            for (int r = 0; r < 3; r++)
+                for (int i = 0; i < FREE; i++)
+                    a[i * (FREE + 1) + FREE] +=
+                        told.terms[r][2 + i] * told.weights[r] * (values[r] * told.weights[r]);
+        }
+        add_ridge(f, 2, FREE + 1, scale, a);
+        solve(a, FREE, FREE + 1);
+        for (int i = 0; i < FREE; i++) fields->coefficients[N_TERMS * vertex + 2 + i] = a[i * (FREE + 1) + FREE];
+    }
+}
+
+/* Fit fields with the wanted vertices' own places and slopes; coefficients (f, 14), of which the first two stay. */
+KIRIKO_API void kiriko_fit_fields(const Fit *fit, double *coefficients, int64_t n_threads) {
+    Fields fields = {.fit = fit, .coefficients = coefficients};
+    share_out(fit_some_fields, &fields, fit->n_wanted, FITTED_AT_ONCE, n_threads);
+}
+
+/* How the slopes of wanted vertices follow from the heights of their neighbours, (n, 2), and from their slopes,
+   (p, 2, 2): by x and y the vertex's own. */
+typedef struct {
+    const Fit *fit;
+    double *from_heights, *from_slopes;
+    const double *normal;    /* (f, 3) before a sweep, and after it */
+    double *found, *changes; /* of each share of the work */
+} Sweeps;
+
+static void make_some_slopes(void *context, int64_t first, int64_t last) {
+    const Sweeps *s = context;
+    const Fit *f = s->fit;
+    for (int64_t n = first; n < last; n++) {
+        int64_t vertex = f->wanted[n];
+        double a[N_TERMS * (N_TERMS + 2)] = {0}, scale = 1;
+        Told told;
+        for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
+            look_at(f, vertex, f->end[p], &told);
+            add_told(&told, 0, N_TERMS + 2, a, &scale);
+        }
+        add_ridge(f, 0, N_TERMS + 2, scale, a);
+        for (int j = 0; j < 2; j++) a[j * (N_TERMS + 2) + N_TERMS + j] = 1;
+        solve(a, N_TERMS, N_TERMS + 2);
+
+        double *from_heights = s->from_heights + 2 * n;
+        from_heights[0] = from_heights[1] = 0;
+        for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
+            look_at(f, vertex, f->end[p], &told);
+            double *from_slopes = s->from_slopes + 4 * p;
+            for (int j = 0; j < 2; j++) {
+                double from[3] = {0};
+                for (int r = 0; r < 3; r++) {
+                    for (int i = 0; i < N_TERMS; i++) from[r] += told.terms[r][i] * a[i * (N_TERMS + 2) + N_TERMS + j];
+                    from[r] *= told.weights[r] * told.weights[r];
+                }
+                from_heights[j] += from[0] * told.z;
+                from_slopes[j] = from[1];
+                from_slopes[2 + j] = from[2];
+            }
+        }
+    }
+}
+
+static void sweep_some(void *context, int64_t first, int64_t last) {
+    const Sweeps *s = context;
+    const Fit *f = s->fit;
+    double change = 0;
+    for (int64_t n = first; n < last; n++) {
+        int64_t vertex = f->wanted[n];
+        double slope[2] = {s->from_heights[2 * n], s->from_heights[2 * n + 1]}, theirs[2];
+        for (int64_t p = f->first[vertex]; p < f->first[vertex + 1]; p++) {
+            const double *from = s->from_slopes + 4 * p;
+            find_slopes(f, vertex, s->normal + 3 * f->end[p], theirs);
+            for (int j = 0; j < 2; j++) slope[j] += from[j] * theirs[0] + from[2 + j] * theirs[1];
+        }
+        double *found = s->found + 3 * vertex;
+        for (int j = 0; j < 3; j++)
+            found[j] = f->normal[3 * vertex + j] - slope[0] * f->axis_x[3 * vertex + j] - slope[1] * f->axis_y[3 * vertex + j];
+        normalise(found);
+        for (int j = 0; j < 3; j++) {
+            double moved = fabs(found[j] - s->normal[3 * vertex + j]);
+            if (moved > change) change = moved;
+        }
+    }
+    s->changes[first / FITTED_AT_ONCE] = change;
+}
+
+/* Let the normals (f, 3) of wanted vertices agree with their neighbours', in no more than n_sweeps, until none changes by
+   as much as `settled`. There is room for as many `others`, for from_heights (n, 2), for from_slopes (p, 2, 2), and for
+   `changes`, one for each 256 vertices. The result is the same for any number of threads. */
+KIRIKO_API void kiriko_settle_normals(const Fit *fit, double *normals, double *others, double *from_heights,
+                                      double *from_slopes, double *changes, int64_t n_sweeps, double settled,
+                                      int64_t n_threads) {
+    Sweeps s = {.fit = fit, .from_heights = from_heights, .from_slopes = from_slopes, .changes = changes};
+    int64_t n_shares = (fit->n_wanted + FITTED_AT_ONCE - 1) / FITTED_AT_ONCE;
+    share_out(make_some_slopes, &s, fit->n_wanted, FITTED_AT_ONCE, n_threads);
+    double *before = normals, *after = others;
+    for (int64_t sweep = 0; sweep < n_sweeps; sweep++) {
+        s.normal = before;
+        s.found = after;
+        share_out(sweep_some, &s, fit->n_wanted, FITTED_AT_ONCE, n_threads);
+        before = s.found;
+        after = before == normals ? others : normals;
+        double change = 0;
+        for (int64_t k = 0; k < n_shares; k++)
+            if (changes[k] > change) change = changes[k];
+        if (change < settled) break;
+    }
+    if (before != normals)
+        for (int64_t n = 0; n < fit->n_wanted; n++) copy(before + 3 * fit->wanted[n], normals + 3 * fit->wanted[n]);
+}
+
+static double height_of(const double *c, double u, double v) {
+    double in_v = c[1] + u * (c[3] + u * (c[6] + u * c[10])) +
+                  v * (c[4] + u * (c[7] + u * c[11]) + v * (c[8] + u * c[12] + v * c[13]));
+    return u * (c[0] + u * (c[2] + u * (c[5] + u * c[9]))) + v * in_v;
+}
+
+typedef struct {
+    const Fit *fit;
+    const double *coefficients, *nodes, *weights;
+    const int64_t *corner;
+    double *offsets;
+    int64_t n;
+} Faces;
+
+/* Add what the field of a face's corner i says of its nodes. */
+static void add_offsets(const Faces *s, int64_t face, int i) {
+    const Fit *f = s->fit;
+    const int64_t *corner = s->corner + 3 * face;
+    int64_t own = corner[i];
+    const double *axes[3] = {f->axis_x + 3 * own, f->axis_y + 3 * own, f->normal + 3 * own};
+    const double *c = s->coefficients + N_TERMS * own;
+    double sides[2][3], leans[2][3], size = f->size[own];
+    bool is_slight = true;
+    for (int k = 0; k < 2; k++) {
+        int64_t end = corner[(i + k + 1) % 3];
+        double away[3];
+        for (int j = 0; j < 3; j++) away[j] = f->at[3 * end + j] - f->at[3 * own + j];
+        for (int j = 0; j < 3; j++) {
+            sides[k][j] = dot(away, axes[j]) / size;
+            leans[k][j] = dot(f->normal + 3 * end, axes[j]);
+            is_slight &= j == 2 || fabs(leans[k][j]) < SLIGHT;
+        }
+    }
+    for (int node = 0; node < N_NODES; node++) {
+        double weight = s->weights[3 * node + i];
+        if (!(weight > 0)) continue;
+        const double *part = s->nodes + 3 * node;
+        double li = part[i], lj = part[(i + 1) % 3], lk = part[(i + 2) % 3], place[3], lean[3];
+        for (int j = 0; j < 3; j++) {
+            place[j] = lj * sides[0][j] + lk * sides[1][j];
+            lean[j] = lj * leans[0][j] + lk * leans[1][j];
+        }
+        lean[2] += li;
+        double height = (height_of(c, place[0], place[1]) - place[2]) / lean[2];
+        for (int turn = 0; turn < (is_slight ? 1 : 2); turn++)
+            height = (height_of(c, place[0] + height * lean[0], place[1] + height * lean[1]) - place[2]) / lean[2];
+        for (int j = 0; j < 3; j++) {
+            double direction = 0;
+            for (int m = 0; m < 3; m++) direction += part[m] * f->normal[3 * corner[m] + j];
+            s->offsets[(3 * node + j) * s->n + face] += weight * (size * height) * direction;
+        }
+    }
+}
+
+static void find_some_offsets(void *context, int64_t first, int64_t last) {
+    const Faces *s = context;
+    for (int64_t face = first; face < last; face++)
+        for (int i = 0; i < 3; i++) add_offsets(s, face, i);
+}
+
+/* Add the offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3) to zeros; nodes (12, 3) and weights
+   (12, 3) are those of curved.py and surface_fit.py. */
+KIRIKO_API void kiriko_find_offsets(const Fit *fit, const double *coefficients, const double *nodes,
+                                    const double *weights, const int64_t *corner, int64_t n, double *offsets,
+                                    int64_t n_threads) {
+    Faces faces = {.fit = fit, .coefficients = coefficients, .nodes = nodes, .weights = weights, .corner = corner,
+                   .n = n, .offsets = offsets};
+    share_out(find_some_offsets, &faces, n, FITTED_AT_ONCE, n_threads);
+}
