@@ -45,7 +45,7 @@ SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to 
 SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
 LEAST_DISTANCE = 1e-12  # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
 LEAST_UPRIGHT = 0.2  # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
-SLIGHT = 0.1  # radians: normals that turn by less meet their fields in one fixed-point step, which gains two orders
+STEPS = 2  # of a fixed point, each of which gains two orders: as many for all, or neighbours would not meet
 MOST_MOVED = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
 AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
 TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
@@ -279,7 +279,6 @@ def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
         frame = fields.axis_x[own], fields.axis_y[own], v.normal[own]
         sides = [[dot(at[:, (i + s) % 3] - at[:, i], axis) / size for axis in frame] for s in (1, 2)]
         leans = [[dot(normal[:, (i + s) % 3], axis) for axis in frame] for s in (1, 2)]
-        is_slight = np.maximum.reduce([np.abs(lean) for lean in leans[0][:2] + leans[1][:2]]) < SLIGHT
         c = np.ascontiguousarray(fields.coefficients[own].T)
         for node in np.flatnonzero(weight[:, i]):
             li, lj, lk = (NODES[node, (i + s) % 3] for s in range(3))
@@ -287,9 +286,8 @@ def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
             dx, dy, dz = (lj * a + lk * b for a, b in zip(*leans, strict=True))
             dz += li
             height = (value(c, x, y) - z) / dz
-            height = (value(c, x + height * dx, y + height * dy) - z) / dz
-            if not is_slight.all():
-                height = np.where(is_slight, height, (value(c, x + height * dx, y + height * dy) - z) / dz)
+            for _ in range(STEPS):
+                height = (value(c, x + height * dx, y + height * dy) - z) / dz
             direction = sum(NODES[node, m] * normal[:, m].T for m in range(3))
             offsets[node] += weight[node, i] * (size * height) * direction
     return offsets

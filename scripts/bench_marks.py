@@ -4,7 +4,8 @@ For each glass the same mesh, viewer and display for both: facets with interpola
 splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
 drawn*, which is what Mitsuba shows, and by *Automatic*, which follows the curved surface and has no judge here. `s` are
 seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
-over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each.
+over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart` is the share of the
+rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps itself, and is no judge there.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from bench_side_by_side import SPP, Judge, zone_plate
+from bench_side_by_side import SPP, Judge, share_apart, zone_plate
 from mitsuba_splat import MitsubaSplat, image_from_sums
 from reference_rigs import glass_rig
 
@@ -88,9 +89,10 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     of_theirs, of_drawn = (
         f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}" for image in (image_from_sums(sums), drawn.source)
     )
+    apart = 100 * share_apart(splat.rig, splat)
     print(
         f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{of_theirs}{drawn_seconds:9.2f}{of_drawn}"
-        f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}",
+        f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}{apart:8.1f}%",
         flush=True,
     )
 
@@ -103,7 +105,7 @@ def main() -> None:
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     arguments = parser.parse_args()
     print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
-    heads = ("Mitsuba", "error", "as seen", "drawn s", "error", "as seen", "auto s", "drawn x", "auto x")
+    heads = ("Mitsuba", "error", "as seen", "drawn s", "error", "as seen", "auto s", "drawn x", "auto x", "apart")
     print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
     with tempfile.TemporaryDirectory() as folder:
         for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():

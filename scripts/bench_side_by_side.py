@@ -32,7 +32,7 @@ from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.session import Session, finish
 from kiriko.core.source_image import splat
-from kiriko.core.trace import trace_all
+from kiriko.core.trace import Landings, trace_all
 
 Floats = NDArray[np.float64]
 Painted = tuple[Floats, NDArray[np.bool_]]  # source image (H, W, 3), and where it is not a hole
@@ -110,12 +110,17 @@ def _many(loop: MitsubaSplat, spp: int, first_seed: int) -> Floats:
     return sum(loop.sums(min(AT_ONCE, spp - first), first_seed + first).astype(float) for first in starts)
 
 
-def compare_landings(rig: Rig, loop: MitsubaSplat) -> str:
-    """How far Mitsuba's landings are from those of core.trace on the same rays, in words."""
+def _landings(rig: Rig, loop: MitsubaSplat) -> tuple[Landings, Floats]:
+    """Kiriko's landings and Mitsuba's, of the same rays."""
     size = np.array([rig.viewer.width, rig.viewer.height])
     # single precision, or the two would not get the same rays
     xy = (np.random.default_rng(0).random((CHECKED, 2)) * size).astype(np.float32).astype(float)
-    ours, theirs = trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy)), loop.landings(xy)
+    return trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy)), loop.landings(xy)
+
+
+def compare_landings(rig: Rig, loop: MitsubaSplat) -> str:
+    """How far Mitsuba's landings are from those of core.trace on the same rays, in words."""
+    ours, theirs = _landings(rig, loop)
     has_arrived = np.isfinite(theirs[:, 0])
     both = ours.has_arrived & has_arrived
     off = np.linalg.norm(ours.xy[both] - theirs[both], axis=1)
@@ -125,6 +130,17 @@ def compare_landings(rig: Rig, loop: MitsubaSplat) -> str:
         f"median {half:.2g} px, 99 % {most:.2g} px, largest {off.max():.2g} px of {len(off)} rays;"
         f" {n_one} of {CHECKED} arrive for one only"
     )
+
+
+def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
+    """Share, 0..1, of the rays that see the display by either, which Mitsuba takes more than a pixel elsewhere."""
+    ours, theirs = _landings(rig, loop)
+    size = rig.display.width, rig.display.height
+    seen = [((xy >= 0) & (xy < size)).all(axis=1) for xy in (np.where(ours.has_arrived[:, None], ours.xy, -1), theirs)]
+    with np.errstate(invalid="ignore"):
+        is_alike = np.linalg.norm(ours.xy - theirs, axis=1) <= 1
+    either = seen[0] | seen[1]
+    return float((either & ~(seen[0] & seen[1] & is_alike)).sum() / max(either.sum(), 1))
 
 
 # The ways to an image

@@ -8,7 +8,7 @@
 #define N_NODES 12
 #define LEAST_UPRIGHT 0.2 /* as in surface_fit.py, like the next two */
 #define LEAST_DISTANCE 1e-12
-#define SLIGHT 0.1
+#define STEPS 2
 
 static const int POWERS[N_TERMS][2] = {{1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}, {3, 0}, {2, 1},
                                        {1, 2}, {0, 3}, {4, 0}, {3, 1}, {2, 2}, {1, 3}, {0, 4}};
@@ -227,7 +227,6 @@ static void add_offsets(const Faces *s, int64_t face, int i) {
     const double *axes[3] = {f->axis_x + 3 * own, f->axis_y + 3 * own, f->normal + 3 * own};
     const double *c = s->coefficients + N_TERMS * own;
     double sides[2][3], leans[2][3], size = f->size[own];
-    bool is_slight = true;
     for (int k = 0; k < 2; k++) {
         int64_t end = corner[(i + k + 1) % 3];
         double away[3];
@@ -235,7 +234,6 @@ static void add_offsets(const Faces *s, int64_t face, int i) {
         for (int j = 0; j < 3; j++) {
             sides[k][j] = dot(away, axes[j]) / size;
             leans[k][j] = dot(f->normal + 3 * end, axes[j]);
-            is_slight &= j == 2 || fabs(leans[k][j]) < SLIGHT;
         }
     }
     for (int node = 0; node < N_NODES; node++) {
@@ -249,7 +247,7 @@ static void add_offsets(const Faces *s, int64_t face, int i) {
         }
         lean[2] += li;
         double height = (height_of(c, place[0], place[1]) - place[2]) / lean[2];
-        for (int turn = 0; turn < (is_slight ? 1 : 2); turn++)
+        for (int turn = 0; turn < STEPS; turn++)
             height = (height_of(c, place[0] + height * lean[0], place[1] + height * lean[1]) - place[2]) / lean[2];
         for (int j = 0; j < 3; j++) {
             double direction = 0;
