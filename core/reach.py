@@ -65,11 +65,11 @@ def sample_reached(
         try:
             while True:
                 so_far = perf_counter() - began
-                in_all = (so_far + DOUBT * SECONDS_A_PIXEL * n_pixels) / (share + DOUBT)
+                guess = DOUBT * SECONDS_A_PIXEL * n_pixels
+                in_all = max(so_far, (so_far + guess) / (share + DOUBT))
                 after = AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * max(sampling.expected, sampling.n_done)
-                told = max(
-                    told, (of_plan + so_far) / (of_plan + in_all + after)
-                )  # what begins again has come no further
+                # what begins again has come no further
+                told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
                 yield told
                 share = next(steps)
         except StopIteration as end:
