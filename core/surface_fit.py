@@ -32,7 +32,7 @@ from .curved import (
     tangents,
     value,
 )
-from .meshes import Edges, components
+from .meshes import Edges, areas_of, components
 from .optics import dot, length_of, normalise
 from .products import combine, solve_symmetric
 from .rig import Bools, Floats, Ints
@@ -46,7 +46,10 @@ SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, 
 LEAST_DISTANCE = 1e-12  # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
 LEAST_UPRIGHT = 0.2  # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
 STEPS = 2  # of a fixed point, each of which gains two orders: as many for all, or neighbours would not meet
-MOST_MOVED = 0.2  # of the turn to a neighbour: a found normal further from the mean than this is not believed
+MOVED, MOST_MOVED = 0.2, 0.5  # of the turn to a neighbour: found normals further from the mean have to prove themselves
+STRAIGHT = 0.1  # ... by chords to neighbours, which contradict them by no more of it; noise and rims make it more
+SWOLLEN = 3.0  # times the sag of an arc that turns as the normals do: a face beyond it follows a bevel beside it
+UNTOLD = 0.005  # of an edge: so far faces may stand out besides, whose edges turn one way and back
 AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
 TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
 COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
@@ -204,11 +207,26 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
         _settle_normals(v, _tangent_planes(v), wanted, normal)
 
     # where the mesh is too irregular to tell, the mean is the better guess
-    turn = taken(v.normal, v.end) - taken(v.normal, v.start)
+    turn = length_of(taken(v.normal, v.end) - taken(v.normal, v.start))
     with np.errstate(invalid="ignore"):
+        turn = np.maximum.reduceat(turn, v.first[:-1])
         moved = length_of(normal - v.normal)
-        is_sane = moved <= MOST_MOVED * np.maximum.reduceat(length_of(turn), v.first[:-1])
+        is_near = moved <= MOVED * turn
+        is_straight = (moved <= MOST_MOVED * turn) & (_bend(v, normal) < STRAIGHT * turn)
+    # normals are found together: what is far from the mean needs neighbours that are believed
+    is_alone = np.bincount(v.start, ~(is_near | is_straight)[v.end], len(v.at)) > 0
+    is_sane = is_near | (is_straight & ~is_alone)
     return np.where(is_sane[:, None], normal, v.normal)
+
+
+def _bend(v: _Vertices, normal: Floats) -> Floats:
+    """By how much chords to neighbours contradict the normals (f, 3) at their ends, per vertex (f,), rad rms.
+
+    Of a parabola a chord has the mean of the slopes at its ends.
+    """
+    chord = normalise(taken(v.at, v.end) - taken(v.at, v.start))
+    unlike = dot(taken(normal, v.end) + taken(normal, v.start), chord) / 2
+    return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
 def _settle_normals(v: _Vertices, fields: _Fields, wanted: Bools, normal: Floats) -> None:
@@ -311,11 +329,18 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
     return normal.transpose(2, 1, 0)
 
 
-def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
-    """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?"""
+def _is_whole(offsets: Floats, corners: Floats, at_corners: Floats, normals: Floats, facets: Floats) -> Bools:
+    """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?
+
+    Parameters
+    ----------
+    corners, at_corners : (n, 3, 3) and the normals there, whose turn tells how far an edge can stand out
+    """
     longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
+    turn = length_of(np.roll(at_corners, -1, axis=1) - at_corners).max(axis=1)
+    most = longest * np.minimum(MOST_OFFSET, SWOLLEN * turn / 8 + UNTOLD)
     with np.errstate(invalid="ignore"):
-        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < MOST_OFFSET * longest
+        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < most
         return is_near & (np.einsum("nkc,nc->nk", normals, facets).min(axis=1) > STEEPEST_INSIDE)
 
 
@@ -359,16 +384,19 @@ class _Beside:
         return cls(row, triangle, edge, is_drawn)
 
 
-def _agree(own: Floats, at_corners: Floats, beside: _Beside) -> tuple[Floats, Floats]:
-    """Normals (p, 12, 3) at the nodes that neighbours agree on, and by how much they differed, rad, at the first 9.
+def _agree(own: Floats, at_corners: Floats, area: Floats, beside: _Beside) -> tuple[Floats, Floats]:
+    """Normals (p, 12, 3) at the nodes that neighbours agree on, and about how far they are off, rad, at the first 9.
 
     On an edge it is the mean of both sides, and what a facet has where it runs on as drawn; inside it is the face's
     own, changed as the edges are. Both sides interpolate the same numbers along an edge, so that they agree all along.
+    A wrong height turns the normal by itself over the distance to the edge: each side weighs by its area squared. Sides
+    that weigh the same are off by as much as they differ; the less one of them weighs the less it matters.
 
     Parameters
     ----------
-    own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices
+    own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices; area (p,)
     """
+    squared = area**2
     agreed = np.concatenate([own[:, :N_NODES], at_corners], axis=1)
     jump = np.zeros((len(own), N_ON_EDGES))
     facets = np.matmul(NODES[:N_ON_EDGES], at_corners)
@@ -379,8 +407,10 @@ def _agree(own: Floats, at_corners: Floats, beside: _Beside) -> tuple[Floats, Fl
         # it runs the other way there
         first = other * len(_AT) + 3 * beside.edge[:, edge]
         theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
-        agreed[:, nodes] = normalise(mine + theirs)
-        jump[:, nodes] = length_of(mine - theirs)
+        mine_counts = squared / (squared + squared[other])
+        theirs_count = squared[other] / (squared[other] + squared)
+        agreed[:, nodes] = normalise(mine_counts[:, None, None] * mine + theirs_count[:, None, None] * theirs)
+        jump[:, nodes] = length_of(mine - theirs) * 2 * np.sqrt(mine_counts * theirs_count)[:, None]
 
         alone = np.flatnonzero(beside.triangle[:, edge] < 0)
         agreed[alone, nodes], jump[alone, nodes] = own[alone, nodes], 0.0
@@ -478,13 +508,14 @@ def make_curved(
         at = taken(corners, chosen[some])
         offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
         own[some] = _normals_at_nodes(offsets, at)
-        is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
+        at_corners = taken(v.normal, v.of_corner[chosen[some]])
+        is_whole[some] = _is_whole(offsets, at, at_corners, own[some], taken(facets, chosen[some]))
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
     if not is_whole.all():
         chosen, coefficients, own = chosen[is_whole], coefficients[is_whole], own[is_whole]
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
-    agreed, jump = _agree(own, taken(v.normal, vertex), beside)
+    agreed, jump = _agree(own, taken(v.normal, vertex), areas_of(taken(corners, chosen)), beside)
     is_doubted = np.zeros(len(triangles), bool)
     if is_automatic:
         is_trusted = _is_trusted(taken(corners, chosen), coefficients, taken(v.normal, vertex), vertex, agreed, jump)
@@ -501,7 +532,7 @@ def make_curved(
     is_drawn[v.of_corner[beside.row < 0]] = True
     normal = np.where(is_drawn[:, None], given, v.normal)
     if len(chosen) < len(triangles):
-        agreed, jump = _agree(own, taken(normal, vertex), beside)
+        agreed, jump = _agree(own, taken(normal, vertex), areas_of(taken(corners, chosen)), beside)
 
     is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))

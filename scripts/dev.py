@@ -80,7 +80,7 @@ def surface(arguments: argparse.Namespace) -> None:
 
 def irregular(arguments: argparse.Namespace) -> None:
     """Measure what each choice of Surface makes of irregular and noisy meshes, against closed forms."""
-    run_with_tests("bench_irregular.py", arguments.rest)
+    run_in_blender("bench_irregular.py", arguments.rest)
 
 
 def glasses(arguments: argparse.Namespace) -> None:
@@ -91,6 +91,11 @@ def glasses(arguments: argparse.Namespace) -> None:
 def marks(arguments: argparse.Namespace) -> None:
     """Measure Kiriko beside Mitsuba on glass as artists bring it (further options go to scripts/bench_marks.py)."""
     run_with_tests("bench_marks.py", arguments.rest, BENCH)
+
+
+def cycles(arguments: argparse.Namespace) -> None:
+    """Measure landings beside Cycles on glass as artists bring it (further options go to scripts/bench_cycles.py)."""
+    run_in_blender("bench_cycles.py", arguments.rest)
 
 
 def curved(arguments: argparse.Namespace) -> None:
@@ -205,6 +210,7 @@ def main() -> None:
         irregular,
         glasses,
         marks,
+        cycles,
         kernel,
         fuzz,
         paper,

@@ -305,6 +305,7 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
         "median": float(np.median(off)),
         "most": float(np.quantile(off, 0.95)),
         "only_theirs": float((is_theirs & ~is_ours).sum() / is_theirs.sum()),
+        "apart": float(((is_theirs & ~is_ours).sum() + (off > 1).sum()) / is_theirs.sum()),
         "both": float(both.sum() / is_ours.sum()),
     }
 

@@ -186,10 +186,26 @@ def made(name: str) -> Mesh:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
     place = Matrix.Translation((0, 0, -BOWLS[name])) if name in BOWLS else Matrix.Scale(SIZE, 4) @ fitting(thing)
+    return evaluated(thing, place)
+
+
+def rebuilt(fine: Mesh, **options: object) -> Mesh:
+    """A mesh in smooth shading, made anew by a modifier with these options."""
+    data = bpy.data.meshes.new("Fine")
+    data.from_pydata(fine.vertices.tolist(), [], fine.triangles.tolist())
+    thing = linked(smooth(data), "Fine")
+    add(thing, **options)
+    mesh = evaluated(thing, Matrix())
+    bpy.data.meshes.remove(data)
+    return mesh
+
+
+def evaluated(thing: bpy.types.Object, place: Matrix) -> Mesh:
+    """The mesh of an object with its modifiers, at a place in the world."""
     bpy.context.view_layer.update()
-    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh, _ = read_mesh(evaluated.to_mesh(), np.array(place), has_normals=True)
-    evaluated.to_mesh_clear()
+    result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh, _ = read_mesh(result.to_mesh(), np.array(place), has_normals=True)
+    result.to_mesh_clear()
     return mesh
 
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import glasses
 import numpy as np
 import pytest
-from bench_glasses import BENCH
 from both_ways import find_parted
-from reference_rigs import rig
+from reference_rigs import glass_rig
 
 from kiriko.core import kernel
 from kiriko.core.plan import Kind, Settings, make_plan
@@ -19,7 +18,7 @@ FINE = 4  # levels of subdivision: sixteen times the triangles
 
 
 def landings(mesh, surface):
-    a_rig = rig(replace(mesh, surface=surface), **BENCH)
+    a_rig = glass_rig(replace(mesh, surface=surface))
     viewer = a_rig.viewer
     xy = np.random.default_rng(3).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
     plan = make_plan(a_rig, Settings())
@@ -51,7 +50,7 @@ def test_all_glasses_can_be_made(name):
     mesh = glasses.made(name)
     assert (mesh.is_smooth is None) == (name in ("cube", "gem", "cut cylinder"))
     assert 0.01 < np.ptp(mesh.bounds, axis=0).max() < 0.25
-    plan = make_plan(rig(mesh, **BENCH), Settings())
+    plan = make_plan(glass_rig(mesh), Settings())
     assert plan.is_closed[plan.kind == Kind.GLASS].all() == (name != "Suzanne")
 
 
@@ -71,7 +70,7 @@ def test_the_kernel_leads_light_as_numpys_way_does(name, surface):
     if (name, surface) == ("large scan", "smooth"):
         pytest.skip("forty seconds to fit what is not trusted")
     mesh = replace(glasses.made(name), surface=surface)
-    a_rig = rig(mesh, ior=glasses.INDICES.get(name, 1.49), **BENCH)
+    a_rig = glass_rig(mesh, ior=glasses.INDICES.get(name, 1.49))
     viewer = a_rig.viewer
     xy = np.random.default_rng(4).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
     found = find_parted(make_plan(a_rig, Settings()), *viewer.rays(xy))

@@ -310,7 +310,7 @@ UNEVEN = {
     "32 x 16": lambda: uv_ellipsoid((0.025, 0.020, 0.015)),
     "noisy": lambda: disturbed("ball, 1280", 0, 1e-2),
     "vertices aside": lambda: disturbed("ball, 1280", 0.3, 0),
-    "partly as drawn": lambda: replace(disturbed("ball, 5120", 0.3, 0), surface="automatic"),
+    "partly as drawn": lambda: replace(disturbed("ball, 5120", 0, 3e-5), surface="automatic"),
     "one useless face": one_useless_face,
     "wavy slab": wavy_slab,
     "vase": vase,
@@ -347,7 +347,7 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
     assert apart.max() < 2e-6
     assert curved.jump.max() > 1e-5  # or there was nothing to do
     drawn = curved.row < 0
-    assert drawn.any() == (name in ("partly as drawn", "one useless face", "wavy slab", "vase"))
+    assert drawn.any() == (name in ("noisy", "partly as drawn", "one useless face", "wavy slab", "vase"))
     sharp = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & ~is_joined]
     assert (len(sharp) > 0) == (name in ("wavy slab", "one useless face"))
     assert name != "wavy slab" or (sharp > 0.5).all()
@@ -366,16 +366,37 @@ def test_faces_of_fine_regular_meshes_keep_their_own_normals():
 
 
 @pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize(("aside", "noise"), [(0, 0), (0.2, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-3)])
-def test_automatic_is_nearly_as_good_as_the_better_choice(name, aside, noise):
-    """Against closed forms of what was meant, median and rms; single spoilt faces spread to their neighbours.
-
-    By a fifth, or a tenth of a display pixel: vertices moved by a fifth of an edge spoil some faces of the torus.
-    """
+@pytest.mark.parametrize(("aside", "noise"), [(0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-5)])
+def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
+    """To a tenth of a display pixel, which is a tenth of the tolerance, against closed forms of what was meant."""
     mesh = disturbed(name, aside, noise)
-    drawn, smooth, automatic = (errors(name, mesh, choice) for choice in CHOICES)
-    assert automatic.median < 1.2 * min(drawn.median, smooth.median) + 0.01
-    assert automatic.rms < 1.2 * min(drawn.rms, smooth.rms) + 0.1
+    drawn, smooth, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
+    assert automatic.median < min(drawn.median, smooth.median) + 0.1
+    assert automatic.rms < min(drawn.rms, smooth.rms) + 0.1
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_vertices_that_lie_on_the_surface_tell_its_normals(name):
+    """However irregular their faces are: curved faces stay a hundred times nearer than facets, and all are trusted."""
+    mesh = disturbed(name, 0.2, 0)
+    drawn, _, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
+    assert automatic.curved == 1
+    assert automatic.rms < drawn.rms / 100
+
+
+@pytest.mark.parametrize("strips", [2, 4, 9])
+def test_large_faces_do_not_follow_the_bevel_beside_them(strips):
+    """A round bar with rounded rims: no point is further from it than the middles of its facets are, about."""
+    a = np.linspace(0, np.pi / 2, strips + 1)
+    around, along = 0.017 + 0.003 * np.sin(a), 0.027 + 0.003 * np.cos(a)
+    heights = np.concatenate([[-0.03], -along, along[::-1], [0.03]])
+    curved = make_surface(lathed(np.concatenate([[0], around, around[::-1], [0]]), heights)).curved
+    k, (weights, _) = np.flatnonzero(curved.row >= 0), grid(4)
+    triangle, at = np.repeat(k, len(weights)), np.tile(weights, (len(k), 1))
+    x, y, z = curved.points(triangle, at[:, 1], at[:, 2]).T
+    beyond = np.stack([np.hypot(x, y) - 0.017, np.abs(z) - 0.027])
+    off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - 0.003
+    assert np.abs(off).max() < 0.003 * (1 - np.cos(np.pi / 4 / strips)) + 0.02 * (1 - np.cos(np.pi / 32))
 
 
 def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
