@@ -329,19 +329,28 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
     return normal.transpose(2, 1, 0)
 
 
-def _is_whole(offsets: Floats, corners: Floats, at_corners: Floats, normals: Floats, facets: Floats) -> Bools:
-    """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?
-
-    Parameters
-    ----------
-    corners, at_corners : (n, 3, 3) and the normals there, whose turn tells how far an edge can stand out
-    """
-    longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
-    turn = length_of(np.roll(at_corners, -1, axis=1) - at_corners).max(axis=1)
-    most = longest * np.minimum(MOST_OFFSET, SWOLLEN * turn / 8 + UNTOLD)
+def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
+    """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?"""
     with np.errstate(invalid="ignore"):
-        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < most
+        is_near = _stands_out(offsets) < MOST_OFFSET * _longest(corners)
         return is_near & (np.einsum("nkc,nc->nk", normals, facets).min(axis=1) > STEEPEST_INSIDE)
+
+
+def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
+    """Do curved faces stand out further than the normals (n, 3, 3) at their corners (n, 3, 3) account for?"""
+    turn = length_of(np.roll(at_corners, -1, axis=1) - at_corners).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        return _stands_out(offsets) > (SWOLLEN * turn / 8 + UNTOLD) * _longest(corners)
+
+
+def _stands_out(offsets: Floats) -> Floats:
+    """How far (n,) the nodes of curved faces are from the facets, at most."""
+    return np.sqrt((offsets**2).sum(axis=1).max(axis=0))
+
+
+def _longest(corners: Floats) -> Floats:
+    """The longer of the first and the last edge (n,)."""
+    return length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
 
 
 def _quadratic(points: Floats) -> Floats:
@@ -502,23 +511,27 @@ def make_curved(
 
     chosen = np.flatnonzero(wanted)
     coefficients, own = np.empty((len(chosen), N_TERMS, 3)), np.empty((len(chosen), len(_AT), 3))
-    is_whole = np.empty(len(chosen), bool)
+    is_whole, is_swollen = np.empty((2, len(chosen)), bool)
     for k in range(0, len(chosen), CHUNK):
         some = slice(k, k + CHUNK)
-        at = taken(corners, chosen[some])
-        offsets = _node_offsets(v, fields, v.of_corner[chosen[some]])
+        at, of_corner = taken(corners, chosen[some]), v.of_corner[chosen[some]]
+        offsets = _node_offsets(v, fields, of_corner)
         own[some] = _normals_at_nodes(offsets, at)
-        at_corners = taken(v.normal, v.of_corner[chosen[some]])
-        is_whole[some] = _is_whole(offsets, at, at_corners, own[some], taken(facets, chosen[some]))
+        is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
+        is_swollen[some] = _is_swollen(offsets, at, taken(v.normal, of_corner))
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
+    if not is_automatic:  # which looks at all of them together
+        is_whole &= ~is_swollen
     if not is_whole.all():
-        chosen, coefficients, own = chosen[is_whole], coefficients[is_whole], own[is_whole]
+        chosen, coefficients, own, is_swollen = (x[is_whole] for x in (chosen, coefficients, own, is_swollen))
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
     agreed, jump = _agree(own, taken(v.normal, vertex), areas_of(taken(corners, chosen)), beside)
     is_doubted = np.zeros(len(triangles), bool)
     if is_automatic:
-        is_trusted = _is_trusted(taken(corners, chosen), coefficients, taken(v.normal, vertex), vertex, agreed, jump)
+        is_trusted = ~is_swollen & _is_trusted(
+            taken(corners, chosen), coefficients, taken(v.normal, vertex), vertex, agreed, jump
+        )
         if not is_trusted.all():
             is_trusted &= ~np.isin(face[chosen], face[chosen[~is_trusted]])
             is_doubted[chosen] = ~is_trusted
