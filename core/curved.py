@@ -238,8 +238,18 @@ class CurvedFaces:
         return replace(self, corners=motion.points(self.corners), **turned)
 
     def lowered(self, degree: int) -> "CurvedFaces":
-        """The faces of a lower degree through these, with their own normals, but for those held by a straight edge."""
-        return replace(self, degree=degree, normal_row=np.where(self.bent_row >= 0, self.normal_row, -1))
+        """The faces of a lower degree through these, with their own normals, but for those held by a straight edge.
+
+        Made once, so that what is made of them to trace them, as a tree, is there when the viewer alone has moved.
+        """
+        if degree not in self._lowered:
+            normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)
+            self._lowered[degree] = replace(self, degree=degree, normal_row=normal_row)
+        return self._lowered[degree]
+
+    @cached_property
+    def _lowered(self) -> "dict[int, CurvedFaces]":
+        return {}
 
     @property
     def triangle(self) -> Ints:

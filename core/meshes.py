@@ -60,7 +60,8 @@ def find_edges(triangles: Ints) -> Edges:
 
 def box_of(corners: Floats) -> Floats:
     """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
-    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+    x_y_z = np.ascontiguousarray(corners.reshape(-1, 3).T)  # five times as fast as along the rows
+    return np.stack([x_y_z.min(axis=1), x_y_z.max(axis=1)])
 
 
 @dataclass(frozen=True, eq=False)

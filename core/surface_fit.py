@@ -358,8 +358,10 @@ def _quadratic(points: Floats) -> Floats:
     return np.stack([points[:, i] * points[:, j] for i in range(3) for j in range(i, 3)], axis=1)
 
 
-# (3, 12): what is known at the nodes on edges and at corners, at the nodes inside; exact for what is quadratic
-_INWARD = _quadratic(NODES[N_ON_EDGES:]) @ np.linalg.pinv(_quadratic(np.vstack([NODES[:N_ON_EDGES], np.eye(3)])))
+# (3, 15): from what is known at nodes and corners to the nodes inside, which count for nothing; exact for the quadratic
+_INWARD = np.zeros((N_NODES - N_ON_EDGES, len(_AT)))
+_AROUND = np.r_[:N_ON_EDGES, N_NODES : len(_AT)]
+_INWARD[:, _AROUND] = _quadratic(_AT[N_ON_EDGES:N_NODES]) @ np.linalg.pinv(_quadratic(_AT[_AROUND]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,8 +427,9 @@ def _agree(own: Floats, at_corners: Floats, area: Floats, beside: _Beside) -> tu
         agreed[alone, nodes], jump[alone, nodes] = own[alone, nodes], 0.0
         drawn = np.flatnonzero(beside.is_drawn[:, edge])
         agreed[drawn, nodes] = facets[drawn, nodes]
-    around = np.r_[:N_ON_EDGES, N_NODES : N_NODES + 3]
-    agreed[:, N_ON_EDGES:N_NODES] += np.matmul(_INWARD, agreed[:, around] - own[:, around])
+    change = agreed - own
+    some = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREE / 10)  # others keep their own normals
+    agreed[some, N_ON_EDGES:N_NODES] += np.matmul(_INWARD, change[some])
     return agreed[:, :N_NODES], jump
 
 

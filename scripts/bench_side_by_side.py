@@ -47,6 +47,7 @@ TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.001)
 DEFAULT = Settings().tolerance
 FINER = 2  # times as many viewer pixels each way for Kiriko's own reference
 AT_ONCE = 128  # spp of a judge in one launch: sums of single precision stay exact to 1e-6
+STEP_ASIDE = 1e-3  # m
 CHECKED = 100_000  # rays whose landings are compared
 
 
@@ -317,9 +318,18 @@ def print_judges(rig: Rig, spp: int, by_triangles: Judge, by_sphere: Judge) -> N
 
 
 def print_parts(rig: Rig) -> None:
-    solution = finish(Session().solve(rig))
-    parts = ", ".join(f"{part} {seconds:.3f}" for part, seconds in solution.seconds.items())
-    print(f"  seconds of one more solve at {DEFAULT:g} px: {parts}; {solution.n_rays} rays")
+    session = Session()
+    for name, other in (("one more solve", rig), ("a solve after the viewer has moved", step_aside(rig))):
+        started = process_time()
+        solution = finish(session.solve(other))
+        parts = ", ".join(f"{part} {seconds:.3f}" for part, seconds in solution.seconds.items())
+        print(f"  seconds of {name} at {DEFAULT:g} px: {process_time() - started:.3f}, {solution.n_rays} rays; {parts}")
+
+
+def step_aside(rig: Rig) -> Rig:
+    """The rig seen from a little further to the right."""
+    viewer = rig.viewer
+    return replace(rig, viewers=(replace(viewer, position=viewer.position + STEP_ASIDE * viewer.axes[0]),))
 
 
 def print_speed_up(mitsuba: Sequence[Rung], embreex_alone: float, kiriko: Sequence[Rung]) -> None:

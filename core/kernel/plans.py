@@ -8,9 +8,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curved import LOWER, STARTS, TO_BEZIER, CurvedFaces
+from ..curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
 from ..meshes import Frames
 from ..plate import ArrayFrame
+from ..products import combine
 from ..ray_engine import MANY_TRIANGLES, Asked, Layer
 from ..rig import Floats, Ints
 from .loading import MOST_LAYERS, library, loaded
@@ -28,7 +29,7 @@ from .structures import (
 if TYPE_CHECKING:
     from ..plan import Plan
 
-BEZIER_AT_ONCE = 1 << 14  # faces
+BEZIER_AT_ONCE = 1 << 12  # faces
 MOST_EVENTS = 1 << 31  # more is for ever
 LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
@@ -49,8 +50,9 @@ def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
 
 
 def _boxes(corners: NDArray[np.floating]) -> Floats:
-    """Boxes (n, 2, 3) of triangles (n, 3, 3) or other sets of points."""
-    return np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
+    """Boxes (n, 2, 3) of triangles (n, 3, 3)."""
+    a, b, c = corners.swapaxes(0, 1)
+    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
 
 
 def _grown(boxes: Floats) -> Floats:
@@ -69,8 +71,9 @@ def _face_boxes(layer: Layer) -> Floats:
         triangle = curved.triangle
         for first in range(0, len(triangle), BEZIER_AT_ONCE):
             some = triangle[first : first + BEZIER_AT_ONCE]
-            points = np.einsum("bt,tjn->nbj", TO_BEZIER, curved._load(some)) + curved.corners[some, :1]
-            boxes[some] = _boxes(points)
+            points = combine(TO_BEZIER, curved._load(some).reshape(N_TERMS, -1))
+            bounds = np.stack([points.min(axis=0), points.max(axis=0)]).reshape(2, 3, -1)
+            boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
     return _grown((boxes - layer.centre) / layer.radius)
 
 

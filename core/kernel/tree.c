@@ -25,8 +25,8 @@ static const Box NOTHING = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINIT
 
 static void grow(Box *box, const double *low, const double *high) {
     for (int i = 0; i < 3; i++) {
-        if (low[i] < box->low[i]) box->low[i] = low[i];
-        if (high[i] > box->high[i]) box->high[i] = high[i];
+        box->low[i] = low[i] < box->low[i] ? low[i] : box->low[i];
+        box->high[i] = high[i] > box->high[i] ? high[i] : box->high[i];
     }
 }
 
@@ -45,33 +45,38 @@ static int bin_of(double at, double low, double scale) {
 /* The axis and the bin before which items are best parted; false where that wins nothing. */
 static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const Box *centres, const Box *whole,
                      int *axis, int *cut) {
-    double best = n <= MOST_ITEMS ? n * half_area(whole) : INFINITY;
+    double best = n <= MOST_ITEMS ? n * half_area(whole) : INFINITY, scale[3];
     bool is_found = false;
+    Box in_bin[3][BINS];
+    int32_t counts[3][BINS] = {0};
     for (int a = 0; a < 3; a++) {
-        double width = centres->high[a] - centres->low[a];
-        if (!(width > 0)) continue;
-        double scale = BINS / width;
-        Box in_bin[BINS];
-        int32_t count[BINS] = {0};
-        for (int b = 0; b < BINS; b++) in_bin[b] = NOTHING;
-        for (int32_t i = 0; i < n; i++) {
-            const double *box = boxes + 6 * (int64_t)items[i];
-            int b = bin_of(middle(box, a), centres->low[a], scale);
-            grow(&in_bin[b], box, box + 3);
-            count[b]++;
+        scale[a] = BINS / (centres->high[a] - centres->low[a]);
+        for (int b = 0; b < BINS; b++) in_bin[a][b] = NOTHING;
+    }
+    for (int32_t i = 0; i < n; i++) {
+        const double *box = boxes + 6 * (int64_t)items[i];
+        for (int a = 0; a < 3; a++) {
+            int b = bin_of(middle(box, a), centres->low[a], scale[a]);
+            grow(&in_bin[a][b], box, box + 3);
+            counts[a][b]++;
         }
+    }
+    for (int a = 0; a < 3; a++) {
+        if (!(centres->high[a] > centres->low[a])) continue;
+        const Box *in = in_bin[a];
+        const int32_t *count = counts[a];
         double after[BINS];
         Box grown = NOTHING;
         int32_t number = 0;
         for (int b = BINS - 1; b > 0; b--) {
-            grow(&grown, in_bin[b].low, in_bin[b].high);
+            grow(&grown, in[b].low, in[b].high);
             number += count[b];
             after[b] = number * half_area(&grown);
         }
         grown = NOTHING;
         number = 0;
         for (int b = 1; b < BINS; b++) {
-            grow(&grown, in_bin[b - 1].low, in_bin[b - 1].high);
+            grow(&grown, in[b - 1].low, in[b - 1].high);
             number += count[b - 1];
             double cost = number * half_area(&grown) + after[b];
             if (number && number < n && cost < best) {
