@@ -407,30 +407,34 @@ def _agree(own: Floats, at_corners: Floats, area: Floats, beside: _Beside) -> tu
     ----------
     own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices; area (p,)
     """
-    squared = area**2
-    agreed = np.concatenate([own[:, :N_NODES], at_corners], axis=1)
+    squared, agreed = area**2, own[:, :N_NODES].copy()
     jump = np.zeros((len(own), N_ON_EDGES))
-    facets = np.matmul(NODES[:N_ON_EDGES], at_corners)
-    for edge in range(3):
-        nodes = slice(3 * edge, 3 * edge + 3)
-        mine = own[:, nodes]
-        other = beside.row[beside.triangle[:, edge]]
-        # it runs the other way there
-        first = other * len(_AT) + 3 * beside.edge[:, edge]
-        theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
-        mine_counts = squared / (squared + squared[other])
-        theirs_count = squared[other] / (squared[other] + squared)
-        agreed[:, nodes] = normalise(mine_counts[:, None, None] * mine + theirs_count[:, None, None] * theirs)
-        jump[:, nodes] = length_of(mine - theirs) * 2 * np.sqrt(mine_counts * theirs_count)[:, None]
+    for k in range(0, len(own), CHUNK):
+        some = slice(k, k + CHUNK)
+        corners = at_corners[some]
+        facets = np.matmul(NODES[:N_ON_EDGES], corners)
+        change = np.zeros_like(own[some])
+        change[:, N_NODES:] = corners - own[some, N_NODES:]
+        for edge in range(3):
+            nodes = slice(3 * edge, 3 * edge + 3)
+            mine, found = own[some, nodes], agreed[some, nodes]
+            triangle, is_drawn = beside.triangle[some, edge], beside.is_drawn[some, edge]
+            other = beside.row[triangle]
+            # it runs the other way there
+            first = other * len(_AT) + 3 * beside.edge[some, edge]
+            theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
+            both = squared[some] + squared[other]
+            my_part, their_part = squared[some] / both, squared[other] / both
+            found[:] = normalise(my_part[:, None, None] * mine + their_part[:, None, None] * theirs)
+            jump[some, nodes] = length_of(mine - theirs) * 2 * np.sqrt(my_part * their_part)[:, None]
 
-        alone = np.flatnonzero(beside.triangle[:, edge] < 0)
-        agreed[alone, nodes], jump[alone, nodes] = own[alone, nodes], 0.0
-        drawn = np.flatnonzero(beside.is_drawn[:, edge])
-        agreed[drawn, nodes] = facets[drawn, nodes]
-    change = agreed - own
-    some = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREE / 10)  # others keep their own normals
-    agreed[some, N_ON_EDGES:N_NODES] += np.matmul(_INWARD, change[some])
-    return agreed[:, :N_NODES], jump
+            alone = np.flatnonzero(triangle < 0)
+            found[alone], jump[k + alone, nodes] = mine[alone], 0.0
+            found[is_drawn] = facets[is_drawn, nodes]
+            change[:, nodes] = found - mine
+        differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREE / 10)  # others keep their own normals
+        agreed[k + differ, N_ON_EDGES:] += np.matmul(_INWARD, change[differ])
+    return agreed, jump
 
 
 def _is_trusted(
