@@ -12,7 +12,7 @@ from .display import display_pixel
 from .meshes import areas_of
 from .optics import dot
 from .picture import of_square, picture_from_view
-from .plan import Kind, Plan, make_plan
+from .plan import Kind, Plan, planning
 from .ray_engine import FLOAT32, Layer
 from .rig import Bools, Floats, Glass, Ints, Mirror, Rig, Viewer
 from .steps import Pauses, at, within
@@ -223,7 +223,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
         found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
     if found.cause == "jumps" and found.jumps > COARSE:
-        drawn = yield from within(tessellation(make_plan(_drawn(plan.rig), plan.settings)), 0.9, 1.0)
+        plan = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
+        drawn = yield from within(tessellation(plan), 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
     return found
 

@@ -21,7 +21,8 @@ from .optics import dot
 from .plate import ArrayFrame, array_frame
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer, slab
 from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig, Viewer
-from .surfaces import Surface, contains, make_surface, solids_from_mesh
+from .steps import Pauses, finish
+from .surfaces import Surface, contains, make_surface, making_solids
 from .thin_parts import ThinParts
 
 Thing = TypeVar("Thing")
@@ -293,7 +294,7 @@ class Kept:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
 
-    def get_solids(self, mesh: Mesh) -> tuple[str, list[Surface], Motion | None]:
+    def get_solids(self, mesh: Mesh) -> Pauses[tuple[str, list[Surface], Motion | None]]:
         """Key and solids of a mesh, or those of an earlier one, and the motion that takes them to this one's place."""
         key = fingerprint(mesh)
         if key not in self._old and key not in self._now:
@@ -302,7 +303,8 @@ class Kept:
                 if motion is not None:
                     self._now[other] = made
                     return other, made[1], motion
-        return key, self.get(key, lambda: (mesh, solids_from_mesh(mesh)))[1], None
+            self._now[key] = mesh, (yield from making_solids(mesh))
+        return key, self.get(key, lambda: None)[1], None
 
     def forget(self) -> None:
         """Drop what was not asked for since the last call."""
@@ -325,13 +327,13 @@ class _Solid:
         return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
 
 
-def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> list[_Solid]:
+def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_Solid]]:
     """All solids of a rig but those of glasses with these numbers."""
     solids = []
     for number, glass in enumerate(rig.glasses):
         if number in aside:
             continue
-        key, made, motion = kept.get_solids(glass.mesh)
+        key, made, motion = yield from kept.get_solids(glass.mesh)
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
             check_viewer_outside(rig, glass, surface)
@@ -417,6 +419,11 @@ def triangles_of_boxes(boxes: Floats) -> Floats:
 
 
 def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Plan:
+    """Make a rig ready to be traced, as by `planning`."""
+    return finish(planning(rig, settings, kept, aside))
+
+
+def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Pauses[Plan]:
     """Make a rig ready to be traced.
 
     Parameters
@@ -432,7 +439,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
     rig.check()
     kept = kept or Kept()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    read = read_solids(rig, kept, aside)
+    read = yield from read_solids(rig, kept, aside)
     solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
     sheets = read_sheets(rig, kept)
     surfaces = solids + [surface for _, surface, _ in sheets]
@@ -455,6 +462,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
             members, names, motions[0] = [surfaces[i] for i in group], [keys[i] for i in group], None
         layer = kept.get("+".join(names), lambda members=members: make_layer(members))
         layers.append(layer if motions[0] is None else layer.moved(motions[0]))
+        yield 0
         layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
         solid = [i for i in group if i < len(solids)]
         closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
@@ -477,6 +485,7 @@ def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tup
 
     thin_parts = kept.get("boxes of " + "+".join([*keys, fingerprint(walls)]), lambda: cache(find_thin_parts))
     kept.forget()
+    yield 0
 
     plane = display_plane(rig.display, surfaces[-1])
     kind = np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets])

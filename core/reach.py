@@ -6,8 +6,9 @@ from time import perf_counter
 
 import numpy as np
 
-from .plan import Kept, Plan, Settings, make_plan
+from .plan import Kept, Plan, Settings, planning
 from .rig import Rig
+from .steps import at
 from .trace import ReachedError
 from .view_map import Sampling, ViewMap
 
@@ -57,7 +58,7 @@ def sample_reached(
     aside, told = out_of_sight(rig), 0.0
     for start in range(MOST_STARTS):
         started = perf_counter()
-        plan = make_plan(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
+        plan = yield from at(told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ()))
         lap("plan")
         began, sampling = perf_counter(), Sampling(plan)
         of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height

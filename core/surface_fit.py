@@ -36,6 +36,7 @@ from .meshes import Edges, areas_of, components
 from .optics import dot, length_of, normalise
 from .products import combine, solve_symmetric
 from .rig import Bools, Floats, Ints
+from .steps import Pauses
 
 STEEPEST = np.cos(np.radians(40))  # corner normals further than this from the facet's contradict it
 STEEPEST_INSIDE = np.cos(np.radians(60))  # so do normals of the curved face
@@ -475,7 +476,7 @@ def make_curved(
     facets: Floats,
     has_mean_normals: bool,
     is_automatic: bool = False,
-) -> tuple[CurvedFaces | None, Bools]:
+) -> Pauses[tuple[CurvedFaces | None, Bools]]:
     """Curved faces over those of the wanted triangles whose normals agree with their shape; which (t,) are doubted.
 
     Parameters
@@ -497,9 +498,11 @@ def make_curved(
     is_used = np.zeros(len(v.at), bool)
     is_used[v.of_corner[wanted]] = True
     given = v.normal
+    yield 0
     if has_mean_normals:
         v = replace(v, normal=_find_normals(v, is_used))
         wanted &= (np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), facets) > STEEPEST).all(axis=1)
+    yield 0
     is_bad = _contradicted(v, v.normal, is_used)
     if is_bad.any():
         n = len(v.at)
@@ -514,6 +517,7 @@ def make_curved(
     wanted &= np.isin(face, face[np.concatenate([edges.first[among], edges.second[among]])])
     is_used[:] = False
     is_used[v.of_corner[wanted]] = True
+    yield 0
     fields = _fit_fields(v, is_used)
 
     chosen = np.flatnonzero(wanted)
@@ -528,12 +532,15 @@ def make_curved(
         is_swollen[some] = _is_swollen(offsets, at, taken(v.normal, of_corner))
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
+        yield 0
     if not is_automatic:  # which looks at all of them together
         is_whole &= ~is_swollen
     if not is_whole.all():
         chosen, coefficients, own, is_swollen = (x[is_whole] for x in (chosen, coefficients, own, is_swollen))
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
+    yield 0
     agreed, jump = _agree(own, taken(v.normal, vertex), areas_of(taken(corners, chosen)), beside)
+    yield 0
     is_doubted = np.zeros(len(triangles), bool)
     if is_automatic:
         is_trusted = ~is_swollen & _is_trusted(
@@ -552,8 +559,10 @@ def make_curved(
     is_drawn[v.of_corner[beside.row < 0]] = True
     normal = np.where(is_drawn[:, None], given, v.normal)
     if len(chosen) < len(triangles):
+        yield 0
         agreed, jump = _agree(own, taken(normal, vertex), areas_of(taken(corners, chosen)), beside)
 
+    yield 0
     is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
     bent_row = np.full(len(chosen), -1, np.int32)

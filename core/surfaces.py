@@ -10,6 +10,7 @@ from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, ge
 from .motion import Motion
 from .optics import dot, normalise
 from .rig import Bools, Floats, Ints, Mesh
+from .steps import Pauses, finish
 from .surface_fit import make_curved
 
 SAME_VOLUME = 1e-6  # of a shell: by less than this a shell is not larger than another in the same place
@@ -76,7 +77,12 @@ class Surface:
         return volume_of(self.corners)
 
 
-def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None) -> Surface:
+def make_surface(mesh: Mesh) -> Surface:
+    """Surface of a mesh."""
+    return finish(making_surface(mesh))
+
+
+def making_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None) -> Pauses[Surface]:
     """Surface of a mesh, or of some of its triangles (indices), some of them with the winding turned."""
     chosen = np.arange(len(mesh.triangles)) if triangles is None else triangles
     index = mesh.triangles[chosen]
@@ -88,6 +94,7 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
     corners = mesh.vertices[index]
     normals = geometric_normals(corners)
     edges = find_edges(index)
+    yield 0
     is_bent = np.zeros(len(index), bool)
     curved, n_contradicted, n_doubted = None, 0, 0
     by_corner = np.broadcast_to(normals[:, None], corners.shape)
@@ -107,7 +114,7 @@ def make_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | 
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
             given = mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals
-            curved, is_doubted = make_curved(*given, is_automatic=mesh.surface == "automatic")
+            curved, is_doubted = yield from make_curved(*given, is_automatic=mesh.surface == "automatic")
             if curved is not None:
                 is_bent &= curved.row < 0
             n_doubted = int(is_doubted.sum())
@@ -226,6 +233,11 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:
+    """Solids of a glass object, as by `making_solids`."""
+    return finish(making_solids(mesh))
+
+
+def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     """Solids of a glass object: each outer shell with the cavities in it, all facing out of the glass.
 
     A closed shell inside one that is no cavity is a cavity, whichever way its faces were drawn. A shell with a
@@ -239,6 +251,7 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
         if is_closed and volume_of(corners) < 0:
             is_flipped = ~is_flipped
         shells.append((chosen, is_flipped, corners, is_closed))
+        yield 0
     boxes = np.stack([box_of(corners) for *_, corners, _ in shells])
     volumes = np.array([abs(volume_of(corners)) for *_, corners, _ in shells])
     holders: list[list[int]] = [[]] * len(shells)
@@ -257,5 +270,5 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
     for outer, group in members.items():
         chosen = np.concatenate([shells[i][0] for i in group])
         turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
-        solids.append(make_surface(mesh, chosen, turned))
+        solids.append((yield from making_surface(mesh, chosen, turned)))
     return solids

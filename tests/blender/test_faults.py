@@ -24,8 +24,8 @@ MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 STAGES = {
     "solve": (
         "core.blender_scene.read",
-        "core.reach.make_plan",
-        "core.plan.solids_from_mesh",
+        "core.reach.planning",
+        "core.plan.making_solids",
         "core.reach.Sampling",
         "core.borders.tracing",
         "core.session.measure",
@@ -323,9 +323,9 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         n_steps += 1
     rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)  # another result, in as many steps
-    part("operators.work").forget()
     before = state()
     for k in np.unique(np.linspace(0, n_steps, SAMPLES).astype(int)):
+        part("operators.work").forget()  # what is kept of a solve that was stopped saves steps
         operator = pressed(name, window)
         for _ in range(k):
             assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
@@ -581,7 +581,7 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(rig: dict, window:
 ADD_RIG_STAGES = (
     "core.blender_new_rig.read_parts",
     "core.blender_new_rig.read_glass",
-    "core.plan.solids_from_mesh",
+    "core.plan.making_solids",
     "core.spread.tracing",
     "core.blender_new_rig.encoded_image",
     "core.blender_image.encode",
@@ -652,7 +652,7 @@ def test_a_rig_that_cannot_be_made_leaves_nothing(
 
 LIVE_STAGES = (
     "core.blender_scene.read",
-    "core.reach.make_plan",
+    "core.reach.planning",
     "core.borders.tracing",
     "core.session.find_strokes",
     "core.blender_result.set_pixels",
