@@ -187,14 +187,17 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     """
     pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
     has_curved = any(layer.curved is not None for layer in plan.layers)
-    is_drawn = [bool(plan.is_bent[numbers].any()) and layer.has_engine for layer, numbers in pairs]
-    if not (has_curved or any(is_drawn)):
+    if not (has_curved or plan.is_bent.any()):
         return Tessellation()
     every = _sample(plan.rig.viewer, SAMPLES)
     ways: tuple[list[Step], list[Step]] = [], []
     whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
     rays = [values[here.sample] for values in every]  # with the others nothing is compared
+    is_met = np.zeros(len(plan.part), bool)
+    for step in ways[0]:
+        is_met[step.triangle] = True
+    is_drawn = [bool((plan.is_bent & is_met)[numbers].any()) and layer.has_engine for layer, numbers in pairs]
     yield 0.2
 
     def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
