@@ -2,6 +2,7 @@ import re
 import tomllib
 from io import BytesIO
 from pathlib import Path
+from shutil import copytree
 from zipfile import ZipFile
 
 import pytest
@@ -56,6 +57,19 @@ def test_zip_has_its_own_kernel(zips: dict[str, Path], contents: dict[str, list[
     for name in (b"kiriko_follow", b"kiriko_make_tree", b"kiriko_layout"):
         assert name in library
     assert len(library) < 200_000
+
+
+# For Windows the compiler's cache takes more than a minute to fill.
+@pytest.mark.parametrize("platform", [name for name in ZIPS if not name.startswith("windows")])
+def test_the_kernel_is_built_the_same_anywhere(
+    zips: dict[str, Path], platform: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Byte by byte, in another folder and with an empty cache."""
+    target = KERNELS[platform]
+    monkeypatch.setattr(build_kernel, "SOURCES", copytree(build_kernel.SOURCES, tmp_path / "sources"))
+    monkeypatch.setattr(build_kernel, "DEV", tmp_path / "caches")
+    build_kernel.make_package(target, tmp_path / "made")
+    assert (tmp_path / "made" / f"kernel.{target.ending}").read_bytes() == kernel_in(zips[platform], platform)
 
 
 @pytest.mark.parametrize("platform", WITHOUT_EMBREE)
