@@ -1,6 +1,6 @@
 """Where branches meet: a pixel whose corners lie on several branches is cut along the borders between them."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -130,7 +130,9 @@ class Pieces:
     chaotic: Ints
 
 
-def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int, None, Pieces]:
+def cut(
+    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Callable[[int, int], None]
+) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
     A ray through the middle tells whether more goes on than the corners know. Where it takes another branch than the
@@ -141,11 +143,14 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
     good part of the middles lie on other branches than the corners; and, in one in which more than a few pixels are
     in doubt, those with more branches than can be told apart, those of which the pieces leave out a part, though all
     corners are lit, and all mixed quarters.
+
+    `expect` is told how many pixels or quarters are left, and how often they have been quartered.
     """
     quads, last, chaotic, triangles = [], [], [], []
     is_calm = np.ones(len(cells), bool)
 
     for depth in range(QUARTERINGS + 1):
+        expect(len(cells), depth)
         middle = yield from trace_points(plan, mean_at(points.view, cells))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
@@ -190,6 +195,7 @@ def cut(plan: Plan, points: Points, cells: Ints, square: Ints) -> Generator[int,
         is_calm = np.tile(is_calm[simple], 4)
 
     last = np.concatenate(last)
+    expect(len(last), QUARTERINGS + 1)
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])

@@ -32,6 +32,7 @@ FINE = 2.0  # display pixels across a viewer pixel, from which on a display pixe
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
 RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
+RAYS_OF_CUT = 14, 7, 4, 1.5  # still to come, about, for a pixel that is cut, its quarters, their quarters, and the rest
 QUARTERED = 0.5  # of squares, before any is known
 MORE = 1.02  # times the rays so far: there are always some to come
 COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
@@ -441,6 +442,10 @@ class Sampling:
             area, size = quartered * area, size // 2
         self.expected = n_rays + RAYS_OF_PIXEL * (area + finest)
 
+    def _expect_of_cut(self, n: int, depth: int) -> None:
+        """Guess the number of rays, if n pixels, or quarters of that depth, are left to be cut."""
+        self.expected = self.n_done + RAYS_OF_CUT[depth] * n
+
     def _at_nodes(self, squares: _Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
         column, row = squares.nodes()
@@ -505,8 +510,7 @@ class Sampling:
         is_seen = ~is_aside & ~is_beside_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
         cells = cells[is_seen]
-        self.expected = len(self.points) + RAYS_OF_PIXEL * len(cells)
-        pieces = yield from cut(self.plan, self.points, cells, square[is_seen])
+        pieces = yield from cut(self.plan, self.points, cells, square[is_seen], self._expect_of_cut)
         samples, sample_area = yield from sample_cells(self.plan, pieces.points.view[pieces.chaotic])
         view_map = ViewMap(
             self.view_size,
