@@ -50,7 +50,7 @@ STEPS = 2  # of a fixed point, each of which gains two orders: as many for all, 
 MOVED, MOST_MOVED = 0.2, 0.5  # of the turn to a neighbour: found normals further from the mean have to prove themselves
 STRAIGHT = 0.1  # ... by chords to neighbours, which contradict them by no more of it; noise and rims make it more
 SWOLLEN = 3.0  # times the sag of an arc that turns as the normals do: a face beyond it follows a bevel beside it
-UNTOLD = 0.005  # of an edge: so far faces may stand out besides, whose edges turn one way and back
+UNTOLD = 0.01  # of an edge: so far faces may stand out besides, whose edges turn one way and back
 AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
 TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
 COPLANAR = 1e-4  # radians: facets that turn by less are one flat face in parts
@@ -332,26 +332,22 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
 
 def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
     """Do curved faces, of node offsets (12, 3, n) and normals (n, 15, 3), stay near facets and look the same way?"""
+    longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
     with np.errstate(invalid="ignore"):
-        is_near = _stands_out(offsets) < MOST_OFFSET * _longest(corners)
+        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < MOST_OFFSET * longest
         return is_near & (np.einsum("nkc,nc->nk", normals, facets).min(axis=1) > STEEPEST_INSIDE)
 
 
 def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
-    """Do curved faces stand out further than the normals (n, 3, 3) at their corners (n, 3, 3) account for?"""
-    turn = length_of(np.roll(at_corners, -1, axis=1) - at_corners).max(axis=1)
+    """Do curved faces stand out, or in, further than the normals (n, 3, 3) at their corners (n, 3, 3) account for?"""
+    turned, along = (np.roll(x, -1, axis=1) - x for x in (at_corners, corners))
+    sag = dot(turned, along) / 8  # of arcs over the edges
+    height = np.einsum("kcn,nc->kn", offsets, normalise(at_corners.sum(axis=1)))
+    more = UNTOLD * length_of(along).max(axis=1)
     with np.errstate(invalid="ignore"):
-        return _stands_out(offsets) > (SWOLLEN * turn / 8 + UNTOLD) * _longest(corners)
-
-
-def _stands_out(offsets: Floats) -> Floats:
-    """How far (n,) the nodes of curved faces are from the facets, at most."""
-    return np.sqrt((offsets**2).sum(axis=1).max(axis=0))
-
-
-def _longest(corners: Floats) -> Floats:
-    """The longer of the first and the last edge (n,)."""
-    return length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
+        stands_out = height.max(axis=0) > SWOLLEN * np.maximum(sag.max(axis=1), 0) + more
+        stands_in = height.min(axis=0) < SWOLLEN * np.minimum(sag.min(axis=1), 0) - more
+    return stands_out | stands_in
 
 
 def _quadratic(points: Floats) -> Floats:
@@ -534,7 +530,7 @@ def make_curved(
         coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
     if not is_automatic:  # which looks at all of them together
-        is_whole &= ~is_swollen
+        is_whole &= ~np.isin(face[chosen], face[chosen[is_swollen]])
     if not is_whole.all():
         chosen, coefficients, own, is_swollen = (x[is_whole] for x in (chosen, coefficients, own, is_swollen))
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)

@@ -384,19 +384,26 @@ def test_vertices_that_lie_on_the_surface_tell_its_normals(name):
     assert automatic.rms < drawn.rms / 100
 
 
-@pytest.mark.parametrize("strips", [2, 4, 9])
-def test_large_faces_do_not_follow_the_bevel_beside_them(strips):
+THIN, THICK = (0.003, 0.03), (0.008, 0.02)  # m: radius of the rims, half of the length
+
+
+@pytest.mark.parametrize(
+    ("surface", "strips", "size"),
+    [("smooth", 2, THIN), ("smooth", 4, THIN), ("smooth", 9, THIN), ("smooth", 9, THICK), ("automatic", 9, THICK)],
+)
+def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
     """A round bar with rounded rims: no point is further from it than the middles of its facets are, about."""
-    a = np.linspace(0, np.pi / 2, strips + 1)
-    around, along = 0.017 + 0.003 * np.sin(a), 0.027 + 0.003 * np.cos(a)
-    heights = np.concatenate([[-0.03], -along, along[::-1], [0.03]])
-    curved = make_surface(lathed(np.concatenate([[0], around, around[::-1], [0]]), heights)).curved
+    (rim, half), a, radius = size, np.linspace(0, np.pi / 2, strips + 1), 0.02
+    around, along = radius - rim + rim * np.sin(a), half - rim + rim * np.cos(a)
+    heights = np.concatenate([[-half], -along, along[::-1], [half]])
+    bar = lathed(np.concatenate([[0], around, around[::-1], [0]]), heights)
+    curved = make_surface(replace(bar, surface=surface)).curved
     k, (weights, _) = np.flatnonzero(curved.row >= 0), grid(4)
     triangle, at = np.repeat(k, len(weights)), np.tile(weights, (len(k), 1))
     x, y, z = curved.points(triangle, at[:, 1], at[:, 2]).T
-    beyond = np.stack([np.hypot(x, y) - 0.017, np.abs(z) - 0.027])
-    off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - 0.003
-    assert np.abs(off).max() < 0.003 * (1 - np.cos(np.pi / 4 / strips)) + 0.02 * (1 - np.cos(np.pi / 32))
+    beyond = np.stack([np.hypot(x, y) - (radius - rim), np.abs(z) - (half - rim)])
+    off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - rim
+    assert np.abs(off).max() < rim * (1 - np.cos(np.pi / 4 / strips)) + radius * (1 - np.cos(np.pi / 32))
 
 
 def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
