@@ -226,8 +226,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
         found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
     if found.cause == "jumps" and found.jumps > COARSE:
-        plan = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
-        drawn = yield from within(tessellation(plan), 0.9, 1.0)
+        plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
+        drawn = yield from within(tessellation(plan_as_drawn), 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
     return found
 

@@ -240,7 +240,7 @@ class CurvedFaces:
     def lowered(self, degree: int) -> "CurvedFaces":
         """The faces of a lower degree through these, with their own normals, but for those held by a straight edge.
 
-        Made once, so that what is made of them to trace them, as a tree, is there when the viewer alone has moved.
+        Made once: the kernel's tree over them is used again when only the viewer has moved.
         """
         if degree not in self._lowered:
             normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)

@@ -304,7 +304,8 @@ class Kept:
                     self._now[other] = made
                     return other, made[1], motion
             self._now[key] = mesh, (yield from making_solids(mesh))
-        return key, self.get(key, lambda: None)[1], None
+        _, solids = self._now.setdefault(key, self._old.get(key))
+        return key, solids, None
 
     def forget(self) -> None:
         """Drop what was not asked for since the last call."""

@@ -62,11 +62,10 @@ def sample_reached(
         lap("plan")
         began, sampling = perf_counter(), Sampling(plan)
         of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height
-        steps, share = sampling.sample(), 0.0
+        steps, share, guess = sampling.sample(), 0.0, DOUBT * SECONDS_A_PIXEL * n_pixels
         try:
             while True:
                 so_far = perf_counter() - began
-                guess = DOUBT * SECONDS_A_PIXEL * n_pixels
                 in_all = max(so_far, (so_far + guess) / (share + DOUBT))
                 after = AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * max(sampling.expected, sampling.n_done)
                 # what begins again has come no further

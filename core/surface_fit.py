@@ -214,10 +214,12 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
         moved = length_of(normal - v.normal)
         is_near = moved <= MOVED * turn
         is_straight = (moved <= MOST_MOVED * turn) & (_bend(v, normal) < STRAIGHT * turn)
-    # normals are found together: what is far from the mean needs neighbours that are believed
-    is_alone = np.bincount(v.start, ~(is_near | is_straight)[v.end], len(v.at)) > 0
-    is_sane = is_near | (is_straight & ~is_alone)
-    return np.where(is_sane[:, None], normal, v.normal)
+
+    # normals are found together: one far from the mean is no better than the worst of its neighbours
+    is_refused = ~(is_near | is_straight)
+    has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
+    is_believed = is_near | (is_straight & ~has_refused)
+    return np.where(is_believed[:, None], normal, v.normal)
 
 
 def _bend(v: _Vertices, normal: Floats) -> Floats:
@@ -355,7 +357,7 @@ def _quadratic(points: Floats) -> Floats:
     return np.stack([points[:, i] * points[:, j] for i in range(3) for j in range(i, 3)], axis=1)
 
 
-# (3, 15): from what is known at nodes and corners to the nodes inside, which count for nothing; exact for the quadratic
+# (3, 15): values at the nodes inside, from those at the other nodes and the corners; exact for quadratics
 _INWARD = np.zeros((N_NODES - N_ON_EDGES, len(_AT)))
 _AROUND = np.r_[:N_ON_EDGES, N_NODES : len(_AT)]
 _INWARD[:, _AROUND] = _quadratic(_AT[N_ON_EDGES:N_NODES]) @ np.linalg.pinv(_quadratic(_AT[_AROUND]))
@@ -486,7 +488,7 @@ def make_curved(
     is_automatic : faces that are no nearer to what was meant than the facets are doubted, and left flat
     """
     corners = taken(vertices, triangles)
-    asked = wanted
+    area, asked = areas_of(corners), wanted
     least = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1)
     wanted = wanted & (least > STEEPEST)
     is_joined = is_joined & ~edges.is_same_way
@@ -529,13 +531,13 @@ def make_curved(
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
-    if not is_automatic:  # which looks at all of them together
+    if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
         is_whole &= ~np.isin(face[chosen], face[chosen[is_swollen]])
     if not is_whole.all():
         chosen, coefficients, own, is_swollen = (x[is_whole] for x in (chosen, coefficients, own, is_swollen))
     vertex, beside = v.of_corner[chosen], _Beside.of(chosen, len(triangles), edges, is_joined)
     yield 0
-    agreed, jump = _agree(own, taken(v.normal, vertex), areas_of(taken(corners, chosen)), beside)
+    agreed, jump = _agree(own, taken(v.normal, vertex), area[chosen], beside)
     yield 0
     is_doubted = np.zeros(len(triangles), bool)
     if is_automatic:
@@ -556,7 +558,7 @@ def make_curved(
     normal = np.where(is_drawn[:, None], given, v.normal)
     if len(chosen) < len(triangles):
         yield 0
-        agreed, jump = _agree(own, taken(normal, vertex), areas_of(taken(corners, chosen)), beside)
+        agreed, jump = _agree(own, taken(normal, vertex), area[chosen], beside)
 
     yield 0
     is_straight = beside.triangle < 0

