@@ -175,7 +175,8 @@ class CurvedFaces:
     are straight, a face refracts by those of its vertices, interpolated, plus 14 terms; -1 where by its own;
     jump (p,) rad: by how much normals of neighbours differed in the middles of edges, before they agreed, at most;
     bent_row (p,) and bent (q, 14, 3): coefficients that faces with a straight edge would have if it were not straight;
-    degree: 4, or less to follow faces of a lower degree and see what difference it makes
+    degree: 4, or less to follow faces of a lower degree and see what difference it makes;
+    lowered_from: those of degree 4, None where these are
     """
 
     corners: Floats
@@ -191,6 +192,7 @@ class CurvedFaces:
     bent_row: Ints
     bent: Floats
     degree: int = 4
+    lowered_from: "CurvedFaces | None" = None
 
     @classmethod
     def none(cls, corners: Floats) -> "CurvedFaces":
@@ -238,18 +240,14 @@ class CurvedFaces:
         return replace(self, corners=motion.points(self.corners), **turned)
 
     def lowered(self, degree: int) -> "CurvedFaces":
-        """The faces of a lower degree through these, with their own normals, but for those held by a straight edge.
+        """The faces of a lower degree through these, with their own normals, but for those held by a straight edge."""
+        normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)
+        return replace(self, degree=degree, normal_row=normal_row, lowered_from=self)
 
-        Made once: the kernel's tree over them is used again when only the viewer has moved.
-        """
-        if degree not in self._lowered:
-            normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)
-            self._lowered[degree] = replace(self, degree=degree, normal_row=normal_row)
-        return self._lowered[degree]
-
-    @cached_property
-    def _lowered(self) -> "dict[int, CurvedFaces]":
-        return {}
+    @property
+    def whole(self) -> "CurvedFaces":
+        """The faces of degree 4 that these were lowered from, or these."""
+        return self.lowered_from or self
 
     @property
     def triangle(self) -> Ints:

@@ -59,7 +59,9 @@ def _n_curved(mesh: Mesh) -> int:
     """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
     if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface == "facets":
         return 0
-    return int((mesh.is_smooth & (np.ptp(mesh.corner_normals, axis=1).max(axis=1) > SAME_NORMAL)).sum())
+    first, *others = mesh.corner_normals[mesh.is_smooth].swapaxes(0, 1)
+    is_bent = [(np.abs(normal - first) > SAME_NORMAL).any(axis=1) for normal in others]
+    return int(np.logical_or(*is_bent).sum())
 
 
 def check_memory(rig: Rig, settings: Settings) -> None:

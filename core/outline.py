@@ -22,19 +22,25 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
     """Cut pieces of a view map along a flat picture's outline; pieces of pictures of another shape stay as they are.
 
     Quads that it crosses from side to side become quads, all others triangles: they are small, so that their images are
-    as good as flat.
+    as good as flat. The pieces are used up: what is cut goes on without an image, and its parts come at the end.
     """
     lines = outline_in_view(picture, viewer)
-    for piece in pieces:
-        across = () if lines is None else _across(lines, piece.view)
-        if not len(across):
-            yield piece
-            continue
+    if lines is None:
+        yield from pieces
+        return
 
-        yield piece.at(np.delete(np.arange(len(piece.view)), across))
-        for polygons, of in _cut_along(lines, np.concatenate([piece.view, piece.display], axis=2)[across]):
-            number = across[of]
-            yield Piece(polygons[..., :2], polygons[..., 2:], piece.throughput[number], piece.branch[number])
+    crossed: dict[int, list[Piece]] = {}  # by number of corners
+    for piece in pieces:
+        across = _across(lines, piece.view)
+        if len(across):
+            crossed.setdefault(piece.view.shape[1], []).append(piece.at(across))
+            piece.display[across] = np.nan
+        yield piece
+
+    for parts in crossed.values():
+        whole = Piece(*map(np.concatenate, zip(*parts, strict=True)))
+        for polygons, of in _cut_along(lines, np.concatenate([whole.view, whole.display], axis=2)):
+            yield Piece(polygons[..., :2], polygons[..., 2:], whole.throughput[of], whole.branch[of])
 
 
 def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]:

@@ -21,6 +21,7 @@ LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 ROUND = 0.05  # picture px^2: footprints whose two variances differ by less are read at one place
 UPRIGHT = 1e-3  # of the variance along y: less along x is none
 WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two places each way
+BLOCK = 16  # viewer px: of these none, or all, is mostly covered by the picture
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
 
@@ -75,6 +76,29 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
         some = slice(first, first + CHUNK)
         _place(points, some, view_xy[some], covariance[:, some], size, *short_way)
     return points
+
+
+def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
+    """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1."""
+    w, h = viewer.width, viewer.height
+    if picture.mesh is None:
+        return np.ones((h, w))
+
+    cover, near = np.zeros((h, w)), np.arange(h * w)
+    lines = outline_in_view(picture, viewer)
+    if lines is not None:
+        # a flat picture is convex: blocks of pixels lie within all of its borders, beyond one, or near to one
+        (x, y), reach = ((np.arange(0.5, -(-n // BLOCK)) * BLOCK for n in (w, h)), BLOCK / 2**0.5 + 2)
+        away = lines[:, 0, None, None] * x + lines[:, 1, None, None] * y[:, None] + lines[:, 2, None, None]
+        of_block = np.where((away > reach).all(axis=0), 1.0, np.where((away < -reach).any(axis=0), 0.0, np.nan))
+        cover = of_block.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[:h, :w].copy()
+        near = np.flatnonzero(np.isnan(cover))
+
+    for first in range(0, len(near), CHUNK):
+        some = near[first : first + CHUNK]
+        middles = np.stack([some % w, some // w], axis=1) + 0.5
+        cover.flat[some] = picture_from_view(picture, viewer, middles, of_square(1.0)).cover
+    return cover
 
 
 def flat_way(picture: Picture, viewer: Viewer) -> FlatWay | None:

@@ -18,7 +18,7 @@ from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
 from .memory import check_borders, check_memory
 from .outline import cut_along_outline
-from .picture import Pyramid, ideal_image, of_square, picture_from_view, why_unseen
+from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached
 from .remarks import Remark, remarks_on
@@ -444,15 +444,13 @@ def _of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple
     landed, it is beyond the display's edge, if one cell maps the pixel; else between branches finer than a pixel.
     """
     w, h = view_map.view_size
-    shown, unseen, lost = 0.0, 0.0, np.zeros(len(Reason))
+    unseen, lost = 0.0, np.zeros(len(Reason))
     within = _reasons_within(view_map)
+    cover_of_view = cover_in_view(rig.picture, rig.viewer)
+    shown = float(cover_of_view.sum())
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
-        x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(first, min(first + rows, h)) + 0.5)
-        cover = picture_from_view(
-            rig.picture, rig.viewer, np.stack([x.ravel(), y.ravel()], axis=1), of_square(1.0)
-        ).cover
-        shown += cover.sum()
+        cover = cover_of_view[first : first + rows].ravel()
         missing = np.clip(cover - view_coverage[first : first + rows].ravel(), 0, 1)
         unseen += missing.sum()
         some = np.flatnonzero(missing)

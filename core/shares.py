@@ -274,6 +274,8 @@ def _no_shares(display_size: tuple[int, int], view_size: tuple[int, int], has_th
 
 def _joined(parts: Sequence[Shares]) -> Shares:
     """Shares of the same sizes, one part or more, in one."""
+    if len(parts) == 1:
+        return parts[0]
 
     def joined(name: str, axis: int = 0) -> NDArray | None:
         values = [getattr(part, name) for part in parts]

@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ..core.blender_result import OURS, pack_source, update_solution, update_source
@@ -26,6 +27,7 @@ from . import work
 IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
 PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.03  # s after which a turn begins no other step
+QUICK = 0.3  # s: what took less as a whole the last time gets no coarse picture first
 LONG = 0.1  # s: a step that may take longer is announced
 NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
 
@@ -89,6 +91,7 @@ class Live:
         self.ours: set[int] = set()  # session uids of what we write to
         self._text = ""
         self._lasted: dict[Step, float] = {}
+        self._whole_lasted: dict[tuple[int, ...], float] = {}  # s by sizes of a rig, and whether its glass was built
         self._settings: tuple[object, ...] = ()
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
@@ -199,15 +202,19 @@ class Live:
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
         # with the optics of the last solve a new picture costs one product: nothing coarse is faster
-        rungs = ladder(rig, settings) if optics != self._optics else [(rig, settings)]
+        kind = (*_sizes(rig), is_same)
+        is_quick = optics == self._optics or self._whole_lasted.get(kind, np.inf) < QUICK
+        rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
         for n, (a_rig, how) in enumerate(rungs):
-            is_last = n == len(rungs) - 1
+            is_last, began = n == len(rungs) - 1, perf_counter()
             try:
                 solution = yield from self._solve(a_rig, how, is_same or n > 0)
             except KirikoError:
                 if is_last:
                     raise
                 continue  # a coarse viewer may miss what the rig's own sees
+            if is_last:
+                self._whole_lasted[kind] = perf_counter() - began
             yield Step(WRITING, (rig.display.width, rig.display.height))
             scene = scene_by_uid(scene_uid)
             if is_last:
@@ -225,9 +232,7 @@ class Live:
 
     def _solve(self, rig: Rig, settings: Settings, is_built: bool) -> Generator[Step, None, Any]:
         """Solve, and say before each step what it is: how long it took before is known by the sizes of things."""
-        viewer, display = rig.viewer, rig.display
-        n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors)).bit_length()
-        sizes = (viewer.width, viewer.height, display.width, display.height, n_triangles, is_built)
+        sizes = (*_sizes(rig), is_built)
         steps, n = work.session().solve(rig, settings), 0
         phrase = "solving" if is_built else "solving for changed glass"
         # solved with these sizes before, it may take a step more than then, which is no reason to speak
@@ -259,6 +264,13 @@ class Live:
                 with bpy.context.temp_override(window=window):
                     window.workspace.status_text_set(text or None)
         return True
+
+
+def _sizes(rig: Rig) -> tuple[int, ...]:
+    """What tells about how long a rig takes to solve: pixels, and twofold steps of triangles."""
+    n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
+    images = (side for part in (rig.viewer, rig.display) for side in (part.width, part.height))
+    return (*images, n_triangles.bit_length())
 
 
 _lives: list[Live] = []

@@ -25,7 +25,7 @@ typedef struct {
 /* Which part of a footprint lies between two lines, as if it were a box; its middle moves to that of this part. */
 static double keep_within(double *x, double low, double high, double variance) {
     double room = *x - low < high - *x ? *x - low : high - *x;
-    if (room >= 0 && room * room >= 3 * variance) return 1;
+    if (room * room >= 3 * variance) return room >= 0; /* all of it, or nothing */
     double half = variance > 0 ? sqrt(3 * variance) : 0, before = low - (*x - half), after = *x + half - high;
     if (!(before > 0)) before = 0;
     if (!(after > 0)) after = 0;

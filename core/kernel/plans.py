@@ -33,6 +33,8 @@ BEZIER_AT_ONCE = 1 << 12  # faces
 MOST_EVENTS = 1 << 31  # more is for ever
 LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
+# (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
+BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(axis=(0, 1))
 
 
 def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
@@ -63,16 +65,16 @@ def _grown(boxes: Floats) -> Floats:
     return boxes
 
 
-def _face_boxes(layer: Layer) -> Floats:
-    """Boxes (t, 2, 3) that hold a layer's faces, in units of its radius, from its centre."""
+def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
+    """Boxes (t, 2, 3) that hold a layer's faces, curved ones of lower degrees too, in its radii from its centre."""
     boxes = _boxes(layer.corners)
-    curved = layer.curved
     if curved is not None:
         triangle = curved.triangle
         for first in range(0, len(triangle), BEZIER_AT_ONCE):
             some = triangle[first : first + BEZIER_AT_ONCE]
-            points = combine(TO_BEZIER, curved._load(some).reshape(N_TERMS, -1))
-            bounds = np.stack([points.min(axis=0), points.max(axis=0)]).reshape(2, 3, -1)
+            terms = curved._load(some).reshape(N_TERMS, -1)
+            points, reach = combine(TO_BEZIER, terms), combine(BY_LOWERING[None], np.abs(terms))[0]
+            bounds = np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach]).reshape(2, 3, -1)
             boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
     return _grown((boxes - layer.centre) / layer.radius)
 
@@ -107,7 +109,7 @@ def _make_hull(asked: Asked) -> Made:
     return made
 
 
-def _make_curved(curved: CurvedFaces) -> Made:
+def _make_whole(curved: CurvedFaces) -> Made:
     made = Made(CurvedStructure)
     for name in ("corners", "coefficients", "vertex_normal"):
         made.point(name, getattr(curved, name), float)
@@ -115,8 +117,18 @@ def _make_curved(curved: CurvedFaces) -> Made:
         made.point(name, getattr(curved, name), np.int64)
     if curved.has_given_normals:
         made.point("normal_terms", curved.normal_terms, float)
-    if curved.degree != 4:
-        made.point("lower", LOWER[curved.degree], float)
+    return made
+
+
+def _make_curved(curved: CurvedFaces) -> Made:
+    whole = _kept(_faces, curved.whole, lambda: _make_whole(curved.whole))
+    if curved is curved.whole:
+        return whole
+    made = Made(CurvedStructure)
+    made.structure = CurvedStructure.from_buffer_copy(whole.structure)
+    made.keep(whole)
+    made.point("normal_row", curved.normal_row, np.int64)
+    made.point("lower", LOWER[curved.degree], float)
     return made
 
 
@@ -141,11 +153,12 @@ def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: 
         n_starts=len(STARTS) if layer.n_triangles < MANY_TRIANGLES else 1,
     )
     if layer.has_engine:
-        tree = _kept(_trees, curved or frames, lambda: _make_tree(_face_boxes(layer))[0])
+        whole = None if curved is None else curved.whole
+        tree = _kept(_trees, whole or frames, lambda: _make_tree(_face_boxes(layer, whole))[0])
         made.set(over_faces=tree.structure)
         made.keep(tree)
     if curved is not None:
-        faces = _kept(_faces, curved, lambda: _make_curved(curved))
+        faces = _make_curved(curved)
         hull = _kept(_hulls, layer.asked, lambda: _make_hull(layer.asked))
         made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
         made.keep(faces, hull)

@@ -86,8 +86,9 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
-def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str]) -> None:
+def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A viewer of 192 pixels is solved with 64 first, into an image of full size that is near the final one."""
+    monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     assert written == ["update_source", "update_solution"]
     written.clear()
@@ -102,8 +103,29 @@ def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str]) -> N
     assert 0 < off < 0.1 * moved  # the first picture shows where things are: a shift by 4 pixels is far more
 
 
-def test_a_coarse_picture_is_not_exported(live: ModuleType, written: list[str], tmp_path) -> None:
+def test_what_was_quick_gets_no_coarse_picture(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How long a rig takes is known from its last solve: the final picture alone comes where that was soon there."""
+    monkeypatch.setattr(live, "QUICK", np.inf)
+    rig = follow(live, viewer_resolution=192)
+    assert written == ["update_source", "update_solution"]
+    for _ in range(2):  # glass that was turned is ready, the first time it was not
+        written.clear()
+        turn(rig["GLASS"])
+        settle(live)
+    assert written == ["update_solution"]
+    rig["DISPLAY"].kiriko.resolution = (200, 200)
+    written.clear()
+    settle(live)
+    assert written == ["update_source", "update_solution"]
+
+
+def test_a_coarse_picture_is_not_exported(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path
+) -> None:
     """Where Live is turned off before the final picture, that is said, until a solve has made it."""
+    monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
     turn(rig["GLASS"])
@@ -195,8 +217,11 @@ def test_frames_are_followed(live: ModuleType) -> None:
     assert is_rounding(shown() - plain(live))
 
 
-def test_a_newer_change_ends_the_finer_picture_but_not_the_first(live: ModuleType, written: list[str]) -> None:
+def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """While something is dragged, first pictures follow each other; the final one comes when it stands still."""
+    monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
     for _ in range(100):

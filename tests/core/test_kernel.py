@@ -34,7 +34,7 @@ from kiriko.core import curved, kernel, plate, ray_engine, surface_fit
 from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
 from kiriko.core.curved import NODES, CurvedFaces
-from kiriko.core.kernel import dividing, fitting, loading
+from kiriko.core.kernel import dividing, fitting, loading, plans
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.picture import Pyramid, Taps, of_square
 from kiriko.core.plan import Kept, Settings, make_plan
@@ -227,6 +227,21 @@ def test_glass_aside_is_told():
     with pytest.raises(ReachedError) as found:
         finish(tracing(plan, *rays))
     assert found.value.boxes == {0}
+
+
+@pytest.mark.parametrize("make", [lambda: torus(0.02, 0.008, 12, 6), lambda: bottle(), lambda: icosphere(0.025, 1)])
+def test_one_tree_holds_faces_of_all_degrees(make):
+    """Points of curved faces, of those of lower degree too, lie in the boxes of the tree that all of them share."""
+    (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
+    boxes = plans._face_boxes(layer, layer.curved)
+    k = np.repeat(layer.curved.triangle, 15)
+    u, v = np.random.default_rng(0).dirichlet(np.ones(3), len(k))[:, :2].T
+    for degree in (4, 3, 2):
+        faces = layer.curved if degree == 4 else layer.curved.lowered(degree)
+        assert faces.whole is layer.curved
+        points = (faces.points(k, u, v) - layer.centre) / layer.radius
+        assert ((points >= boxes[k, 0]) & (points <= boxes[k, 1])).all()
+    assert np.ptp(boxes, axis=1).max() < 2.5
 
 
 def test_any_number_of_threads_gives_the_same():

@@ -8,7 +8,7 @@ from reference_rigs import lattice_image, rectangle
 
 from kiriko.core import picture as picture_module
 from kiriko.core.errors import RigError
-from kiriko.core.picture import Pyramid, ideal_image, of_square, picture_from_view, why_unseen
+from kiriko.core.picture import Pyramid, cover_in_view, ideal_image, of_square, picture_from_view, why_unseen
 from kiriko.core.rig import Mesh, Picture, Viewer
 
 
@@ -59,6 +59,20 @@ def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
     points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
     found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points))
     np.testing.assert_allclose(found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [(40, 30), (263, 129)])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("mesh", [TILTED, replace(TILTED, vertices=TILTED.vertices * 3), "behind", None])
+def test_the_cover_of_all_pixels_is_that_of_each(mesh, projection, size):
+    """Blocks of pixels well within the picture, or beside it, are told by their middles alone."""
+    v = replace(viewer(projection), width=size[0], height=size[1])
+    if mesh == "behind":
+        mesh = replace(TILTED, vertices=TILTED.vertices - 2 * v.axes[2])
+    a_picture = Picture("p", ramp(), mesh)
+    middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in size)), axis=-1).reshape(-1, 2)
+    of_each = picture_from_view(a_picture, v, middles, of_square(1.0)).cover
+    np.testing.assert_allclose(cover_in_view(a_picture, v).ravel(), of_each, atol=1e-12)
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

@@ -31,7 +31,7 @@ def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     """Uncompensated dots stand where the closed form puts them, to the mesh's own error; compensated ones as wanted."""
     make, through, shape = CASES[name]
     a_rig = make(pixels=400, field=0.044, display_pixels=512, image=lattice_image(512))
-    solution = solve(a_rig)
+    solution = solve(a_rig, tolerance=0.05)
     plain = solve(without_glass(a_rig), only_through_glass=False).source
     ideal = solution.ideal()
     exact = dot_centroids(closed_forms.seen_image(a_rig, plain, through, **shape))
