@@ -179,6 +179,11 @@ class _Placed:
     strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
 
+    def let_go(self) -> None:
+        """Keep no shares: they are made again when they are asked for."""
+        self.shares.let_go()
+        self.strokes.clear()
+
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
         if self.strongest is None:
@@ -238,6 +243,8 @@ class Session:
         placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
         placed = self._placed
         if placed is None or placed.key != placed_key:
+            if placed is not None:
+                placed.let_go()  # or there would be twice as many
             placed = _place(placed_key, optics.view_map, rig, settings)
         painting = yield from within(_paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED)
         if is_new:

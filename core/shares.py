@@ -10,7 +10,7 @@ of the part of the cell that lies in a pixel; the inverse of the cell's map take
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +29,12 @@ FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
 NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
 PIXELS_AT_ONCE = 1 << 16
-SHARES_AT_ONCE = 1 << 17
+SHARES_AT_ONCE, FEW_SHARES = 1 << 18, 1 << 15  # of a batch; fewer are put together with others
+LOTS_AT_ONCE = 8  # of cells, divided side by side
 MOST_KEPT = 1 << 23  # shares, up to 64 bytes each: more of them are made again each time they are asked for
+
+
+_Lot = tuple[Floats, Floats, Floats | None, NDArray[np.uint64] | None]  # of cells: polygons, throughput, path
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +149,9 @@ class Coverage:
 
 def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
     """Add weights (n,) to the pixels (n,) of an image (h, w): row * width + column."""
-    if len(index):
+    if kernel.library() is not None and image.flags.c_contiguous:
+        kernel.add(image, index, weights)
+    elif len(index):
         first, last = int(index.min()), int(index.max())  # a batch of shares may lie in a few rows of a large image
         image.reshape(-1)[first : last + 1] += np.bincount(index - first, weights)
 
@@ -195,7 +201,7 @@ def rasterise(
     as font rasterisers do (signed areas, accumulated along rows); the moments are Green's theorem on the same edges.
     """
     sizes = display_size, view_size
-    parts = _divided(*sizes, view_polygons, display_polygons, throughput)
+    parts = _divided(*sizes, [(view_polygons, display_polygons, throughput, None)])
     return _joined([_no_shares(*sizes, throughput is not None), *parts])
 
 
@@ -232,6 +238,10 @@ class ShareBatches:
         """Were they all made, and no more than are kept?"""
         return self._kept is not None
 
+    def let_go(self) -> None:
+        """Keep none: they are made again when they are asked for."""
+        self._kept = None
+
     def __iter__(self) -> Iterator[Shares]:
         if self.are_kept:
             yield from self._kept
@@ -249,20 +259,34 @@ class ShareBatches:
         sizes = self.display_size, self.view_size
         # on a large display cells go from top to bottom: most batches lie in a few rows, and `add_at` has less to add
         is_large = self.display_size[0] * self.display_size[1] > 4 * SHARES_AT_ONCE
-        parts, n = [], 0
-        for cells in self._pieces():
-            if is_large:
-                order = np.argsort(cells[1][:, 0, 1])
-                cells = [None if values is None else values[order] for values in cells]
-            view, display, throughput, path = cells
-            for part in _divided(*sizes, view, display, throughput if self.has_throughput else None, path):
-                parts.append(part)
+
+        def lots() -> Iterator[_Lot]:
+            for view, display, throughput, path in self._pieces():
+                lot = view, display, throughput if self.has_throughput else None, path
+                if is_large:
+                    order = np.argsort(display[:, 0, 1])
+                    lot = tuple(None if values is None else values[order] for values in lot)
+                yield lot
+
+        few, n = [], 0
+        for some in _by_number(lots(), LOTS_AT_ONCE):
+            for part in _divided(*sizes, some):
+                if len(part) > FEW_SHARES:
+                    yield part
+                    continue
+                few.append(part)
                 n += len(part)
                 if n >= SHARES_AT_ONCE:
-                    yield _joined(parts)
-                    parts, n = [], 0
-        if parts:
-            yield _joined(parts)
+                    yield _joined(few)
+                    few, n = [], 0
+        if few:
+            yield _joined(few)
+
+
+def _by_number(things: Iterator[_Lot], n: int) -> Iterator[list[_Lot]]:
+    """n of them at a time."""
+    while some := list(islice(things, n)):
+        yield some
 
 
 def _no_shares(display_size: tuple[int, int], view_size: tuple[int, int], has_throughput: bool) -> Shares:
@@ -291,30 +315,20 @@ def _joined(parts: Sequence[Shares]) -> Shares:
     )
 
 
-def _divided(
-    display_size: tuple[int, int],
-    view_size: tuple[int, int],
-    view_polygons: Floats,
-    display_polygons: Floats,
-    throughput: Floats | None,
-    path: NDArray[np.uint64] | None = None,
-) -> Iterator[Shares]:
-    """Shares of cells, a few at a time, by the compiled kernel where it can: parameters as for `rasterise`."""
-    for *part, number in _parts(display_size, view_polygons, display_polygons):
-        of_cell = (None if values is None else values[number] for values in (throughput, path))
+def _divided(display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]) -> Iterator[Shares]:
+    """Shares of lots of cells, a few at a time, by the compiled kernel where it can."""
+    cells = [lot[:2] for lot in lots]
+    if all(kernel.can_divide(*of_lot) for of_lot in cells):
+        parts = kernel.divided(display_size, cells, _index_type(display_size), SHARES_AT_ONCE)
+    else:
+        parts = ((n, part) for n, of_lot in enumerate(cells) for part in _parts_by_rows(display_size, *of_lot))
+    for n, (*part, number) in parts:
+        of_cell = (None if values is None else values[number] for values in lots[n][2:])
         yield Shares(display_size, view_size, *part, *of_cell)
 
 
-def _parts(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Iterator[tuple]:
-    """Index, place, covariance and both areas of shares, and the numbers of their cells."""
-    cells = display_size, view_polygons, display_polygons
-    if not kernel.can_divide(view_polygons, display_polygons):
-        return _parts_by_rows(*cells)
-    return kernel.divided(*cells, _index_type(display_size), SHARES_AT_ONCE)
-
-
 def _parts_by_rows(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Iterator[tuple]:
-    """The same, the rows of many cells at once."""
+    """Index, place, covariance and both areas of shares, and the numbers of their cells; the rows of many at once."""
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
         some = slice(start, start + POLYGONS_AT_ONCE)
         number = np.arange(start, start + len(display_polygons[some]))

@@ -1,14 +1,14 @@
-"""Divides cells among display pixels, as `shares.py` does, cell by cell."""
+"""Divides cells among display pixels, and adds shares up, as `shares.py` does, one by one."""
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..rig import Floats
-from .loading import library, loaded
+from .loading import library, loaded, n_threads
 from .structures import DivisionStructure, Made
 
 LEAST_ROOM = 256  # shares
@@ -33,34 +33,54 @@ def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
 
 def divided(
     display_size: tuple[int, int],
-    view_polygons: Floats,
-    display_polygons: Floats,
+    lots: Sequence[tuple[Floats, Floats]],
     index_type: type[np.signedinteger],
     at_once: int,
-) -> Iterator[Divided]:
-    """Shares of cells, no more than so many at once: other parameters as for `shares.rasterise`."""
-    made, n_cells = Made(DivisionStructure), len(display_polygons)
-    division = made.structure
+) -> Iterator[tuple[int, Divided]]:
+    """Shares of cells, no more than so many at once, and the number of the lot that they are of.
+
+    Lots are divided side by side, and come in their order.
+
+    Parameters
+    ----------
+    lots : polygons on the viewer's image and on the display, as for `shares.rasterise`
+    """
+    made = [_lot_of(display_size, *cells) for cells in lots]
+    divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
+    rooms = [min(4 * division.n_cells + LEAST_ROOM, at_once) for division in divisions]
+    shares = [_room_for(room, index_type, division) for room, division in zip(rooms, divisions, strict=True)]
+    kernel = loaded()
+    kernel.kiriko_divide(ctypes.addressof(divisions), len(made), n_threads())
+
+    for number, (division, room) in enumerate(zip(divisions, rooms, strict=True)):
+        if division.n:
+            yield number, _first_of(shares[number], division.n)
+        while division.cell < division.n_cells:
+            room = min(2 * room, at_once)
+            shares[number] = _room_for(room, index_type, division)
+            kernel.kiriko_divide(ctypes.addressof(division), 1, 1)
+            if division.n:
+                yield number, _first_of(shares[number], division.n)
+
+
+def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
+    """Add weights (n,) to the pixels (n,), int32 or int64, of an image (h, w) in one piece."""
+    index, weights = np.ascontiguousarray(index), np.ascontiguousarray(weights, float)
+    where = (None, index.ctypes.data) if index.dtype == np.int64 else (index.ctypes.data, None)
+    loaded().kiriko_add(*where, weights.ctypes.data, len(weights), image.ctypes.data, image.size)
+
+
+def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Made:
+    made, (width, height) = Made(DivisionStructure), display_size
     made.point("view", view_polygons, float)
     made.point("display", display_polygons, float)
-    width, height = display_size
-    made.set(n_cells=n_cells, n_corners=display_polygons.shape[1], width=width, height=height)
-
-    kernel, address = loaded(), ctypes.addressof(division)
-    room = min(4 * n_cells + LEAST_ROOM, at_once)
-    while division.cell < n_cells:
-        shares = _room_for(room, index_type)
-        _point_to(division, shares)
-        division.n, division.room = 0, room
-        kernel.kiriko_divide(address)
-        if division.n:
-            yield _first_of(shares, division.n)
-        room = min(2 * room, at_once)
+    made.set(n_cells=len(display_polygons), n_corners=display_polygons.shape[1], width=width, height=height)
+    return made
 
 
-def _room_for(n: int, index_type: type[np.signedinteger]) -> Divided:
-    """Arrays for n shares."""
-    return Divided(
+def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Structure) -> Divided:
+    """Arrays for n shares, which a division puts down there, as long as these are kept."""
+    shares = Divided(
         np.empty(n, index_type),
         np.empty((n, 2)),
         np.empty((3, n), np.float32),
@@ -68,17 +88,14 @@ def _room_for(n: int, index_type: type[np.signedinteger]) -> Divided:
         np.empty(n),
         np.empty(n, np.int64),
     )
-
-
-def _point_to(division: ctypes.Structure, shares: Divided) -> None:
-    """Let a division put its shares there, as long as these are kept."""
-    is_wide = shares.display_index.dtype == np.int64
     pixel, *others = (values.ctypes.data for values in shares)
-    division.pixel, division.wide_pixel = (None, pixel) if is_wide else (pixel, None)
+    division.pixel, division.wide_pixel = (None, pixel) if index_type is np.int64 else (pixel, None)
     division.view_xy, division.covariance, division.area, division.display_area, division.number = others
+    division.n, division.room = 0, n
+    return shares
 
 
 def _first_of(shares: Divided, n: int) -> Divided:
-    """The first n shares."""
-    pixel, view_xy, covariance, area, display_area, number = shares
-    return Divided(pixel[:n], view_xy[:n], covariance[:, :n], area[:n], display_area[:n], number[:n])
+    """The first n shares, without the room for others where that is most of it."""
+    first = (values[:, :n] if name == "covariance" else values[:n] for name, values in shares._asdict().items())
+    return Divided(*(values.copy() if 2 * n < len(shares.area) else np.ascontiguousarray(values) for values in first))

@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 2 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 3 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */

@@ -13,7 +13,7 @@ from .structures import NODE, STRUCTURES
 MODULE = "kiriko_kernel"
 SWITCH = "KIRIKO_KERNEL"  # environment variable: "off" for numpy's way, or the file of another library
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
-VERSION = 2  # of what the structures mean, as in kiriko.h
+VERSION = 3  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
 
 _threads = 0  # as many as the machine has
@@ -51,7 +51,8 @@ def loaded() -> ctypes.CDLL | None:
         library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
         library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, *3 * [pointer]]
         library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
-        library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer]
+        library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer, number, number]
+        library.kiriko_add.restype, library.kiriko_add.argtypes = None, [*3 * [pointer], number, pointer, number]
         library.kiriko_paint.restype = None
         library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]
         library.kiriko_fit_fields.restype, library.kiriko_fit_fields.argtypes = None, [pointer, pointer, number]

@@ -413,8 +413,8 @@ static bool divide(Division *d, const Cell *cell) {
     return true;
 }
 
-/* Divide cells from d->cell on; returns when all are done or there is no room for more shares, to go on from there. */
-KIRIKO_API void kiriko_divide(Division *d) {
+/* Divide cells from d->cell on, until all are done or there is no room for more shares, to go on from there. */
+static void divide_lot(Division *d) {
     int k = d->n_corners == 3 ? 3 : 4;
     for (; d->cell < d->n_cells; d->cell++) {
         Cell cell = {.k = k};
@@ -426,5 +426,23 @@ KIRIKO_API void kiriko_divide(Division *d) {
             cell.y[i] = display[1];
         }
         if (!divide(d, &cell)) return;
+    }
+}
+
+static void divide_lots(void *lots, int64_t first, int64_t last) {
+    for (int64_t i = first; i < last; i++) divide_lot((Division *)lots + i);
+}
+
+/* Divide lots of cells, each as far as it has room, in that many threads. */
+KIRIKO_API void kiriko_divide(Division *lots, int64_t n_lots, int64_t n_threads) {
+    share_out(divide_lots, lots, n_lots, 1, n_threads > 1 ? n_threads : 1);
+}
+
+/* Add weights to the pixels of an image, by the narrow index or else by the wide one. */
+KIRIKO_API void kiriko_add(const int32_t *narrow, const int64_t *wide, const double *weights, int64_t n, double *image,
+                           int64_t n_pixels) {
+    for (int64_t i = 0; i < n; i++) {
+        int64_t pixel = narrow ? narrow[i] : wide[i];
+        if (pixel >= 0 && pixel < n_pixels) image[pixel] += weights[i];
     }
 }
