@@ -66,21 +66,38 @@ class Paths:
 
     def __init__(self, reach: float) -> None:
         self.reach = reach
-        self.places, self.met = np.empty((0, 2, 3)), np.empty((0, 1), np.int32)
+        self._parts = [(np.empty((0, 2, 3)), np.empty((0, 1), np.int32))]
+
+    @property
+    def places(self) -> Floats:
+        return self._whole()[0]
+
+    @property
+    def met(self) -> Ints:
+        return self._whole()[1]
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Take up the paths of rays from origins (n, 3)."""
         steps = steps[:MOST_EVENTS]
-        more = max(len(steps) - self.met.shape[1], 0)
-        self.places = np.pad(self.places, ((0, 0), (0, more), (0, 0)), constant_values=np.nan)
-        self.met = np.pad(self.met, ((0, 0), (0, more)), constant_values=-1)
-        n, m = len(origins), self.met.shape[1]
+        n, m = len(origins), len(steps)
         places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
         places[:, 0] = origins
         for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
             places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
-        self.places, self.met = np.concatenate([self.places, places]), np.concatenate([self.met, met])
+        self._parts.append((places, met))
+
+    def _whole(self) -> tuple[Floats, Ints]:
+        """Places and patches of all rays, put together when they are asked for."""
+        if len(self._parts) > 1:
+            n, m = sum(len(met) for _, met in self._parts), max(met.shape[1] for _, met in self._parts)
+            whole, first = (np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)), 0
+            for part in self._parts:
+                for of_whole, of_part in zip(whole, part, strict=True):
+                    of_whole[first : first + len(of_part), : of_part.shape[1]] = of_part
+                first += len(part[0])
+            self._parts = [whole]
+        return self._parts[0]
 
 
 def trace_points(

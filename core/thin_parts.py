@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from . import kernel
 from .meshes import Frames
 from .rig import Bools, Floats, Ints
 from .steps import Pauses
@@ -79,6 +80,11 @@ class ThinParts:
     def _frames(self) -> Frames:
         return Frames.of(self._corners)
 
+    @cached_property
+    def _of_kernel(self) -> kernel.Boxes:
+        boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
+        return kernel.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
+
     def touch(self, places: Floats, met: Ints) -> Pauses[Bools]:
         """Which bundles (s,) of k rays come near a patch that none of them met? Pauses now and then.
 
@@ -88,10 +94,14 @@ class ThinParts:
         met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge;
             where they do so before they meet anything they count as near to everything
         """
+        low, high = self.box
+        widest = WIDEST * float(np.linalg.norm(high - low))
+        if kernel.library() is not None and self._of_kernel.knows(places):
+            return (yield from self._of_kernel.touch(places, met, widest))
+
         is_met = np.zeros((len(places), self.n_units), bool)
         is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
-        low, high = self.box
-        bundles, touched = _bundles(places, met, WIDEST * float(np.linalg.norm(high - low)))
+        bundles, touched = _bundles(places, met, widest)
         at_once = max(1, PAIRS_AT_ONCE // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])

@@ -21,12 +21,14 @@ from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
 from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
+from .touching import Boxes
 
 if TYPE_CHECKING:
     from ..plan import Plan
     from ..trace import _Rays
 
 __all__ = [
+    "Boxes",
     "Fit",
     "FlatStrokes",
     "Ways",

@@ -21,6 +21,9 @@
 #define VERSION 3 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
+#define MOST_BUNDLED 32     /* rays */
+#define MOST_UNITS 4096     /* that are told apart in thin_parts.py */
+#define N_LEVELS 5          /* of boxes there */
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
 #define WIDER 1e-6          /* for a ray that met nothing, as in ray_engine.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
@@ -192,6 +195,24 @@ typedef struct {
     int64_t n_wanted;
     double ridge[N_TERMS];
 } Fit;
+
+/* Triangles in boxes of several levels, of which the last hold one each, as thin_parts.py has them. */
+typedef struct {
+    const double *boxes[N_LEVELS];     /* (n, 2, 3) of each level */
+    const int64_t *children[N_LEVELS]; /* (n + 1,) the first box of the next level in each */
+    const double *frames;              /* (t, 4, 3): corner, normal, axis_u, axis_v */
+    const int64_t *unit_of_patch;      /* (n_patches,) */
+    int64_t n_patches, n_units;        /* units are the boxes of the first level */
+} ThinParts;
+
+/* Where n bundles of rays went. */
+typedef struct {
+    const double *places;              /* (n, n_rays, n_events + 1, 3) */
+    const int32_t *met;                /* (n, n_rays, n_events) patches */
+    int64_t n, n_rays, n_events;
+    double widest;
+    uint8_t *touched;                  /* (n,) */
+} Paths;
 
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

@@ -65,12 +65,19 @@ FitStructure = _structure(
     at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, first=_P, end=_P, wanted=_P, n_wanted=_I,
     ridge=_D * 14,
 )  # fmt: skip
+N_LEVELS = 5
+ThinPartsStructure = _structure(
+    "ThinPartsStructure",
+    boxes=_P * N_LEVELS, children=_P * N_LEVELS, frames=_P, unit_of_patch=_P, n_patches=_I, n_units=_I,
+)  # fmt: skip
+PathsStructure = _structure("PathsStructure", places=_P, met=_P, n=_I, n_rays=_I, n_events=_I, widest=_D, touched=_P)
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (
     *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
     *(ArrayStructure, PlanStructure, RayStateStructure),
     *(DivisionStructure, StrokesStructure, LevelStructure, FitStructure),
+    *(ThinPartsStructure, PathsStructure),
 )
 
 

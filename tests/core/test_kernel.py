@@ -30,11 +30,11 @@ from reference_rigs import (
 )
 
 import build_kernel
-from kiriko.core import curved, kernel, plate, ray_engine, surface_fit
+from kiriko.core import curved, kernel, plate, ray_engine, surface_fit, thin_parts
 from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
 from kiriko.core.curved import NODES, CurvedFaces
-from kiriko.core.kernel import dividing, fitting, loading, plans
+from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.picture import Pyramid, Taps, of_square
 from kiriko.core.plan import Kept, Settings, make_plan
@@ -44,6 +44,7 @@ from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
 from kiriko.core.surface_fit import RIDGE, _Fields, _Vertices
 from kiriko.core.surfaces import make_surface
+from kiriko.core.thin_parts import ThinParts
 from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
 
 pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
@@ -585,6 +586,70 @@ def test_cells_that_it_does_not_know_are_left_to_numpy():
         assert not kernel.can_divide(quads, quads)
 
 
+# --- what rays passed by ---
+
+
+def some_parts(dice, n):
+    """Triangles of all sizes, some without area, in patches and parts."""
+    at = dice.uniform(-1, 1, (n, 1, 3))
+    corners = at + dice.normal(size=(n, 3, 3)) * 10 ** dice.uniform(-3, -0.5, (n, 1, 1))
+    corners[dice.random(n) < 0.05, 2] = corners[dice.random(n) < 0.05, 2][:1]
+    corners[:3, 1] = corners[:3, 0]
+    part = np.sort(dice.integers(0, 5, n))
+    return ThinParts(corners, part * 3 + dice.integers(0, 3, n), part)
+
+
+def some_bundles(dice, n, k, m, n_patches=15):
+    """Rays that run side by side for some events, then part, leave or are nowhere."""
+    way = np.cumsum(dice.normal(size=(n, 1, m + 1, 3)) * 0.7, axis=2)
+    places = way + dice.normal(size=(n, k, m + 1, 3)) * 10 ** dice.uniform(-3, 0, (n, 1, 1, 1))
+    met = np.broadcast_to(dice.integers(0, n_patches, (n, 1, m)), (n, k, m)).astype(np.int32)
+    other = dice.random((n, k, m)) < 0.01
+    met[other] = dice.integers(-1, n_patches, other.sum())
+    ends = np.maximum.accumulate(met < 0, axis=2)
+    met[ends] = -1
+    places[:, :, 2:][ends[:, :, :-1]] = np.nan  # what has left is nowhere from the next event on
+    return places, met
+
+
+@pytest.mark.parametrize("k", [1, 16, 25])
+@pytest.mark.parametrize("n_triangles", [4, 300, 5000])
+def test_same_bundles_pass_by(n_triangles, k):
+    """Those that come near a patch that none of their rays met, by any number of threads."""
+    dice = np.random.default_rng(n_triangles + k)
+    parts = some_parts(dice, n_triangles)
+    bundles = some_bundles(dice, 1500, k, 4, len(parts._unit_of_patch))
+    with kernel.off(), np.errstate(invalid="ignore"):
+        expected = finish(parts.touch(*bundles))
+    assert 0.004 < expected.mean() < 0.98
+    try:
+        for number in (1, 3):
+            kernel.use_threads(number)
+            assert np.array_equal(finish(parts.touch(*bundles)), expected)
+    finally:
+        kernel.use_threads(0)
+
+
+def test_bundles_that_it_does_not_know_are_left_to_numpy():
+    """Of more rays than it has room for."""
+    dice = np.random.default_rng(3)
+    parts, bundles = some_parts(dice, 50), some_bundles(dice, 40, 36, 2)
+    assert not parts._of_kernel.knows(bundles[0])
+    assert parts._of_kernel.knows(bundles[0][:, :32])
+    assert len(finish(parts.touch(*bundles))) == 40
+
+
+@settings(max_examples=100)
+@given(st.lists(st.floats(), min_size=3 * 9, max_size=3 * 9), st.lists(st.floats(), min_size=18, max_size=18))
+def test_no_bundle_breaks_it(corners, places):
+    """Whatever floats places and corners are, and patches that are not there."""
+    with np.errstate(all="ignore"):
+        parts = ThinParts(np.array(corners).reshape(3, 3, 3), np.array([0, 1, 1]), np.array([0, 0, 1]))._of_kernel
+    for met in ([[0, 1], [1, -1]], [[9, -5], [0, 1]]):
+        bundles = np.array(places).reshape(1, 2, 3, 3), np.array([met], np.int32)
+        assert len(finish(parts.touch(*bundles, 1.0))) == 1
+
+
 # --- painting ---
 
 
@@ -795,7 +860,11 @@ def test_the_environment_switches_it_off():
 
 
 @pytest.mark.parametrize(
-    "module", [curved, fitting, loading, plate, ray_engine, shares_module, surface_fit, picture_module]
+    "module",
+    [
+        *(curved, fitting, loading, plate, ray_engine, shares_module, structures, surface_fit, picture_module),
+        *(thin_parts, touching),
+    ],
 )
 def test_one_number_for_one_name(module):
     """Every constant of the C that a module of core has by the same name is the same number there."""

@@ -1,0 +1,67 @@
+"""Tells which bundles of rays passed by something that none of them met, as `thin_parts.py` does, one by one."""
+
+import ctypes
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ..meshes import Frames
+from ..rig import Bools, Floats, Ints
+from ..steps import Pauses
+from .loading import loaded, n_threads
+from .structures import Made, PathsStructure, ThinPartsStructure
+
+MOST_BUNDLED = 32  # rays
+MOST_UNITS = 4096
+BUNDLES_AT_ONCE = 1 << 10  # between two pauses
+
+
+class Boxes:
+    """Triangles in boxes of several levels, as the kernel reads them.
+
+    Parameters
+    ----------
+    boxes : of each level, (n, 2, 3) m
+    starts : of each level, (n + 1,) the first triangle in each box
+    frames : of the triangles
+    unit_of_patch : (patches,) the box of the first level that holds a patch
+    """
+
+    def __init__(self, boxes: Sequence[Floats], starts: Sequence[Ints], frames: Frames, unit_of_patch: Ints) -> None:
+        self._made = made = Made(ThinPartsStructure)
+        self._n_units = len(boxes[0])
+        inner = [np.searchsorted(below, above) for above, below in pairwise(starts)]
+        for level, of_level in enumerate(boxes):
+            made.structure.boxes[level] = _address(made, of_level, float)
+        for level, children in enumerate(inner):
+            made.structure.children[level] = _address(made, children, np.int64)
+        made.point("frames", np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1), float)
+        made.point("unit_of_patch", unit_of_patch, np.int64)
+        made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
+
+    def knows(self, places: Floats) -> bool:
+        """Can the kernel tell of bundles with such places?"""
+        return 0 < places.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
+
+    def touch(self, places: Floats, met: Ints, widest: float) -> Pauses[Bools]:
+        """Which bundles (s,) come near a patch that none of their rays met: as `ThinParts.touch`."""
+        touched = np.zeros(len(places), bool)
+        for first in range(0, len(places), BUNDLES_AT_ONCE):
+            some = slice(first, first + BUNDLES_AT_ONCE)
+            made, (n, n_rays, n_events) = Made(PathsStructure), met[some].shape
+            made.point("places", places[some], float)
+            made.point("met", met[some], np.int32)
+            made.point("touched", touched[some], bool)
+            made.set(n=n, n_rays=n_rays, n_events=n_events, widest=widest)
+            structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
+            loaded().kiriko_touch(*structures, n_threads())
+            yield 0
+        return touched
+
+
+def _address(made: Made, values: np.ndarray, dtype: type) -> int:
+    """Where values are, which are kept."""
+    values = np.ascontiguousarray(values, dtype)
+    made.keep(values)
+    return values.ctypes.data
