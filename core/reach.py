@@ -14,7 +14,7 @@ from .view_map import Sampling, ViewMap
 
 MOST_STARTS = 3  # the last of them with everything
 SECONDS_A_PIXEL = 4e-6  # that a view map takes, about: for the progress alone, beside the seconds of the plan
-AFTER_A_PIXEL, AFTER_A_RAY = 0.6e-6, 0.8e-6  # seconds that what comes after it takes, about
+AFTER_A_PIXEL, AFTER_A_RAY = 0.2e-6, 0.75e-6  # seconds that what comes after it takes, about
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
 
 

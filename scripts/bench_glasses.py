@@ -3,8 +3,9 @@
 `python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy] [--threads N]`.
 Seconds, and processor seconds of all threads, of whole solves at default settings, 512 x 512 pixels. `step` is the
 longest step, in which no Esc is heard; `rest` how many times the rest of the time differs from what the progress tells,
-from 10 % to 90 %. `curved` is the share of the triangles with a curved face, `beyond` that of what is seen off by more
-than the tolerance, `sampled` where light is chaotic.
+from 10 % to 90 %. `MB` is the memory taken, on Linux, and `told` how many times that differs from what was told.
+`curved` is the share of the triangles with a curved face, `beyond` that of what is seen off by more than the tolerance,
+`sampled` where light is chaotic.
 
 With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic. `glare` is the share of
 the light that comes beside the glass; `contested` that of the view whose display pixel has a stronger path. Then
@@ -15,9 +16,13 @@ is, and by the mean with Suppress Glare at 0.5 and 1.
 from __future__ import annotations
 
 import argparse
+import ctypes
+import gc
+import sys
 from collections.abc import Generator
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
@@ -28,6 +33,7 @@ from reference_rigs import glass_rig
 from kiriko.core import kernel
 from kiriko.core.choices import measure_choices
 from kiriko.core.ghosts import Paths
+from kiriko.core.memory import estimated
 from kiriko.core.plan import Settings, make_plan
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.session import Session, Solution, finish
@@ -80,6 +86,26 @@ class Steps:
         return float(np.maximum(expected / rest, rest / expected).max())
 
 
+class Memory:
+    """Bytes that are taken from now on, at the most; 0 where that is not known."""
+
+    def __init__(self) -> None:
+        self._before = 0
+        if sys.platform == "linux":
+            gc.collect()
+            ctypes.CDLL(None).malloc_trim(0)
+            Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+            self._before = self._read("VmRSS")
+
+    @property
+    def taken(self) -> int:
+        return self._read("VmHWM") - self._before if self._before else 0
+
+    def _read(self, name: str) -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(dict(line.split(":", 1) for line in lines)[name].split()[0])
+
+
 def rig_of(name: str, mesh: Mesh) -> Rig:
     """A glass on the bench."""
     return glass_rig(mesh, ior=INDICES.get(name, 1.49))
@@ -108,20 +134,27 @@ def print_light(arguments: argparse.Namespace) -> None:
 
 def print_table(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice."""
-    numbers = f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'rays':>9}{'curved':>7}{'beyond %':>9}{'sampled %':>10}"
-    print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}")
+    numbers = (
+        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'MB':>6}{'told x':>7}{'rays':>9}{'curved':>7}{'beyond %':>9}"
+    )
+    print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
     settings = Settings(effort=arguments.effort)
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:
             a_rig = rig_of(name, replace(mesh, surface=choice))
             share = sum(make_plan(a_rig, settings).n_curved) / len(mesh.triangles)
+            solution = None  # or the last one would be there still
+            memory = Memory()
             steps, started, of_processor = Steps(), perf_counter(), process_time()
             solution = steps.watch(Session().solve(a_rig, settings))
             seconds, of_processor = perf_counter() - started, process_time() - of_processor
-            error = solution.map_error
+            taken, error = memory.taken, solution.map_error
+            estimate = sum(estimated(a_rig, settings, solution.view_map).values())
+            off = max(estimate / taken, taken / estimate) if taken else float("nan")
             beyond = 100 * (error.facet_limited + error.unresolved)
-            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}{solution.n_rays:9d}"
+            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}"
+            told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
             told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
             print(f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}", flush=True)
 
