@@ -237,12 +237,13 @@ class CurvedFaces:
         """The same faces elsewhere."""
         vectors = ("coefficients", "bent", "vertex_normal", "normal_terms")
         turned = {name: motion.directions(getattr(self, name)) for name in vectors}
-        return replace(self, corners=motion.points(self.corners), **turned)
+        whole = None if self.lowered_from is None else self.lowered_from.moved(motion)
+        return replace(self, corners=motion.points(self.corners), lowered_from=whole, **turned)
 
     def lowered(self, degree: int) -> "CurvedFaces":
         """The faces of a lower degree through these, with their own normals, but for those held by a straight edge."""
         normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)
-        return replace(self, degree=degree, normal_row=normal_row, lowered_from=self)
+        return replace(self, degree=degree, normal_row=normal_row, lowered_from=self.whole)
 
     @property
     def whole(self) -> "CurvedFaces":

@@ -21,7 +21,7 @@ LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 ROUND = 0.05  # picture px^2: footprints whose two variances differ by less are read at one place
 UPRIGHT = 1e-3  # of the variance along y: less along x is none
 WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two places each way
-BLOCK = 16  # viewer px: of these none, or all, is mostly covered by the picture
+BLOCK = 16  # viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
 IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
 
 
@@ -79,7 +79,11 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
 
 
 def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
-    """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1."""
+    """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1.
+
+    A flat picture is nowhere beyond its borders, also not where its plane's horizon is so near that what a single pixel
+    sees of it cannot be told.
+    """
     w, h = viewer.width, viewer.height
     if picture.mesh is None:
         return np.ones((h, w))

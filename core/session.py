@@ -41,7 +41,7 @@ TOO_FINE = "finer than a viewer pixel"
 MEASURED = 0.25  # of what comes after tracing: until then errors are measured, then it is painted
 PAINTED = 0.97  # of the progress of a solve
 SHARES_OF_QUAD, OF_CUT = 2.0, 0.8  # about, the latter of what is guessed of them
-MOST_PLACED = 32  # batches of shares whose strokes are kept for the next picture
+MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
 REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
@@ -355,7 +355,7 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
             clock.lap("coverage")
 
         strokes = placed.strokes[n] if is_known else find_strokes(rig.picture, rig.viewer, shown)
-        if not is_known and n < MOST_PLACED:
+        if n == len(placed.strokes) and n_painted < MOST_PLACED:  # another solve may have let some go meanwhile
             placed.strokes.append(strokes)
         painting.add(pyramid, strokes)
         clock.lap("painting")

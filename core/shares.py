@@ -30,7 +30,7 @@ NOWHERE = 1e300  # px, for edges that do not reach a row
 POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
 PIXELS_AT_ONCE = 1 << 16
 SHARES_AT_ONCE, FEW_SHARES = 1 << 18, 1 << 15  # of a batch; fewer are put together with others
-LOTS_AT_ONCE = 8  # of cells, divided side by side
+LOTS_AT_ONCE = 4  # of cells, divided side by side: a step of the work
 MOST_KEPT = 1 << 23  # shares, up to 64 bytes each: more of them are made again each time they are asked for
 
 
@@ -149,7 +149,7 @@ class Coverage:
 
 def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
     """Add weights (n,) to the pixels (n,) of an image (h, w): row * width + column."""
-    if kernel.library() is not None and image.flags.c_contiguous:
+    if kernel.can_add(image, index, weights):
         kernel.add(image, index, weights)
     elif len(index):
         first, last = int(index.min()), int(index.max())  # a batch of shares may lie in a few rows of a large image

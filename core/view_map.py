@@ -26,11 +26,11 @@ from .trace import Reason
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
 MARGIN = 0.25  # of the lesser step from a node to its neighbours: so far what is between may be beyond the node
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
-# lost between a smooth cell and the quads that stand for it: of the tolerance, and in display px, for quads cost little
-FOR_QUADS, MOST_FOR_QUADS = 0.25, 0.01
+FOR_QUADS = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
+CHEAP = 0.01  # display px that may be lost if no quads smaller than viewer pixels are needed for it
 PLACES = 4  # along a display pixel, from which it takes its colour, where it is larger than a viewer pixel
-# places along a smaller one: that many at the most, and at tolerances of so many display px and more one
-MOST_PLACES, ONE_PLACE = 2.0, 0.1
+FEW_PLACES = 2.0  # along a smaller one
+ONE_PLACE = 0.1  # display px: at tolerances from here on one is enough where the glass is curved
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
 RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
@@ -124,15 +124,19 @@ class ViewMap:
         """Into how many quads (c,) the sides of smooth cells are cut.
 
         They keep the tolerance, and are not much larger than viewer pixels or a part of a display pixel: one that lay
-        in a single quad would take its colour from one place. Where display pixels are the smaller ones that is enough,
-        but for fine tolerances: at 0.1 px two places gain nothing on the ball, for 15 % more time.
+        in a single quad would take its colour from one place. Where display pixels are the smaller ones quads may be
+        larger than viewer pixels: on the ball, at 0.1 px, two places gain nothing for 15 % more time.
         """
         xy = taken(self.points.xy, self.nodes)
-        parts = interpolation.parts_for(xy, min(FOR_QUADS * self.tolerance, MOST_FOR_QUADS), MOST_QUADS)
+        parts, parts_cheap = (
+            interpolation.parts_for(xy, allowed, MOST_QUADS) for allowed in (FOR_QUADS * self.tolerance, CHEAP)
+        )
+        parts = np.maximum(parts, np.minimum(parts_cheap, self.size))
         low, high = _box(xy)
         span = (high - low).max(axis=1)
-        fine = np.clip(ONE_PLACE / self.tolerance, 1.0, MOST_PLACES)
-        pixels = np.clip(PLACES * span, 1.0, self.size) / np.maximum(span / (fine * self.size), 1.0)
+        # on flat glass nothing but the places tells how sharp the picture is
+        n_places = np.where(parts == 1, FEW_PLACES, np.clip(ONE_PLACE / self.tolerance, 1.0, FEW_PLACES))
+        pixels = np.clip(PLACES * span, 1.0, self.size) / np.maximum(span / (n_places * self.size), 1.0)
         parts = np.maximum(parts, 2 ** np.log2(np.maximum(pixels, 1.0)).astype(np.int64))
         at_fold = interpolation.is_folded(xy)
         return np.where(self._is_inside & ~at_fold, parts, np.maximum(parts, self.size))
@@ -193,7 +197,8 @@ class ViewMap:
     def pieces(self, at_pixels: bool = False, beside: bool = False) -> Iterator[Piece]:
         """Quads and triangles that make up the map, by way of the glass, or beside it.
 
-        Each lies within one viewer pixel when asked to, but for the squares around samples, whose middles do.
+        Each lies within one viewer pixel when asked to, but for the squares around samples, whose middles do. Their
+        arrays are new each time: whoever asks for them may change them.
         """
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
         asked = np.flatnonzero(self._is_beside_glass(self.nodes[:, 0]) == beside)

@@ -91,7 +91,7 @@ class Live:
         self.ours: set[int] = set()  # session uids of what we write to
         self._text = ""
         self._lasted: dict[Step, float] = {}
-        self._whole_lasted: dict[tuple[int, ...], float] = {}  # s by sizes of a rig, and whether its glass was built
+        self._whole_lasted: dict[tuple[object, ...], float] = {}  # s of tracing and painting, by kind of rig
         self._settings: tuple[object, ...] = ()
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
@@ -202,8 +202,8 @@ class Live:
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
         # with the optics of the last solve a new picture costs one product: nothing coarse is faster
-        kind = (*_sizes(rig), is_same)
-        is_quick = optics == self._optics or self._whole_lasted.get(kind, np.inf) < QUICK
+        is_traced, kind = optics == self._optics, (*_sizes(rig), is_same, settings.of_optics)
+        is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
         for n, (a_rig, how) in enumerate(rungs):
             is_last, began = n == len(rungs) - 1, perf_counter()
@@ -213,7 +213,7 @@ class Live:
                 if is_last:
                     raise
                 continue  # a coarse viewer may miss what the rig's own sees
-            if is_last:
+            if is_last and not is_traced:
                 self._whole_lasted[kind] = perf_counter() - began
             yield Step(WRITING, (rig.display.width, rig.display.height))
             scene = scene_by_uid(scene_uid)

@@ -31,8 +31,10 @@ def shown_points(thing: bpy.types.Object) -> np.ndarray:
 
 
 def fitting(thing: bpy.types.Object) -> Matrix:
-    """What takes an object to the origin and to a size of one unit."""
+    """What takes an object to the origin and to a size of one unit; nothing where it is empty."""
     points = shown_points(thing)
+    if not len(points):
+        return Matrix()
     low, high = points.min(axis=0), points.max(axis=0)
     size = float((high - low).max()) or 1.0
     return Matrix.Scale(1 / size, 4) @ Matrix.Translation((-(low + high) / 2).tolist())

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..rig import Floats, Ints
 from ..steps import Pauses
-from .dividing import add, can_divide, divided
+from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
@@ -33,6 +33,7 @@ __all__ = [
     "FlatStrokes",
     "Ways",
     "add",
+    "can_add",
     "can_divide",
     "can_follow",
     "divided",

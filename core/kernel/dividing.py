@@ -63,6 +63,12 @@ def divided(
                 yield number, _first_of(shares[number], division.n)
 
 
+def can_add(image: NDArray[np.floating], index: NDArray[np.integer], weights: NDArray[np.floating]) -> bool:
+    """Can the kernel add such weights to such an image?"""
+    is_known = image.dtype == np.float64 and index.dtype in (np.int32, np.int64) and image.flags.c_contiguous
+    return library() is not None and is_known and index.shape == weights.shape == (len(index),)
+
+
 def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
     """Add weights (n,) to the pixels (n,), int32 or int64, of an image (h, w) in one piece."""
     index, weights = np.ascontiguousarray(index), np.ascontiguousarray(weights, float)

@@ -115,10 +115,18 @@ def test_what_was_quick_gets_no_coarse_picture(
         turn(rig["GLASS"])
         settle(live)
     assert written == ["update_solution"]
-    rig["DISPLAY"].kiriko.resolution = (200, 200)
-    written.clear()
+    known = dict(live.followed()._whole_lasted)
+    bpy.context.scene.kiriko.margin = 3
     settle(live)
-    assert written == ["update_source", "update_solution"]
+    assert live.followed()._whole_lasted == known  # a picture that is painted anew tells nothing
+    for change in (
+        lambda: setattr(rig["DISPLAY"].kiriko, "resolution", (200, 200)),
+        lambda: setattr(bpy.context.scene.kiriko, "tolerance", 0.01),
+    ):
+        written.clear()
+        change()
+        settle(live)
+        assert written == ["update_source", "update_solution"]
 
 
 def test_a_coarse_picture_is_not_exported(

@@ -485,3 +485,31 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
     monkeypatch.setattr(reach, "AFTER_A_PIXEL", 0.0)
     monkeypatch.setattr(reach, "AFTER_A_RAY", 0.0)
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
+
+
+def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
+    """Live rests while Solve runs, which lets go of the shares of before: what is kept then is of the right batches."""
+    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 1 << 9)
+    monkeypatch.setattr(shares_module, "FEW_SHARES", 0)
+    a_rig, session, dice = small(), Session(), np.random.default_rng(0)
+
+    def painted():
+        image = np.append(dice.random((64, 64, 3)), np.ones((64, 64, 1)), axis=2).astype(np.float32)
+        return replace(a_rig, pictures=(replace(a_rig.picture, image=image),))
+
+    def steps(work, n):
+        for _ in range(n):
+            next(work)
+
+    drain(session.solve(a_rig))
+    assert len(session._placed.strokes) > 6
+    first, other = session.solve(painted()), replace(a_rig.viewer, position=a_rig.viewer.position + 0.001)
+    steps(first, 4)
+    second = session.solve(replace(a_rig, viewers=(other,)))
+    while session._placed.strokes:
+        next(second)
+    second.close()
+    steps(first, 3)
+    first.close()
+    third = painted()
+    np.testing.assert_array_equal(drain(session.solve(third)).source, solve(third).source)

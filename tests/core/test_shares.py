@@ -436,6 +436,18 @@ def test_what_is_added_to_an_image_is_added_to_what_is_there():
     np.testing.assert_allclose(image, expected, rtol=1e-13)
 
 
+@pytest.mark.parametrize("dtype", [np.int16, np.int32, np.int64])
+@pytest.mark.parametrize("of_image", [np.float32, np.float64])
+def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
+    """What the kernel does not know is left to numpy."""
+    image, index = np.zeros((3, 4), of_image), np.array([0, 11, 11, 5], dtype)
+    add_at(image, index, np.array([1, 2, 3, 4], np.float32))
+    assert image.ravel()[[0, 5, 11]].tolist() == [1, 4, 5]
+    assert image.sum() == 10
+    with pytest.raises(ValueError, match="length"):
+        add_at(image, index, np.ones(3))
+
+
 def test_order_and_chunks_do_not_matter():
     """The image is the same when the cells come shuffled, so no share depends on its neighbours in the batch."""
     view = grid(200)
