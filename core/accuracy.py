@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from . import kernel
 from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
 from .meshes import areas_of
@@ -159,7 +160,10 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
     normals = plan.corner_normals[triangles]
     if layer.motion is not None:
         normals = normals @ layer.motion.rotation
-    return layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
+    bent = layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
+    if kernel.library() is not None:
+        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))  # Embree takes longer to be made
+    return bent
 
 
 def _difference(one: Landings, other: Landings) -> float:

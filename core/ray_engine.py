@@ -113,11 +113,12 @@ class Asked:
     owner: Ints
     n_whole: int
     parts: Floats
+    given: Any = None  # a ray engine that is there already
 
     @cached_property
     def engine(self) -> Engine:
         """The ray engine, made when it is first asked."""
-        return make_engine(self.corners)
+        return make_engine(self.corners) if self.given is None else self.given
 
 
 class Layer:

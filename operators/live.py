@@ -20,6 +20,7 @@ from ..core.blender_scene import Kept, Reading
 from ..core.blender_viewer import frame_of
 from ..core.coarse import enlarged, ladder
 from ..core.errors import KirikoError
+from ..core.memory import check_memory
 from ..core.plan import Settings, fingerprint
 from ..core.rig import Rig
 from . import work
@@ -178,6 +179,7 @@ class Live:
         try:
             reading = work.read(context, self.kept)
             reading.rig.check()
+            settings.check()
         except KirikoError:
             self._key = None
             raise
@@ -205,10 +207,12 @@ class Live:
         is_traced, kind = optics == self._optics, (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
+        if not is_traced:
+            check_memory(rig, settings)  # of the last of them: nothing is shown of what cannot be solved
         for n, (a_rig, how) in enumerate(rungs):
             is_last, began = n == len(rungs) - 1, perf_counter()
             try:
-                solution = yield from self._solve(a_rig, how, is_same or n > 0)
+                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
             except KirikoError:
                 if is_last:
                     raise
@@ -218,9 +222,9 @@ class Live:
             yield Step(WRITING, (rig.display.width, rig.display.height))
             scene = scene_by_uid(scene_uid)
             if is_last:
-                update_solution(scene, self._reading, solution)
+                update_solution(scene, self._reading, found)
             else:
-                update_source(scene, enlarged(solution.source, rig.display.width, rig.display.height))
+                update_source(scene, enlarged(found, rig.display.width, rig.display.height))
                 scene.kiriko.result.is_coarse = True
             self.n_pictures += 1
             self.is_unpacked = self._has_picture = True
@@ -230,10 +234,10 @@ class Live:
         self._optics, self.seconds = optics, (first, perf_counter() - started)
         self._show_problem("")
 
-    def _solve(self, rig: Rig, settings: Settings, is_built: bool) -> Generator[Step, None, Any]:
-        """Solve, and say before each step what it is: how long it took before is known by the sizes of things."""
-        sizes = (*_sizes(rig), is_built)
-        steps, n = work.session().solve(rig, settings), 0
+    def _solve(self, rig: Rig, settings: Settings, is_built: bool, is_last: bool) -> Generator[Step, None, Any]:
+        """The solution, or a coarse source image alone. Says before each step what it is, and how long it may take."""
+        sizes, session, n = (*_sizes(rig), is_built), work.session(), 0
+        steps = (session.solve if is_last else session.glance)(rig, settings)
         phrase = "solving" if is_built else "solving for changed glass"
         # solved with these sizes before, it may take a step more than then, which is no reason to speak
         guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG

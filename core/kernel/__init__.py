@@ -19,7 +19,7 @@ from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
-from .plans import left_out, made_of
+from .plans import HullEngine, left_out, made_of
 from .structures import Made, RayStateStructure
 from .touching import Boxes
 
@@ -31,6 +31,7 @@ __all__ = [
     "Boxes",
     "Fit",
     "FlatStrokes",
+    "HullEngine",
     "Ways",
     "add",
     "can_add",

@@ -136,6 +136,48 @@ static void visit_hull(void *context, int32_t position, double *far) {
     shot->area = sqrt(dot(normal, normal));
 }
 
+typedef struct {
+    const Hull *hull;
+    const float *origins, *directions;
+    int64_t *triangle;
+    double *found;
+} Shots;
+
+static void shoot_some(void *context, int64_t first, int64_t last) {
+    const Shots *shots = context;
+    for (int64_t i = first; i < last; i++) {
+        double o[3], d[3], far = INFINITY, *found = shots->found + 6 * i;
+        for (int j = 0; j < 3; j++) {
+            o[j] = shots->origins[3 * i + j];
+            d[j] = shots->directions[3 * i + j];
+            found[j] = found[3 + j] = 0;
+        }
+        Shot shot = {.hull = shots->hull, .o = o, .d = d, .position = -1};
+        shots->triangle[i] = -1;
+        if (!isfinite(o[0] + o[1] + o[2] + d[0] + d[1] + d[2])) continue;
+        visit_tree(&shots->hull->tree, o, d, &far, visit_hull, &shot);
+        if (shot.position < 0) continue;
+        const float *p = shots->hull->corners + 9 * (int64_t)shot.position;
+        double e1[3], e2[3];
+        for (int j = 0; j < 3; j++) {
+            e1[j] = (double)p[3 + j] - p[j];
+            e2[j] = (double)p[6 + j] - p[j];
+        }
+        shots->triangle[i] = shots->hull->tree.items[shot.position];
+        found[0] = far;
+        found[1] = shot.u;
+        found[2] = shot.v;
+        cross(e1, e2, found + 3);
+    }
+}
+
+/* What n rays meet first of the triangles of a hull: which, and (n, 6) distance, u, v and the triangle's normal. */
+KIRIKO_API void kiriko_shoot(const Hull *hull, const float *origins, const float *directions, int64_t n,
+                             int64_t *triangle, double *found, int64_t n_threads) {
+    Shots shots = {hull, origins, directions, triangle, found};
+    share_out(shoot_some, &shots, n, 64, n_threads > 1 ? n_threads : 1);
+}
+
 /* Does what was found tell that a ray only comes out of the hull, having left the faces just behind it? */
 static bool only_leaves_hull(const Shot *shot, double far, bool is_whole, bool leaves) {
     bool is_steep = shot->along > STEEP * shot->area, is_near = far * far < NEAR * NEAR * shot->area;

@@ -53,6 +53,8 @@ def loaded() -> ctypes.CDLL | None:
         library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
         library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer, number, number]
         library.kiriko_add.restype, library.kiriko_add.argtypes = None, [*3 * [pointer], number, pointer, number]
+        library.kiriko_shoot.restype = None
+        library.kiriko_shoot.argtypes = [*3 * [pointer], number, pointer, pointer, number]
         library.kiriko_touch.restype, library.kiriko_touch.argtypes = None, [*2 * [pointer], number]
         library.kiriko_paint.restype = None
         library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]

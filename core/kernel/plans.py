@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
+from ..engines import Found
 from ..meshes import Frames
 from ..plate import ArrayFrame
 from ..products import combine
 from ..ray_engine import MANY_TRIANGLES, Asked, Layer
 from ..rig import Floats, Ints
-from .loading import MOST_LAYERS, library, loaded
+from .loading import MOST_LAYERS, library, loaded, n_threads
 from .structures import (
     NODE,
     ArrayStructure,
@@ -107,6 +108,23 @@ def _make_hull(asked: Asked) -> Made:
     made.set(n_whole=asked.n_whole, n_parts=len(asked.parts), tree=tree.structure)
     made.keep(tree)
     return made
+
+
+class HullEngine:
+    """The kernel's tree over triangles that are asked for hits, as a ray engine of numpy's way."""
+
+    name = "the kernel's tree"
+
+    def __init__(self, asked: Asked) -> None:
+        self._made = _kept(_hulls, asked, lambda: _make_hull(asked))
+
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+        origins, directions = (np.ascontiguousarray(rays, np.float32) for rays in (origins, directions))
+        triangle, found = np.empty(len(origins), np.int64), np.empty((len(origins), 6))
+        arrays = (values.ctypes.data for values in (origins, directions))
+        results = triangle.ctypes.data, found.ctypes.data
+        loaded().kiriko_shoot(ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads())
+        return Found(triangle, *found[:, :3].T, found[:, 3:])
 
 
 def _make_whole(curved: CurvedFaces) -> Made:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from both_ways import find_parted
+from closed_forms import unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_rigs import (
@@ -34,6 +35,7 @@ from kiriko.core import curved, kernel, plate, ray_engine, surface_fit, thin_par
 from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
 from kiriko.core.curved import NODES, CurvedFaces
+from kiriko.core.engines import Embree
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.picture import Pyramid, Taps, of_square
@@ -243,6 +245,29 @@ def test_one_tree_holds_faces_of_all_degrees(make):
         points = (faces.points(k, u, v) - layer.centre) / layer.radius
         assert ((points >= boxes[k, 0]) & (points <= boxes[k, 1])).all()
     assert np.ptp(boxes, axis=1).max() < 2.5
+
+
+@pytest.mark.parametrize("make", [lambda: icosphere(0.025, 3), lambda: torus(0.02, 0.008, 24, 12), lambda: bottle()])
+def test_the_tree_is_a_ray_engine(make):
+    """It finds the triangles that Embree finds, for rays from outside and from within; rays may go nowhere."""
+    (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
+    dice = np.random.default_rng(0)
+    origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
+    directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
+    expected = Embree(layer.asked.corners).shoot(origins, directions)
+    found = kernel.HullEngine(layer.asked).shoot(origins, directions)
+    is_same = found.triangle == expected.triangle
+    assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
+    some = is_same & (found.triangle >= 0)
+    assert some.mean() > 0.2
+    np.testing.assert_allclose(found.distance[some], expected.distance[some], atol=2e-6)
+    np.testing.assert_allclose(found.normal[some], expected.normal[some], atol=1e-6)
+    for name in ("u", "v"):
+        np.testing.assert_allclose(getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3)
+    nowhere = kernel.HullEngine(layer.asked).shoot(
+        origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
+    )
+    assert (nowhere.triangle == -1).all()
 
 
 def test_any_number_of_threads_gives_the_same():
