@@ -14,7 +14,7 @@ from .rig import Mesh, Rig
 from .shares import MOST_KEPT
 from .view_map import ViewMap
 
-ALWAYS = 50e6  # bytes
+ALWAYS = 45e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
 OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 150
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
