@@ -162,7 +162,7 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
         normals = normals @ layer.motion.rotation
     bent = layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
     if kernel.library() is not None:
-        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))  # Embree takes longer to be made
+        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))  # made sooner than Embree's
     return bent
 
 

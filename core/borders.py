@@ -88,15 +88,16 @@ class Paths:
         self._parts.append((places, met))
 
     def _whole(self) -> tuple[Floats, Ints]:
-        """Places and patches of all rays, put together when they are asked for."""
+        """Places and patches of all rays, in one piece each from the first call on."""
         if len(self._parts) > 1:
             n, m = sum(len(met) for _, met in self._parts), max(met.shape[1] for _, met in self._parts)
-            whole, first = (np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)), 0
-            for part in self._parts:
-                for of_whole, of_part in zip(whole, part, strict=True):
-                    of_whole[first : first + len(of_part), : of_part.shape[1]] = of_part
-                first += len(part[0])
-            self._parts = [whole]
+            places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
+            first = 0
+            for some_places, some_met in self._parts:
+                rays = slice(first, first + len(some_met))
+                places[rays, : some_places.shape[1]], met[rays, : some_met.shape[1]] = some_places, some_met
+                first += len(some_met)
+            self._parts = [(places, met)]
         return self._parts[0]
 
 

@@ -21,8 +21,9 @@ ON_LINE = 1e-6  # viewer px: what is nearer to the outline is on it, so that rou
 def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
     """Cut pieces of a view map along a flat picture's outline; pieces of pictures of another shape stay as they are.
 
-    Quads that it crosses from side to side become quads, all others triangles: they are small, so that their images are
-    as good as flat. The pieces are used up: what is cut goes on without an image, and its parts come at the end.
+    A quad that a line crosses from side to side becomes two quads. Others that it crosses become triangles, which are
+    so small that their images are flat. The pieces are used up: a crossed one comes back without an image (NaN), and
+    its parts come at the end.
     """
     lines = outline_in_view(picture, viewer)
     if lines is None:

@@ -81,8 +81,7 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
 def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
     """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1.
 
-    A flat picture is nowhere beyond its borders, also not where its plane's horizon is so near that what a single pixel
-    sees of it cannot be told.
+    Beyond the borders of a flat picture it is 0, also beside the horizon of its plane, where no single pixel can tell.
     """
     w, h = viewer.width, viewer.height
     if picture.mesh is None:

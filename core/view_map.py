@@ -26,11 +26,11 @@ from .trace import Reason
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
 MARGIN = 0.25  # of the lesser step from a node to its neighbours: so far what is between may be beyond the node
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
-FOR_QUADS = 0.25  # of the tolerance that may be lost between a smooth cell and the quads that stand for it
-CHEAP = 0.01  # display px that may be lost if no quads smaller than viewer pixels are needed for it
-PLACES = 4  # along a display pixel, from which it takes its colour, where it is larger than a viewer pixel
+FOR_QUADS = 0.25  # of the tolerance: so far the quads of a smooth cell may be from it
+CHEAP = 0.01  # display px: so near they come to it, unless that takes quads smaller than viewer pixels
+PLACES = 4  # along a display pixel that is larger than a viewer pixel: its colour is taken there
 FEW_PLACES = 2.0  # along a smaller one
-ONE_PLACE = 0.1  # display px: at tolerances from here on one is enough where the glass is curved
+ONE_PLACE = 0.1  # display px: from this tolerance on, one place is enough along a smaller one, on curved glass
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
 RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
@@ -123,21 +123,26 @@ class ViewMap:
     def _n_parts(self) -> Ints:
         """Into how many quads (c,) the sides of smooth cells are cut.
 
-        They keep the tolerance, and are not much larger than viewer pixels or a part of a display pixel: one that lay
-        in a single quad would take its colour from one place. Where display pixels are the smaller ones quads may be
-        larger than viewer pixels: on the ball, at 0.1 px, two places gain nothing for 15 % more time.
+        Quads keep the tolerance. A display pixel takes one colour from each quad in it, so quads are smaller than
+        display pixels, by the number of places; where a viewer pixel is larger than a display pixel, one place is
+        enough: on the ball, at 0.1 px, two gain nothing for 15 % more time.
         """
         xy = taken(self.points.xy, self.nodes)
+
+        # for the tolerance
         parts, parts_cheap = (
             interpolation.parts_for(xy, allowed, MOST_QUADS) for allowed in (FOR_QUADS * self.tolerance, CHEAP)
         )
         parts = np.maximum(parts, np.minimum(parts_cheap, self.size))
+
+        # for the places; on flat glass, where one quad would keep the tolerance, they alone keep the picture sharp
         low, high = _box(xy)
         span = (high - low).max(axis=1)
-        # on flat glass nothing but the places tells how sharp the picture is
         n_places = np.where(parts == 1, FEW_PLACES, np.clip(ONE_PLACE / self.tolerance, 1.0, FEW_PLACES))
         pixels = np.clip(PLACES * span, 1.0, self.size) / np.maximum(span / (n_places * self.size), 1.0)
         parts = np.maximum(parts, 2 ** np.log2(np.maximum(pixels, 1.0)).astype(np.int64))
+
+        # a pixel each where the image folds or lies across the display's edge
         at_fold = interpolation.is_folded(xy)
         return np.where(self._is_inside & ~at_fold, parts, np.maximum(parts, self.size))
 

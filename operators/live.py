@@ -271,7 +271,7 @@ class Live:
 
 
 def _sizes(rig: Rig) -> tuple[int, ...]:
-    """What tells about how long a rig takes to solve: pixels, and twofold steps of triangles."""
+    """Sizes by which the time of a solve is guessed: pixels, and the number of triangles up to a factor of two."""
     n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
     images = (side for part in (rig.viewer, rig.display) for side in (part.width, part.height))
     return (*images, n_triangles.bit_length())

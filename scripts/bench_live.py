@@ -32,11 +32,12 @@ def wine_glass() -> None:
 
 
 BALL = {"field": 0.05, "picture_size": 0.03, "display_size": 0.05}
+MIDDLE = 0.1  # m, of the whole glass's height, where a rig puts it
 BOWL = {"field": 0.06, "picture_size": 0.035, "display_size": 0.1}  # as on the bench of `dev.py marks`
 GLASS = {  # by triangles; how far, m, the glass is lowered in its rig, so that its bowl is in the middle
     "20 k": (lambda: ball(100, 103), BALL, 0.0),
     "100 k": (lambda: ball(224, 225), BALL, 0.0),
-    "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - 0.1),
+    "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - MIDDLE),
 }
 BLOCKING = 0.1  # s that nothing may take after the first build
 

@@ -102,6 +102,8 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
 
 
 def _first_of(shares: Divided, n: int) -> Divided:
-    """The first n shares, without the room for others where that is most of it."""
-    first = (values[:, :n] if name == "covariance" else values[:n] for name, values in shares._asdict().items())
-    return Divided(*(values.copy() if 2 * n < len(shares.area) else np.ascontiguousarray(values) for values in first))
+    """The first n shares; copies, where most of the room is empty, so that it can be let go."""
+    first = shares._replace(**{name: values[:n] for name, values in shares._asdict().items() if name != "covariance"})
+    first = first._replace(covariance=shares.covariance[:, :n])
+    in_one_piece = np.copy if 2 * n < len(shares.area) else np.ascontiguousarray
+    return Divided(*map(in_one_piece, first))

@@ -9,6 +9,7 @@
 #define NEAR 0.1
 #define HULL_SLACK 1e-9 /* barycentric, so that no ray slips between two triangles of the hull */
 #define MOST_ASKED 200  /* hulls met on the way of one ray: its steps are doubled each time */
+#define SHOTS_EACH_TURN 64
 
 typedef struct {
     const Layer *layer;
@@ -107,10 +108,11 @@ static void search_faces(Search *search, double slack, double far) {
     visit_tree(&layer->over_faces, from, search->d, &far, visit_face, search);
 }
 
+/* A ray, and what it meets first of a hull: where on the triangle, and the triangle's normal, twice its area long. */
 typedef struct {
     const Hull *hull;
     const double *o, *d;
-    double u, v, along, area;
+    double u, v, along, normal[3];
     int32_t position;
 } Shot;
 
@@ -133,9 +135,10 @@ static void visit_hull(void *context, int32_t position, double *far) {
     shot->u = u;
     shot->v = v;
     shot->along = -slope;
-    shot->area = sqrt(dot(normal, normal));
+    copy(normal, shot->normal);
 }
 
+/* Many rays, and what they meet. */
 typedef struct {
     const Hull *hull;
     const float *origins, *directions;
@@ -157,17 +160,11 @@ static void shoot_some(void *context, int64_t first, int64_t last) {
         if (!isfinite(o[0] + o[1] + o[2] + d[0] + d[1] + d[2])) continue;
         visit_tree(&shots->hull->tree, o, d, &far, visit_hull, &shot);
         if (shot.position < 0) continue;
-        const float *p = shots->hull->corners + 9 * (int64_t)shot.position;
-        double e1[3], e2[3];
-        for (int j = 0; j < 3; j++) {
-            e1[j] = (double)p[3 + j] - p[j];
-            e2[j] = (double)p[6 + j] - p[j];
-        }
         shots->triangle[i] = shots->hull->tree.items[shot.position];
         found[0] = far;
         found[1] = shot.u;
         found[2] = shot.v;
-        cross(e1, e2, found + 3);
+        copy(shot.normal, found + 3);
     }
 }
 
@@ -175,12 +172,13 @@ static void shoot_some(void *context, int64_t first, int64_t last) {
 KIRIKO_API void kiriko_shoot(const Hull *hull, const float *origins, const float *directions, int64_t n,
                              int64_t *triangle, double *found, int64_t n_threads) {
     Shots shots = {hull, origins, directions, triangle, found};
-    share_out(shoot_some, &shots, n, 64, n_threads > 1 ? n_threads : 1);
+    share_out(shoot_some, &shots, n, SHOTS_EACH_TURN, n_threads > 1 ? n_threads : 1);
 }
 
 /* Does what was found tell that a ray only comes out of the hull, having left the faces just behind it? */
 static bool only_leaves_hull(const Shot *shot, double far, bool is_whole, bool leaves) {
-    bool is_steep = shot->along > STEEP * shot->area, is_near = far * far < NEAR * NEAR * shot->area;
+    double area = sqrt(dot(shot->normal, shot->normal));
+    bool is_steep = shot->along > STEEP * area, is_near = far * far < NEAR * NEAR * area;
     return !leaves && is_steep && is_near && !is_whole;
 }
 

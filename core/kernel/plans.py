@@ -94,7 +94,7 @@ def _kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any
     return cache[key]
 
 
-def _stack_frames(frames: Frames) -> Floats:
+def stack_frames(frames: Frames) -> Floats:
     """Corner, normal and both axes (t, 4, 3) of each triangle, side by side."""
     return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
 
@@ -153,7 +153,7 @@ def _make_curved(curved: CurvedFaces) -> Made:
 def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None) -> Made:
     made = Made(LayerStructure)
     frames, curved = layer.frames, layer.curved
-    made.point("frames", _kept(_frames, frames, lambda: _stack_frames(frames)), float)
+    made.point("frames", _kept(_frames, frames, lambda: stack_frames(frames)), float)
     made.point("numbers", numbers, np.int64)
     made.point("closed_bits", closed, np.uint64)
     made.point("solid_bits", solid, np.uint64)

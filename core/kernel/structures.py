@@ -91,11 +91,16 @@ class Made:
     def keep(self, *others: object) -> None:
         self.kept += others
 
+    def hold(self, array: np.ndarray, dtype: DTypeLike) -> np.ndarray:
+        """An array that is kept: the same one if it is of that type and in one piece, else a copy that is."""
+        array = np.ascontiguousarray(array, dtype)
+        self.keep(array)
+        return array
+
     def point(self, name: str, array: np.ndarray | None, dtype: DTypeLike) -> np.ndarray | None:
-        """Let a field point to the values of an array, which stays where it is if it is fit to be pointed to."""
+        """Let a field point to the values of an array, which is held and returned; to nothing if there is none."""
         if array is not None:
-            array = np.ascontiguousarray(array, dtype)
-            self.keep(array)
+            array = self.hold(array, dtype)
             setattr(self.structure, name, array.ctypes.data)
         return array
 

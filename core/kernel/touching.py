@@ -10,6 +10,7 @@ from ..meshes import Frames
 from ..rig import Bools, Floats, Ints
 from ..steps import Pauses
 from .loading import loaded, n_threads
+from .plans import stack_frames
 from .structures import Made, PathsStructure, ThinPartsStructure
 
 MOST_BUNDLED = 32  # rays
@@ -33,10 +34,10 @@ class Boxes:
         self._n_units = len(boxes[0])
         inner = [np.searchsorted(below, above) for above, below in pairwise(starts)]
         for level, of_level in enumerate(boxes):
-            made.structure.boxes[level] = _address(made, of_level, float)
+            made.structure.boxes[level] = made.hold(of_level, float).ctypes.data
         for level, children in enumerate(inner):
-            made.structure.children[level] = _address(made, children, np.int64)
-        made.point("frames", np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1), float)
+            made.structure.children[level] = made.hold(children, np.int64).ctypes.data
+        made.point("frames", stack_frames(frames), float)
         made.point("unit_of_patch", unit_of_patch, np.int64)
         made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
 
@@ -52,16 +53,9 @@ class Boxes:
             made, (n, n_rays, n_events) = Made(PathsStructure), met[some].shape
             made.point("places", places[some], float)
             made.point("met", met[some], np.int32)
-            made.point("touched", touched[some], bool)
+            made.point("touched", touched[some], bool)  # a view: the kernel writes into the result
             made.set(n=n, n_rays=n_rays, n_events=n_events, widest=widest)
             structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
             loaded().kiriko_touch(*structures, n_threads())
             yield 0
         return touched
-
-
-def _address(made: Made, values: np.ndarray, dtype: type) -> int:
-    """Where values are, which are kept."""
-    values = np.ascontiguousarray(values, dtype)
-    made.keep(values)
-    return values.ctypes.data
