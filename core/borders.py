@@ -5,18 +5,21 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from . import kernel
 from .arrays import mean_at, taken
 from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
 
 CHUNK = 5000  # rays traced together: a step of the work, which should take less than 0.1 s
-DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
+LEAST_DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
+OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, as if viewer pixels were display pixels
 SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
 EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
 QUARTERINGS = 2  # of a pixel, at the most
 MOST_DIGITS = 4  # that are found in one step
-BATCH = 8192  # rays that are traced in not much more time than a few
+BATCH = 8192  # rays that numpy traces in not much more time than a few
+KERNEL_BATCH = 512  # and the kernel
 
 NEW = 0.25  # of the middles of a square's mixed pixels: where more lie on new branches its borders are not looked for
 FEW = 1  # pixels of a square that are in doubt: as where edges meet, which is no chaos
@@ -423,6 +426,8 @@ def _last_on_branch(
     low, width = np.zeros(len(near)), end.copy()
     course = yield from _courses(plan, a)
     todo = np.arange(len(near))
+    digits = max(LEAST_DIGITS, int(np.ceil(-np.log2(OF_TOLERANCE * plan.settings.tolerance))))
+    batch = BATCH if kernel.left_out(plan.layers) else KERNEL_BATCH
     parts = 1
     while len(todo):
         # the first time the end alone is tried; then several places at once, the more the fewer borders there are: a
@@ -441,7 +446,8 @@ def _last_on_branch(
             low[todo] += width[todo] * n_held
             if parts == 1:
                 width[todo[held]] = 0.0
-        todo = todo[width[todo] > 2.0**-DIGITS]
-        parts = 2 ** int(np.clip(np.log2(BATCH / max(len(todo), 1)), 1, MOST_DIGITS))
+        todo = todo[width[todo] > 2.0**-digits]
+        left = digits + np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))
+        parts = 2 ** int(np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, MOST_DIGITS))))
     landed = Points(a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput)
     return low + width, landed

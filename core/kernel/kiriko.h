@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 3 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 4 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -89,6 +89,7 @@ typedef struct {
     double low[3], high[3], centre[3], radius, tolerance;
     int64_t has_engine, n_starts;
     Tree over_faces;
+    double *facets;         /* frames at each position of that tree: faces that are met together lie together */
 } Layer;
 
 /* A mirror array where it stands: rig.py's MirrorArray and plate.py's ArrayFrame. */

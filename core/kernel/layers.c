@@ -1,7 +1,5 @@
 /* The first true hit of a ray in a layer: ray by ray what core/ray_engine.py does for many at once. */
 
-#include <float.h>
-
 #include "kiriko.h"
 #include "tree.h"
 
@@ -43,28 +41,28 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
 }
 
-/* Where a ray meets the plane of a triangle, if it does. */
-static bool meet_plane(const Search *search, int64_t k, Hit *hit) {
-    const Layer *layer = search->layer;
-    const double *corner = layer->frames + 12 * k, *normal = corner + 3;
+/* Where a ray meets the plane of a triangle, if it does between two distances. */
+static bool meet_plane(const Search *search, const double *frame, int64_t k, double least, double most, Hit *hit) {
+    const double *corner = frame, *normal = frame + 3;
     const double *o = search->o, *d = search->d;
     double slope = dot(d, normal), away[3], inside[3];
     for (int j = 0; j < 3; j++) away[j] = corner[j] - o[j];
     double t = dot(away, normal) / slope;
-    if (!(fabs(t) <= DBL_MAX)) return false;
+    if (!(t > least && t < most)) return false;
     for (int j = 0; j < 3; j++) inside[j] = o[j] + t * d[j] - corner[j];
     hit->distance = t;
-    hit->u = dot(inside, corner + 6);
-    hit->v = dot(inside, corner + 9);
+    hit->u = dot(inside, frame + 6);
+    hit->v = dot(inside, frame + 9);
     hit->triangle = k;
     hit->enters = slope < 0;
     hit->is_curved = false;
     return true;
 }
 
-/* Does a ray meet a triangle, with a slack around it? */
-static bool meet_facet(const Search *search, int64_t k, double slack, Hit *hit) {
-    return meet_plane(search, k, hit) && is_within(hit->u, hit->v, slack);
+/* Does a ray meet a triangle, with a slack around it, where a hit can be the nearest so far? */
+static bool meet_facet(const Search *search, const double *frame, int64_t k, double slack, Hit *hit) {
+    return meet_plane(search, frame, k, search->least, search->hit->distance, hit) &&
+           is_within(hit->u, hit->v, slack);
 }
 
 /* Take a hit if it is true and the nearest so far. */
@@ -86,7 +84,8 @@ static void visit_face(void *context, int32_t position, double *far) {
     const Curved *curved = search->layer->curved;
     Hit found;
     if (!curved || curved->row[k] < 0) {
-        if (meet_facet(search, k, search->slack, &found)) consider(search, &found, far);
+        const double *frame = search->layer->facets + 12 * (int64_t)position;
+        if (meet_facet(search, frame, k, search->slack, &found)) consider(search, &found, far);
         return;
     }
     for (int s = 0; s < search->layer->n_starts; s++) {
@@ -206,7 +205,7 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
             Hit found;
             bool is_met, is_wrong = false;
             if (curved->row[k] < 0) {
-                is_met = meet_plane(search, k, &found);
+                is_met = meet_plane(search, layer->frames + 12 * k, k, -INFINITY, INFINITY, &found);
             } else {
                 double u = shot.u, v = shot.v;
                 if (!is_whole) {
@@ -254,7 +253,8 @@ static void find(Search *search, double within) {
     if (!layer->has_engine) {
         for (int64_t k = 0; k < layer->n_triangles; k++) {
             Hit found;
-            if (meet_facet(search, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
+            const double *frame = layer->frames + 12 * k;
+            if (meet_facet(search, frame, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
         }
         return;
     }

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import taken
 from ..curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
 from ..engines import Found
 from ..meshes import Frames
@@ -80,9 +81,15 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
     return _grown((boxes - layer.centre) / layer.radius)
 
 
+def _make_face_tree(layer: Layer, curved: CurvedFaces | None) -> tuple[Made, Floats]:
+    """A tree over a layer's faces; and the frames (t, 4, 3) of the facets, in the order of its positions."""
+    tree, items = _make_tree(_face_boxes(layer, curved))
+    return tree, taken(stack_frames(layer.frames), items)
+
+
 # made once of each, however many plans there are
 _frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
-_trees: WeakKeyDictionary[Frames | CurvedFaces, Made] = WeakKeyDictionary()
+_trees: WeakKeyDictionary[Frames | CurvedFaces, tuple[Made, Floats]] = WeakKeyDictionary()
 _hulls: WeakKeyDictionary[Asked, Made] = WeakKeyDictionary()
 _faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
@@ -172,8 +179,9 @@ def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: 
     )
     if layer.has_engine:
         whole = None if curved is None else curved.whole
-        tree = _kept(_trees, whole or frames, lambda: _make_tree(_face_boxes(layer, whole))[0])
+        tree, facets = _kept(_trees, whole or frames, lambda: _make_face_tree(layer, whole))
         made.set(over_faces=tree.structure)
+        made.point("facets", facets, float)
         made.keep(tree)
     if curved is not None:
         faces = _make_curved(curved)
