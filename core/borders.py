@@ -30,6 +30,7 @@ LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is 
 
 OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 MOST_EVENTS = 12  # of a path that are kept
+ROOM = 1.5  # times as many paths as before, when there is no more room for others
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,39 +70,38 @@ class Paths:
 
     def __init__(self, reach: float) -> None:
         self.reach = reach
-        self._parts = [(np.empty((0, 2, 3)), np.empty((0, 1), np.int32))]
+        self._n = 0
+        self._make_room(0, 1)
 
     @property
     def places(self) -> Floats:
-        return self._whole()[0]
+        return self._places[: self._n]
 
     @property
     def met(self) -> Ints:
-        return self._whole()[1]
+        return self._met[: self._n]
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Take up the paths of rays from origins (n, 3)."""
-        steps = steps[:MOST_EVENTS]
-        n, m = len(origins), len(steps)
-        places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
+        steps, first = steps[:MOST_EVENTS], self._n
+        self._n += len(origins)
+        room, width = self._met.shape
+        if self._n > room or len(steps) > width:
+            self._make_room(max(self._n, int(ROOM * room) if self._n > room else room), max(len(steps), width))
+
+        places, met = self.places[first:], self.met[first:]
         places[:, 0] = origins
         for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
             places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
-        self._parts.append((places, met))
 
-    def _whole(self) -> tuple[Floats, Ints]:
-        """Places and patches of all rays, in one piece each from the first call on."""
-        if len(self._parts) > 1:
-            n, m = sum(len(met) for _, met in self._parts), max(met.shape[1] for _, met in self._parts)
-            places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
-            first = 0
-            for some_places, some_met in self._parts:
-                rays = slice(first, first + len(some_met))
-                places[rays, : some_places.shape[1]], met[rays, : some_met.shape[1]] = some_places, some_met
-                first += len(some_met)
-            self._parts = [(places, met)]
-        return self._parts[0]
+    def _make_room(self, n: int, m: int) -> None:
+        """Make room for n rays and m events."""
+        places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
+        if n:
+            places[: len(self._places), : self._places.shape[1]] = self._places
+            met[: len(self._met), : self._met.shape[1]] = self._met
+        self._places, self._met = places, met
 
 
 def trace_points(

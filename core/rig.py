@@ -288,14 +288,18 @@ class Viewer:
 
     def rays(self, xy: ArrayLike) -> tuple[Floats, Floats]:
         """Origins and unit directions (n, 3) of the rays through viewer pixels xy (n, 2)."""
-        plane = self.plane_from_pixels(xy)
+        # column by column: numpy is slow where rows are three numbers long
+        u, v = self.plane_from_pixels(xy).T
         right, up, forward = self.axes
-        across = plane[:, :1] * right + plane[:, 1:] * up
+        across = [u * right[k] + v * up[k] for k in range(3)]
         if self.projection == "orthographic":
-            return self.position + across, np.broadcast_to(forward, across.shape).copy()
-        directions = forward + across
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return np.broadcast_to(self.position, across.shape).copy(), directions
+            origins = np.stack(across, axis=1) + self.position
+            return origins, np.broadcast_to(forward, origins.shape).copy()
+
+        along = [forward[k] + across[k] for k in range(3)]
+        length = np.sqrt(sum(a * a for a in along))
+        directions = np.stack([a / length for a in along], axis=1)
+        return np.broadcast_to(self.position, directions.shape).copy(), directions
 
     def project(self, points: ArrayLike) -> Floats:
         """Viewer pixels (n, 2) at which points (n, 3) are seen straight; NaN behind a perspective viewer."""

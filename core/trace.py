@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
+from .arrays import taken
 from .curved import EDGE
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
@@ -249,13 +250,13 @@ def _following(plan: Plan, rays: _Rays, steps: list[Step] | None = None) -> Paus
 
 def _steps_of(plan: Plan, rays: _Rays, ways: kernel.Ways) -> Iterator[Step]:
     """What became of rays at each event, from their ways."""
-    for event in range(ways.met.shape[1]):
-        met, left = np.flatnonzero(ways.met[:, event] >= 0), np.flatnonzero(ways.left_at == event)
-        if not len(met) + len(left):
+    for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
+        some, left = np.flatnonzero(met >= 0), np.flatnonzero(ways.left_at == event)
+        if not len(some) + len(left):
             return
-        triangle = ways.met[met, event]
-        ends = left, rays.positions[left], rays.directions[left]
-        yield Step(met, ways.places[met, event], plan.patch[triangle], triangle, *ends)
+        triangle = met[some]
+        ends = left, taken(rays.positions, left), taken(rays.directions, left)
+        yield Step(some, taken(places, some), plan.patch[triangle], triangle, *ends)
 
 
 def _by_events(plan: Plan, rays: _Rays, steps: list[Step] | None) -> Pauses[None]:

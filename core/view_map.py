@@ -629,7 +629,8 @@ def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     """
     is_lost = branch == 0
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1) & ~is_lost.all(axis=1)
-    chosen = np.flatnonzero(is_single)
+    low, high = _box(np.where(is_lost[..., None], np.nan, xy))
+    chosen = np.flatnonzero(is_single & ((low > display_size) | (high < 0)).any(axis=1))
     k = round(xy.shape[1] ** 0.5)
     of_chosen = taken(xy, chosen)
     beyond = np.stack([of_chosen - display_size, -of_chosen])  # the image, by so much

@@ -62,7 +62,7 @@ STATE = {  # of trace.py's _Rays: what the kernel reads and writes where it is
 class Ways:
     """What n rays met at m events at the most.
 
-    places (n, m, 3) m; met (n, m) triangles, -1 after the last; left_at (n,), the event at which a ray met nothing
+    places (m, n, 3) m; met (m, n) triangles, -1 after the last; left_at (n,), the event at which a ray met nothing
     more, -1 where it ended otherwise
     """
 
@@ -73,7 +73,7 @@ class Ways:
     @classmethod
     def none(cls, n: int, m: int) -> "Ways":
         """Ways of which nothing is known yet."""
-        return cls(np.empty((n, m, 3)), np.full((n, m), -1, np.int64), np.full(n, -1, np.int64))
+        return cls(np.empty((m, n, 3)), np.full((m, n), -1, np.int64), np.full(n, -1, np.int64))
 
 
 def can_follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> bool:
@@ -97,7 +97,7 @@ def state_of(rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | N
         made.point("places", ways.places, float)
         made.point("met", ways.met, np.int64)
         made.point("left_at", ways.left_at, np.int64)
-        made.set(n_steps=ways.met.shape[1])
+        made.set(n_rays=ways.met.shape[1], n_steps=len(ways.met))
     made.point("is_reached", is_reached, np.uint8)
     made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made

@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 4 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 5 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -138,9 +138,9 @@ typedef struct {
     int64_t width, is_recorded, light;
     int64_t *n_words;
     uint8_t *is_astray, *has_ended;
-    int64_t n_steps;                   /* 0 where no way is written down */
-    double *places;                    /* (n, n_steps, 3) */
-    int64_t *met;                      /* (n, n_steps) triangles */
+    int64_t n_rays, n_steps;           /* n; 0 where no way is written down */
+    double *places;                    /* (n_steps, n, 3): of most ways only the first steps are ever touched */
+    int64_t *met;                      /* (n_steps, n) triangles */
     int64_t *left_at;                  /* (n,) event at which nothing more was met, -1 where the ray ended otherwise */
     uint8_t *is_reached;               /* (n_aside,) */
 } Rays;

@@ -13,7 +13,7 @@ from .structures import NODE, STRUCTURES
 MODULE = "kiriko_kernel"
 SWITCH = "KIRIKO_KERNEL"  # environment variable: "off" for numpy's way, or the file of another library
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
-VERSION = 4  # of what the structures mean, as in kiriko.h
+VERSION = 5  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
 
 _threads = 0  # as many as the machine has

@@ -322,8 +322,8 @@ static void follow_one(Ray *ray) {
         rays->n_events[i]++;
         leave_gaps(ray, &hit);
         if (event < rays->n_steps) {
-            copy(at, rays->places + 3 * (i * rays->n_steps + event));
-            rays->met[i * rays->n_steps + event] = hit.triangle;
+            copy(at, rays->places + 3 * (event * rays->n_rays + i));
+            rays->met[event * rays->n_rays + i] = hit.triangle;
         }
         int64_t part = plan->part[hit.triangle];
         Kind kind = (Kind)plan->kind[part];
