@@ -28,6 +28,13 @@ MANY = 4  # branches at five places of a cell: as good as at each its own
 APART = 1.25  # display px between samples, the median of pixels in doubt: further apart they would leave gaps
 LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is set to be faster, and never cuts instead
 
+# For the progress alone, by how often cells have been quartered; medians of the glasses of `dev.py glasses`.
+RAYS_OF_EDGE = 11.5, 7.0, 4.0, 8.0  # that it takes to look for the border on an edge
+NEIGHBOURS = 1.8  # cells that share an edge, on average
+RAYS_OF_QUARTER = 5.6, 3.2, 0.6  # all told, of a quarter or one of the triangles that are cut at the end
+QUARTERS = 1.2, 0.95, 1.3  # of a cell, before anything is known of it
+MIXED_AGAIN = 0.35  # of mixed cells, which are quartered, where the glass is not flat
+
 OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 MOST_EVENTS = 12  # of a path that are kept
 ROOM = 1.5  # times as many paths as before, when there is no more room for others
@@ -152,7 +159,7 @@ class Pieces:
 
 
 def cut(
-    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Callable[[int, int], None]
+    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Callable[[float], None]
 ) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
@@ -165,13 +172,14 @@ def cut(
     in doubt, those with more branches than can be told apart, those of which the pieces leave out a part, though all
     corners are lit, and all mixed quarters.
 
-    `expect` is told how many pixels or quarters are left, and how often they have been quartered.
+    `expect` is told about how many rays are still to come.
     """
     quads, last, chaotic, triangles = [], [], [], []
     is_calm = np.ones(len(cells), bool)
 
     for depth in range(QUARTERINGS + 1):
-        expect(len(cells), depth)
+        n_quarters = 0.0 if plan.is_flat else QUARTERS[depth] * len(cells)
+        expect(len(cells) + _rays_to_come(points, cells, chaotic, depth, n_quarters, plan.settings.effort))
         middle = yield from trace_points(plan, mean_at(points.view, cells))
         number = len(points) + np.arange(len(cells))
         points = points.and_more(middle)
@@ -187,9 +195,14 @@ def cut(
         kept = np.flatnonzero(~is_given_up)
         cells, number, branch, is_one, is_calm = (of[kept] for of in (cells, number, branch, is_one, is_calm))
 
-        mixed = np.flatnonzero(~is_one)
+        one, mixed = np.flatnonzero(is_one), np.flatnonzero(~is_one)
+        off = np.zeros(len(cells))
+        off[one] = _missed_by_corners(plan, points, cells[one], middle.at(kept[one]))
+        n_again = (off[one] > plan.settings.tolerance).sum() + (0.0 if plan.is_flat else MIXED_AGAIN) * len(mixed)
+        expect(_rays_to_come(points, cells, chaotic, depth, 4 * n_again, plan.settings.effort))
+
         points, pieces, owner = yield from _cut(plan, points, cells[mixed])
-        off = _missed(plan, points, cells, is_one, pieces, mixed[owner], middle.at(kept))
+        off[mixed] = _missed_by_pieces(plan, points, pieces, owner, middle.at(kept[mixed]))
         again = off > plan.settings.tolerance
         n_met = _n_branches(points, np.column_stack([cells, number]))
         has_gaps = np.zeros(len(cells), bool)
@@ -216,12 +229,23 @@ def cut(
         is_calm = np.tile(is_calm[simple], 4)
 
     last = np.concatenate(last)
-    expect(len(last), QUARTERINGS + 1)
+    expect(_rays_to_come(points, last, chaotic, QUARTERINGS + 1, 0, plan.settings.effort))
     branch = points.branch[last]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from _cut(plan, points, last[~is_one])
     triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
     return Pieces(points, np.concatenate(quads), triangles, np.concatenate(chaotic))
+
+
+def _rays_to_come(
+    points: Points, cells: Ints, chaotic: list[Ints], depth: int, n_quarters: float, effort: int
+) -> float:
+    """About how many rays it takes to find the borders in cells (m, k), then to cut so many quarters, and to sample."""
+    branch = points.branch[cells]
+    n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / NEIGHBOURS
+    n_of_quarters = RAYS_OF_QUARTER[depth] * n_quarters if n_quarters else 0.0
+    side = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
+    return RAYS_OF_EDGE[depth] * n_edges + n_of_quarters + effort * sum((s**2).sum() for s in side)
 
 
 def _is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
@@ -256,17 +280,27 @@ def areas(points: Floats, triangles: Ints) -> Floats:
     return 0.5 * np.abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
-def _missed(
-    plan: Plan, points: Points, cells: Ints, is_one: Bools, pieces: Ints, owner: Ints, middle: Points
-) -> Floats:
-    """By how much (m,), display px, the pieces that hold them, or their corners, miss the middles of cells (m, 4).
+def _missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -> Floats:
+    """By how much (m,), display px, the corners of cells (m, 4) on one branch each miss their middles, as `_missed`."""
+    return _missed(plan, points.branch[cells[:, 0]], mean_at(points.xy, cells), middle)
+
+
+def _missed_by_pieces(plan: Plan, points: Points, pieces: Ints, owner: Ints, middle: Points) -> Floats:
+    """By how much (m,), display px, pieces (t, 3) of cells that own them (t,) miss their middles, as `_missed`.
+
+    What no piece holds is expected to be dark.
+    """
+    branch, xy = np.zeros(len(middle), np.uint64), np.full((len(middle), 2), np.nan)
+    holds, at = in_triangles(*(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner))
+    branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
+    return _missed(plan, branch, xy, middle)
+
+
+def _missed(plan: Plan, branch: Words, xy: Floats, middle: Points) -> Floats:
+    """By how much (m,), display px, middles miss the places xy (m, 2) where they are expected, on branches (m,).
 
     inf on another branch, 0 beside the display.
     """
-    branch = np.where(is_one, points.branch[cells[:, 0]], np.uint64(0))
-    xy = np.where(is_one[:, None], mean_at(points.xy, cells), np.nan)
-    holds, at = in_triangles(*(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner))
-    branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
     seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
     off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)
     return np.where(branch == middle.branch, off, np.inf)

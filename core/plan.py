@@ -162,6 +162,11 @@ class Plan:
     n_doubted: tuple[int, ...]
     n_curved: tuple[int, ...]
 
+    @property
+    def is_flat(self) -> bool:
+        """Are all surfaces flat, to light too?"""
+        return not self.is_bent.any() and all(layer.curved is None for layer in self.layers)
+
 
 def fingerprint(*things: object) -> str:
     """Hash of the content of dataclasses, arrays, tuples and plain values: equal content, equal fingerprint.

@@ -1,5 +1,6 @@
 """Which glass does light come near? What stands aside is not made ready to be traced until a ray comes by."""
 
+import timeit
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from time import perf_counter
@@ -13,9 +14,12 @@ from .trace import ReachedError
 from .view_map import Sampling, ViewMap
 
 MOST_STARTS = 3  # the last of them with everything
-SECONDS_A_PIXEL = 4e-6  # that a view map takes, about: for the progress alone, beside the seconds of the plan
-AFTER_A_PIXEL, AFTER_A_RAY = 0.2e-6, 0.75e-6  # seconds that what comes after it takes, about
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
+
+# Seconds for the progress alone, about, on a machine that takes so long to find the lengths of the probe.
+OF_PROBE, PROBE = 370e-6, np.ones((1 << 14, 3))
+SECONDS_A_PIXEL = 8e-6  # that a view map takes
+AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that what comes after it takes
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
@@ -39,6 +43,11 @@ def out_of_sight(rig: Rig) -> tuple[int, ...]:
     return tuple(aside) if len(aside) < len(rig.glasses) else ()
 
 
+def times_slower() -> float:
+    """How many times slower this machine is now than the one of the seconds above."""
+    return min(timeit.repeat(lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3)) / OF_PROBE
+
+
 def sample_reached(
     rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
@@ -55,19 +64,20 @@ def sample_reached(
     ------
     RigError, MeshError : as by make_plan
     """
-    aside, told = out_of_sight(rig), 0.0
+    aside, told, slower = out_of_sight(rig), 0.0, times_slower()
     for start in range(MOST_STARTS):
         started = perf_counter()
         plan = yield from at(told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ()))
         lap("plan")
         began, sampling = perf_counter(), Sampling(plan)
         of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height
-        steps, share, guess = sampling.sample(), 0.0, DOUBT * SECONDS_A_PIXEL * n_pixels
+        steps, share, guess = sampling.sample(), 0.0, DOUBT * slower * SECONDS_A_PIXEL * n_pixels
         try:
             while True:
                 so_far = perf_counter() - began
                 in_all = max(so_far, (so_far + guess) / (share + DOUBT))
-                after = AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * max(sampling.expected, sampling.n_done)
+                n_rays = max(sampling.expected, sampling.n_done)
+                after = slower * (AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * n_rays)
                 # what begins again has come no further
                 told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
                 yield told

@@ -20,7 +20,7 @@ from .memory import check_borders, check_memory
 from .outline import cut_along_outline
 from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
-from .reach import sample_reached
+from .reach import sample_reached, times_slower
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Floats, Picture, Rig
 from .seen_image import seen_image
@@ -30,7 +30,7 @@ from .source_image import Painting, Strokes, find_strokes
 from .steps import Pauses, at, last_told, within
 from .steps import finish as finish  # also from here: scripts of 0.1 have it so
 from .trace import REASON_WORDS, Reason
-from .view_map import MORE, MapError, Piece, ViewMap, sample
+from .view_map import MapError, Piece, ViewMap, sample
 from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18
@@ -40,7 +40,8 @@ MOSTLY = 0.5  # share of the light: where more goes through gaps these are why a
 TOO_FINE = "finer than a viewer pixel"
 MEASURED = 0.25  # of what comes after tracing: until then errors are measured, then it is painted
 PAINTED = 0.97  # of the progress of a solve
-SHARES_OF_QUAD, OF_CUT = 2.0, 0.8  # about, the latter of what is guessed of them
+# seconds, about, that painting takes for each display pixel, cell and share, where `reach.times_slower` is 1
+PAINTING = 0.48e-6, 0.67e-6, 0.14e-6
 MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
 REMEDIES = {
@@ -165,14 +166,17 @@ class _Optics:
 class _Placed:
     """What of a solve depends on the picture's place and size, but not on its colours.
 
-    n_shares : about how many there are
+    seconds_to_paint : about, with all that comes with it
+    cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
     coverage : complete when all shares were made once
     strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
     """
 
     key: str
     shares: ShareBatches
-    n_shares: float
+    seconds_to_paint: float
+    cells: Floats
+    part: Floats
     coverage: Coverage
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
@@ -228,7 +232,7 @@ class Session:
             One sentence on what makes the rig unsolvable; the session stays as it was.
         """
         settings = settings or Settings()
-        clock = _Clock()
+        clock, started = _Clock(), perf_counter()
         rig.check()
         settings.check()
         key = fingerprint(replace(rig, pictures=()), settings.of_optics)
@@ -246,6 +250,9 @@ class Session:
             if placed is not None:
                 placed.let_go()  # or there would be twice as many
             placed = _place(placed_key, optics.view_map, rig, settings)
+        if is_new:
+            so_far = perf_counter() - started
+            told = max(told, min(PAINTED, so_far / (so_far + placed.seconds_to_paint)))
         painting = yield from within(_paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED)
         if is_new:
             _refuse_if_dark(optics, placed.shares)
@@ -340,7 +347,7 @@ class Session:
 def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
     """Add all shares to a painting, and to the sums over them where these are new; yields progress 0..1."""
     painting, is_new = Painting(placed.shares.display_size), placed.covered is None
-    n_painted, told = 0, 0.0
+    n_painted = 0
     clock.lap("painting")
     if is_new and placed.shares.has_path:
         placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
@@ -361,8 +368,10 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
         clock.lap("painting")
 
         n_painted += len(shares)
-        told = max(told, n_painted / max(placed.n_shares, MORE * n_painted))
-        yield told
+        if placed.shares.are_kept:
+            yield n_painted / len(placed.shares)
+        else:
+            yield float(np.interp(placed.shares.n_divided, placed.cells, placed.part))
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
     return painting
@@ -371,8 +380,11 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
 def _place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> _Placed:
     """The shares of a map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, rig, settings)
-    n_shares = SHARES_OF_QUAD * view_map.n_quads + OF_CUT * view_map.n_cut_shares
-    return _Placed(key, shares, n_shares, Coverage(shares.display_size, shares.view_size))
+    width, height = shares.display_size
+    cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
+    seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
+    part = n_shares / max(n_shares[-1], 1)
+    return _Placed(key, shares, seconds, cells, part, Coverage(shares.display_size, shares.view_size))
 
 
 def _finished(painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:

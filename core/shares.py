@@ -228,6 +228,7 @@ class ShareBatches:
         self.has_throughput, self.has_path, self._pieces = has_throughput, has_path, pieces
         self._kept: list[Shares] | None = None
         self._n = 0
+        self.n_divided = 0  # cells, of all whose shares are being made
 
     def __len__(self) -> int:
         """Number of shares, after they were all made once."""
@@ -268,9 +269,12 @@ class ShareBatches:
                     lot = tuple(None if values is None else values[order] for values in lot)
                 yield lot
 
-        few, n = [], 0
+        few, n, before = [], 0, 0
         for some in _by_number(lots(), LOTS_AT_ONCE):
-            for part in _divided(*sizes, some):
+            n_cells = before + np.cumsum([len(lot[0]) for lot in some])
+            before = int(n_cells[-1])
+            for number, part in _divided_by_lot(*sizes, some):
+                self.n_divided = int(n_cells[number])
                 if len(part) > FEW_SHARES:
                     yield part
                     continue
@@ -316,7 +320,14 @@ def _joined(parts: Sequence[Shares]) -> Shares:
 
 
 def _divided(display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]) -> Iterator[Shares]:
-    """Shares of lots of cells, a few at a time, by the compiled kernel where it can."""
+    """Shares of lots of cells, a few at a time."""
+    return (shares for _, shares in _divided_by_lot(display_size, view_size, lots))
+
+
+def _divided_by_lot(
+    display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]
+) -> Iterator[tuple[int, Shares]]:
+    """The number of a lot and shares of its cells, a few at a time, by the compiled kernel where it can."""
     cells = [lot[:2] for lot in lots]
     if all(kernel.can_divide(*of_lot) for of_lot in cells):
         parts = kernel.divided(display_size, cells, _index_type(display_size), SHARES_AT_ONCE)
@@ -324,7 +335,7 @@ def _divided(display_size: tuple[int, int], view_size: tuple[int, int], lots: Se
         parts = ((n, part) for n, of_lot in enumerate(cells) for part in _parts_by_rows(display_size, *of_lot))
     for n, (*part, number) in parts:
         of_cell = (None if values is None else values[number] for values in lots[n][2:])
-        yield Shares(display_size, view_size, *part, *of_cell)
+        yield n, Shares(display_size, view_size, *part, *of_cell)
 
 
 def _parts_by_rows(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Iterator[tuple]:

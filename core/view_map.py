@@ -33,9 +33,10 @@ FEW_PLACES = 2.0  # along a smaller one
 ONE_PLACE = 0.1  # display px: from this tolerance on, one place is enough along a smaller one, on curved glass
 MOST_QUADS = 128  # along the side of a smooth cell
 QUADS_AT_ONCE = 1 << 15
-RAYS_OF_SQUARE, RAYS_OF_PIXEL = 16, 10  # about as many as a square of each size takes, and a pixel of the finest
-RAYS_OF_CUT = 14, 7, 4, 1.5  # still to come, about, for a pixel that is cut, its quarters, their quarters, and the rest
-QUARTERED = 0.5  # of squares, before any is known
+SHARES_OF_QUAD = 2.0  # of a smooth cell, about
+RAYS_OF_SQUARE = 16  # about as many as a square of each size takes
+RAYS_OF_PIXEL, RAYS_OF_FLAT = 12, 5  # and a pixel of the finest; where all glass is flat
+QUARTERED, REFUSED = 0.6, 0.5  # of squares, of the smallest ones: so many are expected at the least
 MORE = 1.02  # times the rays so far: there are always some to come
 COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
 SAMPLED = 1024  # places, of smooth squares and of pixels, at which the error is measured
@@ -165,12 +166,18 @@ class ViewMap:
         return int((self._n_parts**2).sum())
 
     @cached_property
-    def n_cut_shares(self) -> float:
-        """About how many shares the pixels make that are not in smooth cells.
+    def n_by_kind(self) -> NDArray[np.float64]:
+        """How many pieces (4,) there are of each kind, in the order of `pieces`, and about how many shares they make.
 
-        One for each display pixel of a pixel or piece of it, one for each sample.
+        (2, 4): quads of smooth cells; of cut pixels quads and triangles, a share for each display pixel; samples.
         """
-        return sum(map(self._n_shares_of, (self.quads, self.triangles))) + len(self.samples)
+        cut = [(len(kind), self._n_shares_of(kind)) for kind in (self.quads, self.triangles)]
+        return np.transpose([(self.n_quads, SHARES_OF_QUAD * self.n_quads), *cut, (len(self.samples),) * 2])
+
+    @property
+    def n_cut_shares(self) -> float:
+        """About how many shares the pixels make that are not in smooth cells."""
+        return float(self.n_by_kind[1, 1:].sum())
 
     def _n_shares_of(self, pieces: Ints) -> float:
         """About how many shares pieces (n, 4 or 3) make: known from some of them, where they are many."""
@@ -409,7 +416,7 @@ class Sampling:
         far = np.linalg.norm(np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position)))
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
         self.n_done, self.expected = 0, 0.0
-        self._expect(self.first, QUARTERED)
+        self._expect(self.first, self.first.at(slice(0)), 0.0, 0)
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -445,20 +452,26 @@ class Sampling:
             checking = todo.at(is_smooth)
             finest = finest.and_more(refused.at(refused.size == PARTS))
             todo = refused.at(refused.size > PARTS).quarters()
-            self._expect(todo, refused.area / max(refused.area + checking.area + smooth.area, 1), finest.area)
+            known = refused.area + checking.area + smooth.area
+            self._expect(todo, checking, refused.area / max(known, 1), finest.area)
         return (yield from self._finished(smooth, finest))
 
-    def _expect(self, squares: _Squares, quartered: float, finest: int = 0) -> None:
-        """Guess the number of rays, if at each level such a share of squares (n,) is quartered; finest : px."""
-        area, size, n_rays = float(squares.area), int(squares.size.max(initial=PARTS)), float(len(self.points))
+    def _expect(self, todo: _Squares, checking: _Squares, refused: float, finest: int) -> None:
+        """Guess the number of rays; of squares to be traced, or checked, such a share is refused. finest : px."""
+        n_rays = float(len(self.points) + len(CHECKS) * len(checking))
+        share, size, area = max(refused, QUARTERED), self.first_size, 0.0
         while size > PARTS:
+            area += float((todo.size == size).sum()) * size**2
             n_rays += RAYS_OF_SQUARE * area / size**2
-            area, size = quartered * area, size // 2
-        self.expected = n_rays + RAYS_OF_PIXEL * (area + finest)
+            area = share * (area + float((checking.size == size).sum()) * size**2)
+            size //= 2
+        area += float((todo.size == PARTS).sum() + (checking.size == PARTS).sum()) * PARTS**2
+        of_pixel = RAYS_OF_FLAT if self.plan.is_flat else RAYS_OF_PIXEL
+        self.expected = n_rays + of_pixel * (max(refused, REFUSED) * area + finest)
 
-    def _expect_of_cut(self, n: int, depth: int) -> None:
-        """Guess the number of rays, if n pixels, or quarters of that depth, are left to be cut."""
-        self.expected = self.n_done + RAYS_OF_CUT[depth] * n
+    def _expect_of_cut(self, n_rays: float) -> None:
+        """Guess the number of rays, if so many are still to come until all pixels are cut and sampled."""
+        self.expected = self.n_done + n_rays + 2 * SAMPLED
 
     def _at_nodes(self, squares: _Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
