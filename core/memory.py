@@ -16,7 +16,7 @@ from .view_map import ViewMap
 
 ALWAYS = 45e6  # bytes
 # bytes for each pixel, share, triangle, traced ray that is kept
-OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 150
+OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 120
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
 QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
 CELLS, RAYS, MOST_RAYS = 5, 40, 1.5  # times the 2/5th power of the same; for a cell, for a viewer pixel
