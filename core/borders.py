@@ -11,9 +11,9 @@ from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
 
-CHUNK = 5000  # rays traced together: a step of the work, which should take less than 0.1 s
+CHUNK = 1 << 14  # rays traced together: by numpy a step of 0.1 s, and more of them take no less time each
 LEAST_DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
-OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, as if viewer pixels were display pixels
+OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, in viewer pixels
 SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
 EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
 QUARTERINGS = 2  # of a pixel, at the most
@@ -461,6 +461,7 @@ def _last_on_branch(
     course = yield from _courses(plan, a)
     todo = np.arange(len(near))
     digits = max(LEAST_DIGITS, int(np.ceil(-np.log2(OF_TOLERANCE * plan.settings.tolerance))))
+    # where several borders cross one way the kernel and numpy may thus find different ones
     batch = BATCH if kernel.left_out(plan.layers) else KERNEL_BATCH
     parts = 1
     while len(todo):

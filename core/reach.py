@@ -16,7 +16,7 @@ from .view_map import Sampling, ViewMap
 MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
 
-# Seconds for the progress alone, about, on a machine that takes so long to find the lengths of the probe.
+# Seconds, for the progress alone, of a machine on which the norms of PROBE take OF_PROBE seconds.
 OF_PROBE, PROBE = 370e-6, np.ones((1 << 14, 3))
 SECONDS_A_PIXEL = 8e-6  # that a view map takes
 AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that what comes after it takes

@@ -347,7 +347,7 @@ class Session:
 def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Generator[float, None, Painting]:
     """Add all shares to a painting, and to the sums over them where these are new; yields progress 0..1."""
     painting, is_new = Painting(placed.shares.display_size), placed.covered is None
-    n_painted = 0
+    n_painted, told = 0, 0.0
     clock.lap("painting")
     if is_new and placed.shares.has_path:
         placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
@@ -368,10 +368,10 @@ def _paint(rig: Rig, placed: _Placed, pyramid: Pyramid, clock: _Clock) -> Genera
         clock.lap("painting")
 
         n_painted += len(shares)
-        if placed.shares.are_kept:
-            yield n_painted / len(placed.shares)
-        else:
-            yield float(np.interp(placed.shares.n_divided, placed.cells, placed.part))
+        batches = placed.shares
+        part = n_painted / len(batches) if batches.are_kept else np.interp(batches.n_divided, placed.cells, placed.part)
+        told = max(told, float(part))  # another solve may be half way through the same batches
+        yield told
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
     return painting

@@ -228,7 +228,7 @@ class ShareBatches:
         self.has_throughput, self.has_path, self._pieces = has_throughput, has_path, pieces
         self._kept: list[Shares] | None = None
         self._n = 0
-        self.n_divided = 0  # cells, of all whose shares are being made
+        self.n_divided = 0  # cells, in the pass over all of them that is under way
 
     def __len__(self) -> int:
         """Number of shares, after they were all made once."""

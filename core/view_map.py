@@ -167,9 +167,10 @@ class ViewMap:
 
     @cached_property
     def n_by_kind(self) -> NDArray[np.float64]:
-        """How many pieces (4,) there are of each kind, in the order of `pieces`, and about how many shares they make.
+        """(2, 4): pieces of each kind, in the order of `pieces`, and about how many shares they make.
 
-        (2, 4): quads of smooth cells; of cut pixels quads and triangles, a share for each display pixel; samples.
+        Kinds are quads of smooth cells, quads and triangles of cut pixels, and samples. A quad or triangle makes a
+        share for each display pixel that it touches.
         """
         cut = [(len(kind), self._n_shares_of(kind)) for kind in (self.quads, self.triangles)]
         return np.transpose([(self.n_quads, SHARES_OF_QUAD * self.n_quads), *cut, (len(self.samples),) * 2])
