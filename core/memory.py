@@ -8,13 +8,14 @@ import numpy as np
 
 from .borders import OF_POINT
 from .free_memory import check_free
+from .kernel import library
 from .meshes import SAME_NORMAL
 from .plan import Settings
 from .rig import Mesh, Rig
 from .shares import MOST_KEPT
 from .view_map import ViewMap
 
-ALWAYS = 45e6  # bytes
+ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; what batches of rays take more without the kernel
 # bytes for each pixel, share, triangle, traced ray that is kept
 OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 120
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
@@ -51,7 +52,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
         "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
         "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
-        "always": ALWAYS,
+        "always": ALWAYS + BY_NUMPY * (library() is None),
     }
 
 
