@@ -201,7 +201,7 @@ def rasterise(
     as font rasterisers do (signed areas, accumulated along rows); the moments are Green's theorem on the same edges.
     """
     sizes = display_size, view_size
-    parts = _divided(*sizes, [(view_polygons, display_polygons, throughput, None)])
+    parts = (part for _, part in _divided(*sizes, [(view_polygons, display_polygons, throughput, None)]))
     return _joined([_no_shares(*sizes, throughput is not None), *parts])
 
 
@@ -273,7 +273,7 @@ class ShareBatches:
         for some in _by_number(lots(), LOTS_AT_ONCE):
             n_cells = before + np.cumsum([len(lot[0]) for lot in some])
             before = int(n_cells[-1])
-            for number, part in _divided_by_lot(*sizes, some):
+            for number, part in _divided(*sizes, some):
                 self.n_divided = int(n_cells[number])
                 if len(part) > FEW_SHARES:
                     yield part
@@ -319,12 +319,7 @@ def _joined(parts: Sequence[Shares]) -> Shares:
     )
 
 
-def _divided(display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]) -> Iterator[Shares]:
-    """Shares of lots of cells, a few at a time."""
-    return (shares for _, shares in _divided_by_lot(display_size, view_size, lots))
-
-
-def _divided_by_lot(
+def _divided(
     display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]
 ) -> Iterator[tuple[int, Shares]]:
     """The number of a lot and shares of its cells, a few at a time, by the compiled kernel where it can."""

@@ -581,14 +581,15 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
         monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", at_once)
-        parts = list(shares_module._divided(size, (2, 2), [(view, quads, throughput, None)]))
+        parts = [part for _, part in shares_module._divided(size, (2, 2), [(view, quads, throughput, None)])]
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
         found = shares_module._joined(parts)
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
     monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 7)
-    few = list(shares_module._divided((40, 30), (2, 2), [(view, quads / size * [40, 30], throughput, None)]))
+    lot = view, quads / size * [40, 30], throughput, None
+    few = [part for _, part in shares_module._divided((40, 30), (2, 2), [lot])]
     assert max(map(len, few)) <= 7
     assert sum(map(len, few)) == len(rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput))
 
