@@ -11,7 +11,7 @@ from .plan import Plan
 from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
 
-CHUNK = 1 << 14  # rays traced together: by numpy a step of 0.1 s, and more of them take no less time each
+CHUNK = 1 << 14  # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
 LEAST_DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
 OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, in viewer pixels
 SMALL = 0.1  # display px: an error that cannot get as small as this is left to the larger viewer that it takes
@@ -31,7 +31,7 @@ LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is 
 # For the progress alone, by how often cells have been quartered; medians of the glasses of `dev.py glasses`.
 RAYS_OF_EDGE = 11.5, 7.0, 4.0, 8.0  # that it takes to look for the border on an edge
 NEIGHBOURS = 1.8  # cells that share an edge, on average
-RAYS_OF_QUARTER = 5.6, 3.2, 0.6  # all told, of a quarter or one of the triangles that are cut at the end
+RAYS_OF_QUARTER = 5.6, 3.2, 0.6, 0.0  # all told, of a quarter or one of the triangles that are cut at the end
 QUARTERS = 1.2, 0.95, 1.3  # of a cell, before anything is known of it
 MIXED_AGAIN = 0.35  # of mixed cells, which are quartered, where the glass is not flat
 
@@ -94,7 +94,8 @@ class Paths:
         self._n += len(origins)
         room, width = self._met.shape
         if self._n > room or len(steps) > width:
-            self._make_room(max(self._n, int(ROOM * room) if self._n > room else room), max(len(steps), width))
+            larger = max(self._n, int(ROOM * room))
+            self._make_room(larger if self._n > room else room, max(len(steps), width))
 
         places, met = self.places[first:], self.met[first:]
         places[:, 0] = origins
@@ -243,9 +244,9 @@ def _rays_to_come(
     """About how many rays it takes to find the borders in cells (m, k), then to cut so many quarters, and to sample."""
     branch = points.branch[cells]
     n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / NEIGHBOURS
-    n_of_quarters = RAYS_OF_QUARTER[depth] * n_quarters if n_quarters else 0.0
-    side = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    return RAYS_OF_EDGE[depth] * n_edges + n_of_quarters + effort * sum((s**2).sum() for s in side)
+    sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
+    n_samples = effort * sum((side**2).sum() for side in sides)
+    return RAYS_OF_EDGE[depth] * n_edges + RAYS_OF_QUARTER[depth] * n_quarters + n_samples
 
 
 def _is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
