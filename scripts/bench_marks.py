@@ -5,7 +5,8 @@ splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko solves
 drawn*, which is what Mitsuba shows, and by *Automatic*, which follows the curved surface and has no judge here. `s` are
 seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
 over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart` is the share of the
-rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps itself, and is no judge there.
+rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps itself, and is no judge there. `--finer`
+gives Kiriko more viewer pixels, for the same display: it takes longer, and errs less where borders run.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from bench_side_by_side import SPP, Judge, share_apart, zone_plate
+from bench_side_by_side import SPP, Judge, finer, share_apart, zone_plate
 from mitsuba_splat import MitsubaSplat, image_from_sums
 from reference_rigs import glass_rig
 
@@ -84,8 +85,9 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     splat.sums(SPP)  # compiled by now
     theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
     with kernel.off() if arguments.numpy else nullcontext():
-        drawn_seconds, drawn = timed(lambda: solved(a_rig, "facets"), arguments.rounds)
-        seconds, _ = timed(lambda: solved(a_rig, "automatic"), arguments.rounds)
+        our_rig = finer(a_rig, arguments.finer)
+        drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
+        seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
     of_theirs, of_drawn = (
         f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}" for image in (image_from_sums(sums), drawn.source)
     )
@@ -102,6 +104,7 @@ def main() -> None:
     parser.add_argument("--glass", nargs="+", metavar="NAME", default=[], help="only these")
     parser.add_argument("--reference", type=int, default=1024, metavar="SPP", help="samples of the judge")
     parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
+    parser.add_argument("--finer", type=int, default=1, metavar="N", help="times finer a viewer for Kiriko, each way")
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     arguments = parser.parse_args()
     print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
