@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import kernel
+from .arrays import Bools, Floats, Ints
 from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
 from .meshes import areas_of
@@ -15,7 +16,7 @@ from .optics import dot
 from .picture import of_square, picture_from_view
 from .plan import Kind, Plan, planning
 from .ray_engine import FLOAT32, Layer
-from .rig import Bools, Floats, Glass, Ints, Mirror, Rig, Viewer
+from .rig import Glass, Mirror, Rig, Viewer
 from .steps import Pauses, at, within
 from .trace import Landings, Reason, Step, tracing
 

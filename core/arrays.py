@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .rig import Bools, Floats, Ints
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 
 def taken(values: NDArray, which: Bools | Ints) -> NDArray:

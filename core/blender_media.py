@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from .rig import WAVELENGTH, Floats, Glass
+from .arrays import Floats
+from .rig import WAVELENGTH, Glass
 from .surfaces import Surface, contains, solids_from_mesh
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch

@@ -8,8 +8,9 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .products import turn
-from .rig import Bools, Floats, Ints, Mesh, SurfaceChoice
+from .rig import Mesh, SurfaceChoice
 from .weld import welded
 
 NO_AREA = 1e-12  # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height

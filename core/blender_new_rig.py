@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from . import blender_shaders as shaders
+from .arrays import Floats
 from .blender_bodies import bodiless
 from .blender_image import encoded_image
 from .blender_mesh import in_world, read_local
@@ -18,7 +19,7 @@ from .blender_units import length_of_unit
 from .blender_visibility import Shown
 from .errors import RigError
 from .placement import Proposal, lattice
-from .rig import Blocker, ConstantIndex, Floats, Glass, Mirror, Rig
+from .rig import Blocker, ConstantIndex, Glass, Mirror, Rig
 
 BALL = "Kiriko Ball"
 BALL_RADIUS = 0.025  # m

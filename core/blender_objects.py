@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .rig import Bools, Floats
+from .arrays import Bools, Floats
 
 OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
 

@@ -4,12 +4,12 @@ import bpy
 import numpy as np
 
 from . import blender_shaders as shaders
+from .arrays import Floats
 from .blender_material import Texture, find_texture, read_texture
 from .blender_mesh import column, sides, used_slots, uv_axes, uv_layer
 from .blender_picture import UNREADABLE, check_readable
 from .blender_resize import NEAR, refuse_held, rescale
 from .errors import RigError
-from .rig import Floats
 from .words import percent
 
 MATERIAL = "Kiriko Picture"

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from .arrays import Floats
 from .blender_mesh import column
 from .errors import RigError
-from .rig import Floats
 
 FLAT = 1e-5  # of its size: what is no thicker along an axis of its own is perpendicular to that axis
 NEAR = 1e-4  # of a side: so near an object has to come to its size and stay in its place

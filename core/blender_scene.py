@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats
 from .blender_bodies import bodiless
 from .blender_material import Texture, read_refraction, read_texture
 from .blender_mesh import LocalMesh, flat_size, in_world, read_local, sharpen_creases, used_slots
@@ -27,20 +28,7 @@ from .meshes import geometric_normals
 from .misalignment import with_offset
 from .optics import normalise
 from .plan import fingerprint
-from .rig import (
-    Blocker,
-    ConstantIndex,
-    Display,
-    Floats,
-    Glass,
-    Mesh,
-    Mirror,
-    MirrorArray,
-    Picture,
-    Plate,
-    Rig,
-    Viewer,
-)
+from .rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror, MirrorArray, Picture, Plate, Rig, Viewer
 
 UPRIGHT = 0.99  # cosine between a plate's normal and its x axis above which that axis does not lie in it
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract

@@ -7,9 +7,10 @@ from typing import Any
 import bpy
 import numpy as np
 
+from .arrays import Floats
 from .blender_scene import Kept, Shape, read_drawn
 from .plan import Settings
-from .rig import Floats, Mesh, Rig
+from .rig import Mesh, Rig
 from .solved_for import SolvedFor, solved_for
 
 

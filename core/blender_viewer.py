@@ -5,8 +5,9 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from .arrays import Floats
 from .errors import RigError
-from .rig import Floats, Viewer
+from .rig import Viewer
 
 SHEARED = 1e-4  # axes further from perpendicular than this are no float32 noise
 SAME_SHAPE = 1e-3  # of width to height: nobody sees less

@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from . import kernel
-from .arrays import mean_at, taken
+from .arrays import Bools, Floats, Ints, mean_at, taken
 from .plan import Plan
-from .rig import Bools, Floats, Ints
 from .trace import Step, Words, courses, tracing
 
 CHUNK = 1 << 14  # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number

@@ -6,10 +6,10 @@ from math import perm
 
 import numpy as np
 
+from .arrays import Bools, Floats, Ints
 from .motion import Motion
 from .optics import dot, normalise
 from .products import combine
-from .rig import Bools, Floats, Ints
 
 CHUNK = 1 << 12  # rays or faces worked on together: their arrays stay in the cache
 ITERATIONS = 12  # of Newton's method

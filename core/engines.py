@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Ints
 from .meshes import Frames
-from .rig import Ints
 
 ALONG_AXIS = 1.01 * 2.0**-23  # components of a direction up to here are 0 to the boxes of Blender's BVH
 

@@ -7,7 +7,7 @@ same surfaces, and shows it turned over: that is another path.
 import numpy as np
 from numpy.typing import NDArray
 
-from .rig import Floats
+from .arrays import Floats
 from .shares import Shares
 from .view_map import Piece
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
 from .optics import dot
 from .plan import Plan
-from .rig import Floats, Ints
 from .simulation import LUMINANCE
 from .steps import Pauses
 from .trace import tracing

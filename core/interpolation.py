@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from .rig import Floats, Ints
+from .arrays import Floats, Ints
 
 SIDE = 5  # nodes along a side: quartics
 PARTS = SIDE - 1  # a cell's side in steps between nodes

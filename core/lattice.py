@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import Bools, Floats, Ints
 from .errors import ImageError
 from .image_io import read_bytes
 from .products import solve_symmetric
-from .rig import Bools, Floats, Ints
 
 # as drawn, in spacings
 DOT, MARK, LINE = 0.2, 0.26, 0.04  # radii of dots and of the first two; half the width of lines

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Bools, Floats, Ints
 from .errors import RigError
 from .meshes import components
-from .rig import Bools, Floats, Glass, Ints
+from .rig import Glass
 from .surfaces import Surface
 
 MOST_OVERLAPPING = 52  # solids in one cluster: their mask has to be exact as a float64

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .arrays import Bools, Floats
 from .errors import RigError
 from .motion import Motion, find_motion
 from .plan import Kept, Plan, Settings, make_plan
 from .products import turn
-from .rig import WAVELENGTH, Bools, ConstantIndex, Floats, Mesh, Plate, Rig, Viewer
+from .rig import WAVELENGTH, ConstantIndex, Mesh, Plate, Rig, Viewer
 from .session import finish, within
 from .trace import trace_all
 

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Floats
 from .products import turn
-from .rig import Floats, Mesh
+from .rig import Mesh
 
 FITTED = 64  # vertices from which a motion is found; all others have to follow it
 ROUNDING = 1e-13  # of the distances: what products of doubles lose

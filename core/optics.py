@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .rig import Bools, Floats
+from .arrays import Bools, Floats
 
 
 def dot(a: Floats, b: Floats) -> Floats:

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from .arrays import taken
+from .arrays import Floats, Ints, taken
 from .picture import outline_in_view
 from .products import turn
-from .rig import Floats, Ints, Picture, Viewer
+from .rig import Picture, Viewer
 from .view_map import Piece
 
 ON_LINE = 1e-6  # viewer px: what is nearer to the outline is on it, so that rounding does not cut

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats
 from .display import uv_area
 from .errors import RigError
 from .meshes import interpolate
 from .products import turn_covariance
 from .ray_engine import Hits, Layer
-from .rig import Bools, Floats, Mesh, Picture, Viewer
+from .rig import Mesh, Picture, Viewer
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
 CHUNK = 1 << 16  # points at once: their arrays stay in the cache

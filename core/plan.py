@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeVar, get_args
 import numpy as np
 
 from . import kernel
+from .arrays import Bools, Floats, Ints
 from .curved import CurvedFaces
 from .display import DisplayPlane, display_plane, uv_islands
 from .engines import engine_kind
@@ -20,7 +21,7 @@ from .motion import Motion, find_motion
 from .optics import dot
 from .plate import ArrayFrame, array_frame
 from .ray_engine import FEW_TRIANGLES, FLOAT32, Layer, slab
-from .rig import WAVELENGTH, Bools, Floats, Glass, Ints, Mesh, Plate, Rig, Viewer
+from .rig import WAVELENGTH, Glass, Mesh, Plate, Rig, Viewer
 from .steps import Pauses, finish
 from .surfaces import Surface, contains, make_surface, making_solids
 from .thin_parts import ThinParts

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .arrays import Bools, Floats, Ints
 from .errors import RigError
 from .meshes import areas_of
 from .optics import normalise, transmittance
 from .products import turn
-from .rig import Bools, Floats, Ints, MirrorArray, Plate
+from .rig import MirrorArray, Plate
 
 GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its plane and meets nothing
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .rig import Floats
+from .arrays import Floats
 
 AT_ONCE = 1 << 10  # systems eliminated together: their arrays stay in the cache
 

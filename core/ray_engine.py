@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats, Ints
 from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, product
 from .engines import Engine, Found, make_engine
 from .meshes import Frames, box_of, interpolate
 from .motion import Motion
 from .optics import dot
 from .products import combine
-from .rig import Bools, Floats, Ints
 from .steps import Pauses, finish
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built

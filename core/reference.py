@@ -13,11 +13,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bools, Floats
 from .errors import RigError
 from .picture import of_square, picture_from_view
 from .placement import lattice
 from .plan import MOST_TOLERANCE, Plan, Settings, make_plan
-from .rig import Bools, Floats, Rig
+from .rig import Rig
 from .seen_image import lattice_shift
 from .session import Session, Solution, within
 from .trace import trace_all

@@ -8,11 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import Bools, Floats, Ints
 from .errors import MeshError, RigError
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
 WAVELENGTH = 587.6e-9  # m, the helium d line, at which indices of refraction are given

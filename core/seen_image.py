@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .rig import Floats
+from .arrays import Floats
 from .shares import ShareBatches, add_at
 
 COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy, measure
+from .arrays import Floats
 from .errors import RigError
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
@@ -22,7 +23,7 @@ from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
 from .plan import Kept, Plan, Settings, fingerprint, make_plan
 from .reach import sample_reached, times_slower
 from .remarks import Remark, remarks_on
-from .rig import ConstantIndex, Floats, Picture, Rig
+from .rig import ConstantIndex, Picture, Rig
 from .seen_image import seen_image
 from .shares import Coverage, ShareBatches, Shares, add_at
 from .simulation import PlateView, plate_view

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
-from .arrays import taken
+from .arrays import Floats, Ints, taken
 from .products import turn_covariance
-from .rig import Floats, Ints
 
 THINNEST = 1e-5  # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats, Ints
 from .optics import dot
 from .plan import Plan
 from .plate import PlatePath
-from .rig import Floats, Ints
 from .trace import CHUNK, PlateLight, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709

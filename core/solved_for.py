@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Floats
 from .plan import fingerprint
-from .rig import Floats
 
 ROUNDED = 4 * 2.0**-23  # of the bench's size: what float32 leaves of a place that was left and returned to
 

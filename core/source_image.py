@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
+from .arrays import Bools, Floats
 from .picture import Pyramid, Taps, find_taps, flat_way, picture_from_view
 from .plan import Plan
-from .rig import Bools, Floats, Picture, Viewer
+from .rig import Picture, Viewer
 from .shares import Shares, add_at
 from .trace import CHUNK, PlateLight, trace
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arrays import Floats
 from .plan import Plan
-from .rig import Floats, Picture
+from .rig import Picture
 from .steps import at
 from .trace import REASON_WORDS, Reason, tracing
 

@@ -13,7 +13,7 @@ from math import comb
 import numpy as np
 
 from . import kernel
-from .arrays import taken
+from .arrays import Bools, Floats, Ints, taken
 from .curved import (
     AT_NODES,
     CHUNK,
@@ -35,7 +35,6 @@ from .curved import (
 from .meshes import Edges, areas_of, components
 from .optics import dot, length_of, normalise
 from .products import combine, solve_symmetric
-from .rig import Bools, Floats, Ints
 from .steps import Pauses
 
 STEEPEST = np.cos(np.radians(40))  # corner normals further than this from the facet's contradict it

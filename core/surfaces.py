@@ -5,11 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from .arrays import Bools, Floats, Ints
 from .curved import CurvedFaces, grid
 from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals, volume_of
 from .motion import Motion
 from .optics import dot, normalise
-from .rig import Bools, Floats, Ints, Mesh
+from .rig import Mesh
 from .steps import Pauses, finish
 from .surface_fit import make_curved
 

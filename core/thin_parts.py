@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from . import kernel
+from .arrays import Bools, Floats, Ints
 from .meshes import Frames
-from .rig import Bools, Floats, Ints
 from .steps import Pauses
 
 MOST_PATCHES = 4096  # with more patches whole parts are looked for

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernel
-from .arrays import taken
+from .arrays import Bools, Floats, Ints, taken
 from .curved import EDGE
 from .meshes import interpolate
 from .optics import dot, normalise, plane_symmetry, reflect, refract
@@ -17,7 +17,6 @@ from .plan import Kind, Plan
 from .plate import ArrayFrame, PlatePath
 from .products import turn
 from .ray_engine import Accept, Hits, slab
-from .rig import Bools, Floats, Ints
 from .steps import Pauses, finish
 
 Words = NDArray[np.uint64]

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import interpolation
-from .arrays import mean_at, taken
+from .arrays import Bools, Floats, Ints, mean_at, taken
 from .borders import QUARTERINGS, Paths, Points, areas, cut, in_triangles, is_in_image, is_seen, trace_points
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .plan import Plan
-from .rig import Bools, Floats, Ints
 from .samples import sample_cells
 from .steps import Pauses
 from .trace import Reason

@@ -6,12 +6,12 @@ from math import isqrt
 
 import numpy as np
 
+from .arrays import Floats
 from .curved import grid
 from .errors import RigError
 from .meshes import areas_of
 from .optics import dot
 from .plan import Plan
-from .rig import Floats
 from .trace import trace_all
 
 FARTHEST = np.radians(75.0)  # from the viewer's own place, each way

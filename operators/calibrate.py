@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core import image_io
+from ..core.arrays import Floats
 from ..core.blender_calibration import keep_offset, put_into_scene
 from ..core.blender_result import write_solution
 from ..core.errors import ImageError, RigError
@@ -25,7 +26,7 @@ from ..core.lattice import (
 )
 from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts, with_offset
 from ..core.picture import view_of_picture
-from ..core.rig import Floats, Rig
+from ..core.rig import Rig
 from ..core.session import within
 from . import work
 from .export import RELATIVE_PATH, absolute, use_bundled_modules

@@ -26,12 +26,13 @@ from paper import (
     solve,
 )
 
+from kiriko.core.arrays import Floats
 from kiriko.core.errors import RigError
 from kiriko.core.misalignment import Bench, Parameter, moved, parameters
 from kiriko.core.motion import Motion
 from kiriko.core.picture import ideal_image
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.rig import WAVELENGTH, Floats, Picture, Rig
+from kiriko.core.rig import WAVELENGTH, Picture, Rig
 from kiriko.core.seen_image import lattice_shift
 from kiriko.core.session import without_glass
 from kiriko.core.trace import trace_all

@@ -17,9 +17,9 @@ import numpy as np
 from fuzz_shapes import BROUGHT, fitting, mesh_of
 from mathutils import Euler, Matrix
 
+from kiriko.core.arrays import Floats
 from kiriko.core.blender_shaders import show_picture
 from kiriko.core.placement import place
-from kiriko.core.rig import Floats
 
 Thing = TypeVar("Thing")
 

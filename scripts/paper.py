@@ -19,9 +19,10 @@ import numpy as np
 import kiriko
 from environments import machine
 from kiriko.core import image_io
+from kiriko.core.arrays import Floats
 from kiriko.core.optics import normalise, reflect
 from kiriko.core.plan import Settings, make_plan
-from kiriko.core.rig import PRESETS, Floats, Mesh, Rig
+from kiriko.core.rig import PRESETS, Mesh, Rig
 from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.session import Session, Solution, finish, without_glass
 from kiriko.core.source_image import splat

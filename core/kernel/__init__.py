@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..rig import Floats, Ints
+from ..arrays import Floats, Ints
 from ..steps import Pauses
 from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rig import Floats
+from ..arrays import Floats
 from .loading import library, loaded, n_threads
 from .structures import DivisionStructure, Made
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..rig import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints
 from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rig import Floats
+from ..arrays import Floats
 from .loading import loaded, n_threads
 from .structures import LevelStructure, Made, StrokesStructure
 

@@ -8,14 +8,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import taken
+from ..arrays import Floats, Ints, taken
 from ..curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
 from ..engines import Found
 from ..meshes import Frames
 from ..plate import ArrayFrame
 from ..products import combine
 from ..ray_engine import MANY_TRIANGLES, Asked, Layer
-from ..rig import Floats, Ints
 from .loading import MOST_LAYERS, library, loaded, n_threads
 from .structures import (
     NODE,

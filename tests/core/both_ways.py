@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kiriko.core import kernel
+from kiriko.core.arrays import Floats
 from kiriko.core.plan import Plan
-from kiriko.core.rig import Floats
 from kiriko.core.steps import finish
 from kiriko.core.trace import Step, tracing
 
