@@ -12,7 +12,7 @@ from mathutils import Matrix
 from .blender_scene import Reading, length_of_unit, object_matrix
 from .display import display_pixel
 from .errors import RigError
-from .misalignment import along_with, part_motions, with_offset
+from .offset import along_with, part_motions, with_offset
 from .picture import view_of_picture
 from .rig import WAVELENGTH, Rig
 

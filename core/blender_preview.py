@@ -25,7 +25,7 @@ from .blender_plate import be_mirror_array
 from .blender_scene import Reading, length_of_unit, object_matrix, part_name, shown_parts
 from .blender_viewer import frame_of
 from .errors import ImageError, RigError
-from .misalignment import part_motions
+from .offset import part_motions
 from .rig import Mesh, MirrorArray, Rig
 from .surfaces import tessellate
 

@@ -13,10 +13,10 @@ from .blender_image import image_from_pixels, or_none, pack, set_pixels
 from .blender_preview import render_map, render_preview
 from .blender_scene import Reading
 from .blender_units import length_text
+from .cost import cost
 from .errors import one_line
 from .session import Solution
 from .words import summary
-from .work_precision import cost
 
 __all__ = [
     "pack_source",

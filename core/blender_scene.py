@@ -24,11 +24,11 @@ from .blender_units import length_of_unit
 from .blender_viewer import read_viewer
 from .blender_visibility import Shown, instance_hidden_by, open_collections
 from .errors import KirikoError, RigError
+from .fingerprint import fingerprint
 from .meshes import geometric_normals
-from .misalignment import with_offset
-from .optics import normalise
-from .plan import fingerprint
+from .offset import with_offset
 from .rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror, MirrorArray, Picture, Plate, Rig, Viewer
+from .vectors import normalise
 
 UPRIGHT = 0.99  # cosine between a plate's normal and its x axis above which that axis does not lie in it
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract

@@ -9,8 +9,8 @@ import numpy as np
 
 from .arrays import Floats
 from .blender_scene import Kept, Shape, read_drawn
-from .plan import Settings
 from .rig import Mesh, Rig
+from .settings import Settings
 from .solved_for import SolvedFor, solved_for
 
 

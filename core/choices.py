@@ -4,10 +4,10 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import NamedTuple
 
-from .plan import Settings
 from .reference import psnr
 from .rig import Rig
 from .session import Session
+from .settings import Settings
 from .steps import within
 
 GLARES = (0.0, 0.5, 1.0)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import KirikoError
-from .plan import Settings
 from .rig import Rig
 from .session import Session, Solution
+from .settings import Settings
 from .steps import at
 
 # On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at

@@ -8,8 +8,8 @@ import numpy as np
 
 from .arrays import Bools, Floats, Ints
 from .motion import Motion
-from .optics import dot, normalise
 from .products import combine
+from .vectors import dot, normalise
 
 CHUNK = 1 << 12  # rays or faces worked on together: their arrays stay in the cache
 ITERATIONS = 12  # of Newton's method
@@ -137,14 +137,6 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     by_v = q1 + v * (q2 + v * (q3 + v * v4))
     by_u += v * (b1 + v * (b2 + v * uv3))
     return u * p1 + v * q1, by_u, by_v
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """Vector product (3, n) of vectors (3, n)."""
-    found = np.empty_like(a)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(a[j] * b[k], a[k] * b[j], out=found[i])
-    return found
 
 
 def product(a: Floats, b: Floats) -> Floats:
@@ -595,3 +587,11 @@ def _step(terms: Floats, away: Floats, directions: Floats, u: Floats, v: Floats)
 def _goes_on(u: Floats, v: Floats, size: Floats) -> Bools:
     """Are roots (n,) to be followed further, after a step of some size to u, v?"""
     return ~(size < CONVERGED) & (np.minimum(np.minimum(u, v), 1.0 - u - v) > -ASIDE)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Vector product (3, n) of vectors (3, n)."""
+    found = np.empty_like(a)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[j] * b[k], a[k] * b[j], out=found[i])
+    return found

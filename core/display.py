@@ -6,9 +6,9 @@ import numpy as np
 
 from .arrays import Floats, Ints
 from .meshes import components, edge_corners, find_edges
-from .optics import normalise
 from .rig import Display, Mesh
 from .surfaces import Surface
+from .vectors import normalise
 
 FLAT = 1e-6  # of its size: how flat, affine and whole a display has to be to count as one rectangle
 

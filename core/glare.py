@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Floats, Ints
-from .optics import dot
 from .plan import Plan
 from .simulation import LUMINANCE
 from .steps import Pauses
 from .trace import tracing
+from .vectors import dot
 
 SIDE = 64  # rays along each side of the viewer's image: a share of a tenth is known to a hundredth
 SIDES = 0.5  # times the spread of the light through the glass: so far off its middle light is to one side of it

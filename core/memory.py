@@ -10,8 +10,8 @@ from .borders import OF_POINT
 from .free_memory import check_free
 from .kernel import library
 from .meshes import SAME_NORMAL
-from .plan import Settings
 from .rig import Mesh, Rig
+from .settings import Settings
 from .shares import MOST_KEPT
 from .view_map import ViewMap
 

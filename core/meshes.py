@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Floats, Ints
-from .optics import dot, normalise
+from .vectors import dot, normalise
 
 SAME_NORMAL = 1e-5  # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
 

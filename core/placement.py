@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .arrays import Floats
-from .optics import dot, reflect
+from .optics import reflect
 from .rig import Display, Mesh, Picture, Plate, Rig, Viewer
+from .vectors import dot
 
 # The rig of Kiriko's reference (docs): for a glass up to LARGE wide; a larger one scales all of them
 DISTANCE = 0.15  # m, from the glass's centre to the plate's

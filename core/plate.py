@@ -15,9 +15,10 @@ import numpy as np
 from .arrays import Bools, Floats, Ints
 from .errors import RigError
 from .meshes import areas_of
-from .optics import normalise, transmittance
+from .optics import transmittance
 from .products import turn
 from .rig import MirrorArray, Plate
+from .vectors import normalise
 
 GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its plane and meets nothing
 

@@ -17,9 +17,9 @@ from .curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, pr
 from .engines import Engine, Found, make_engine
 from .meshes import Frames, box_of, interpolate
 from .motion import Motion
-from .optics import dot
 from .products import combine
 from .steps import Pauses, finish
+from .vectors import dot
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 MANY_TRIANGLES = 10_000  # from here on a curved face is searched from one place only

@@ -7,8 +7,10 @@ from time import perf_counter
 
 import numpy as np
 
-from .plan import Kept, Plan, Settings, planning
+from .kept import Kept
+from .plan import Plan, planning
 from .rig import Rig
+from .settings import Settings
 from .steps import at
 from .trace import ReachedError
 from .view_map import Sampling, ViewMap

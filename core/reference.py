@@ -17,10 +17,12 @@ from .arrays import Bools, Floats
 from .errors import RigError
 from .picture import of_square, picture_from_view
 from .placement import lattice
-from .plan import MOST_TOLERANCE, Plan, Settings, make_plan
+from .plan import Plan, make_plan
 from .rig import Rig
 from .seen_image import lattice_shift
-from .session import Session, Solution, within
+from .session import Session, Solution
+from .settings import MOST_TOLERANCE, Settings
+from .steps import within
 from .trace import trace_all
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from .cost import cost
 from .diagram import Curve, linear, log_log
 from .plate import PlatePath, light_by_angle
 from .reference import PERCENTILE, ImageErrors, MapErrors
 from .rig import MirrorArray
-from .work_precision import Rung, WorkPrecision, cost
+from .work_precision import Rung, WorkPrecision
 
 NAMES = ("report.csv", "report.json", "report.svg")
 PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors

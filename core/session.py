@@ -15,16 +15,19 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy, measure
 from .arrays import Floats
 from .errors import RigError
+from .fingerprint import fingerprint
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
+from .kept import Kept
 from .memory import check_borders, check_memory
 from .outline import cut_along_outline
 from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
-from .plan import Kept, Plan, Settings, fingerprint, make_plan
+from .plan import Plan, make_plan
 from .reach import sample_reached, times_slower
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Picture, Rig
 from .seen_image import seen_image
+from .settings import Settings
 from .shares import Coverage, ShareBatches, Shares, add_at
 from .simulation import PlateView, plate_view
 from .source_image import Painting, Strokes, find_strokes

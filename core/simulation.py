@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Floats, Ints
-from .optics import dot
 from .plan import Plan
 from .plate import PlatePath
 from .trace import CHUNK, PlateLight, trace
+from .vectors import dot
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 SAMPLED = 4096  # rays from which brightness and blur are told

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Floats
-from .plan import fingerprint
+from .fingerprint import fingerprint
 
 ROUNDED = 4 * 2.0**-23  # of the bench's size: what float32 leaves of a place that was left and returned to
 
@@ -40,7 +40,7 @@ class SolvedFor:
 def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
     """Of things that each stand somewhere, whatever their order and names, and of all that stands nowhere.
 
-    things : content, as `plan.fingerprint` takes it, and place (3, 4)
+    things : content, as `fingerprint` takes it, and place (3, 4)
     """
     found = sorted(((fingerprint(thing), place) for thing, place in things), key=lambda pair: pair[0])
     places = np.array([place for _, place in found], float).reshape(-1, 3, 4)

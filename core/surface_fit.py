@@ -33,9 +33,9 @@ from .curved import (
     value,
 )
 from .meshes import Edges, areas_of, components
-from .optics import dot, length_of, normalise
 from .products import combine, solve_symmetric
 from .steps import Pauses
+from .vectors import dot, length_of, normalise
 
 STEEPEST = np.cos(np.radians(40))  # corner normals further than this from the facet's contradict it
 STEEPEST_INSIDE = np.cos(np.radians(60))  # so do normals of the curved face

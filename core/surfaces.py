@@ -9,10 +9,10 @@ from .arrays import Bools, Floats, Ints
 from .curved import CurvedFaces, grid
 from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals, volume_of
 from .motion import Motion
-from .optics import dot, normalise
 from .rig import Mesh
 from .steps import Pauses, finish
 from .surface_fit import make_curved
+from .vectors import dot, normalise
 
 SAME_VOLUME = 1e-6  # of a shell: by less than this a shell is not larger than another in the same place
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # and back

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from . import kernel
 from .arrays import Bools, Floats, Ints, taken
 from .curved import EDGE
+from .kinds import Kind
 from .meshes import interpolate
-from .optics import dot, normalise, plane_symmetry, reflect, refract
-from .plan import Kind, Plan
+from .optics import plane_symmetry, reflect, refract
+from .plan import Plan
 from .plate import ArrayFrame, PlatePath
 from .products import turn
 from .ray_engine import Accept, Hits, slab
 from .steps import Pauses, finish
+from .vectors import dot, normalise
 
 Words = NDArray[np.uint64]
 

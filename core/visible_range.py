@@ -10,9 +10,9 @@ from .arrays import Floats
 from .curved import grid
 from .errors import RigError
 from .meshes import areas_of
-from .optics import dot
 from .plan import Plan
 from .trace import trace_all
+from .vectors import dot
 
 FARTHEST = np.radians(75.0)  # from the viewer's own place, each way
 STEPS = 60  # places along each way over the whole range

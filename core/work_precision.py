@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .choices import Choice, measure_choices
+from .cost import BUILD
 from .image_io import encode
-from .plan import LEAST_TOLERANCE, MOST_EFFORT, MOST_TOLERANCE, Settings
 from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer
 from .rig import Rig
-from .session import Session, Solution, finish, within
+from .session import Session, Solution
+from .settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
 from .source_image import splat
+from .steps import finish, within
 
 Result = TypeVar("Result")
 
@@ -31,9 +33,6 @@ BUDGET = 60.0  # s for the splat
 FINER = 10.0  # than the finest rung is the reference
 MORE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
 LONG = 0.5  # s: a splat that takes longer is run once for each of the two pictures
-BUILD = ("fingerprint", "plan")  # parts of a solve that the splat needs as well, once for all samples
-REFINED = ("tracing", "shares")  # parts of a solve that depend on the tolerance
-ORDER = 4  # of interpolation within a cell, in the cell's side; cells cover an area: their number goes by 2 / ORDER
 STEPS = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}  # between black and white, in the encoded image
 
 
@@ -307,35 +306,6 @@ def peak_memory() -> int | None:
     except ImportError:
         return None
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-
-def cost(
-    seconds: dict[str, float], tolerance: float, wanted: float, ladder: Sequence[tuple[float, float]] = ()
-) -> float | None:
-    """About how many seconds the last solve would have taken at another tolerance.
-
-    Parameters
-    ----------
-    seconds : of the last solve by part
-    tolerance, wanted : display px, the last solve's and the other
-    ladder : tolerances (display px) and seconds that a report measured. Without, a cell's error is taken to go with its
-        side to the power ORDER, so that the number of cells goes with the tolerance to the power -2 / ORDER: too much
-        where cells are as small as they get already.
-
-    Returns
-    -------
-    None when the last solve traced nothing, or the wanted tolerance cannot be kept
-    """
-    if REFINED[0] not in seconds or not LEAST_TOLERANCE <= wanted <= MOST_TOLERANCE:
-        return None
-    fixed = sum(taken for part, taken in seconds.items() if part in BUILD)
-    total = sum(seconds.values())
-    if len(ladder) > 1:
-        at, measured = np.log(np.array(sorted(ladder))).T
-        here, there = np.interp(np.log([tolerance, wanted]), at, measured)
-        return float(fixed + (total - fixed) * np.exp(there - here))
-    refined = sum(seconds.get(part, 0.0) for part in REFINED)
-    return float(total - refined + refined * (tolerance / wanted) ** (2 / ORDER))
 
 
 def _timed(work: Callable[[], Result]) -> tuple[float, Result]:

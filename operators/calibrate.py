@@ -14,6 +14,8 @@ from ..core.arrays import Floats
 from ..core.blender_calibration import keep_offset, put_into_scene
 from ..core.blender_result import write_solution
 from ..core.errors import ImageError, RigError
+from ..core.extra_photograph import Extra, extra_photographs
+from ..core.fit import Fit, fit
 from ..core.lattice import (
     Lattice,
     check,
@@ -24,10 +26,11 @@ from ..core.lattice import (
     missing_borders,
     read_points,
 )
-from ..core.misalignment import FEWEST, Bench, Extra, Fit, extra_photographs, fit, parameters, with_amounts, with_offset
+from ..core.misalignment import FEWEST, Bench
+from ..core.offset import parameters, with_amounts, with_offset
 from ..core.picture import view_of_picture
 from ..core.rig import Rig
-from ..core.session import within
+from ..core.steps import within
 from . import work
 from .export import RELATIVE_PATH, absolute, use_bundled_modules
 

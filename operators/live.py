@@ -20,9 +20,10 @@ from ..core.blender_scene import Kept, Reading
 from ..core.blender_viewer import frame_of
 from ..core.coarse import enlarged, ladder
 from ..core.errors import KirikoError
+from ..core.fingerprint import fingerprint
 from ..core.memory import check_memory
-from ..core.plan import Settings, fingerprint
 from ..core.rig import Rig
+from ..core.settings import Settings
 from . import work
 
 IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler

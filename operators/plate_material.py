@@ -8,7 +8,7 @@ import numpy as np
 from ..core.blender_plate import be_mirror_array
 from ..core.blender_scene import length_of_unit, mirrors
 from ..core.errors import MeshError, RigError
-from ..core.plan import FLAT
+from ..core.sheets import FLAT
 from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

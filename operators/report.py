@@ -12,11 +12,11 @@ import numpy as np
 from ..core import image_io
 from ..core.blender_result import write_ladder
 from ..core.errors import ImageError
-from ..core.plan import Settings
 from ..core.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from ..core.rig import Plate, Rig
-from ..core.session import finish
+from ..core.settings import Settings
 from ..core.simulation import plate_view
+from ..core.steps import finish
 from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
 from .export import RELATIVE_PATH, absolute, use_bundled_modules

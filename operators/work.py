@@ -12,9 +12,10 @@ import bpy
 from ..core import blender_scene, blender_solved_for, kernel
 from ..core.blender_visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
-from ..core.plan import Settings
-from ..core.session import Session, finish
+from ..core.session import Session
+from ..core.settings import Settings
 from ..core.solved_for import SolvedFor
+from ..core.steps import finish
 from .looking import only_looks
 
 Result = TypeVar("Result")

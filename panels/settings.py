@@ -15,7 +15,7 @@ from bpy.props import (
 )
 
 from ..core.blender_plane import show
-from ..core.misalignment import TOLERANCES
+from ..core.offset import TOLERANCES
 from ..core.rig import MOST_CROSSING_ERROR, PRESETS
 from ..operators.export import RELATIVE_PATH
 

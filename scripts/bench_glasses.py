@@ -38,9 +38,11 @@ from kiriko.core import kernel
 from kiriko.core.choices import measure_choices
 from kiriko.core.ghosts import Paths
 from kiriko.core.memory import estimated
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Mesh, Rig, Viewer
-from kiriko.core.session import Session, Solution, finish
+from kiriko.core.session import Session, Solution
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 
 
 def main() -> None:

@@ -18,8 +18,9 @@ from closed_forms import unit
 from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
 
-from kiriko.core.plan import Plan, Settings, make_plan
+from kiriko.core.plan import Plan, make_plan
 from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.trace import CHUNK, Reason, _following, _Rays
 

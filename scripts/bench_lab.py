@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 
 import kiriko
 from kiriko.core.arrays import Floats
-from kiriko.core.optics import dot, normalise, reflect
+from kiriko.core.optics import reflect
 from kiriko.core.placement import frame, lattice
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.plate import STRAY_PATHS, PlatePath, light_by_angle
 from kiriko.core.rig import PRESETS, MirrorArray, Rig, Viewer
 from kiriko.core.seen_image import dot_centroids
-from kiriko.core.session import Session, finish
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
 from kiriko.core.simulation import simulate
+from kiriko.core.steps import finish
 from kiriko.core.trace import trace_all
+from kiriko.core.vectors import dot, normalise
 
 if TYPE_CHECKING:
     import bpy

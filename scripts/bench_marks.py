@@ -29,9 +29,10 @@ from reference_rigs import glass_rig
 from environments import machine, run_in_newest_blender
 from kiriko.core import kernel
 from kiriko.core.meshes import geometric_normals
-from kiriko.core.plan import Settings
 from kiriko.core.rig import Mesh, Rig
-from kiriko.core.session import Session, Solution, finish
+from kiriko.core.session import Session, Solution
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 
 
 def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:

@@ -13,10 +13,13 @@ from paper import PAPER_DX, SOURCE, Table, markdown
 from reference_rigs import cube_rig
 
 from kiriko.core.errors import RigError
-from kiriko.core.misalignment import TOLERANCES, Bench, Parameter, extra_photographs, fit, spread
-from kiriko.core.plan import Settings
+from kiriko.core.extra_photograph import extra_photographs
+from kiriko.core.fit import fit
+from kiriko.core.misalignment import Bench, spread
+from kiriko.core.offset import TOLERANCES, Parameter
 from kiriko.core.rig import MirrorArray
-from kiriko.core.session import finish
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 
 ACROSS = 1165  # viewer px from the first to the last point
 WIDTH, FIELD = 0.03, 0.05  # m

@@ -19,8 +19,9 @@ from reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, ri
 
 from kiriko.core.engines import make_engine
 from kiriko.core.memory import estimated
-from kiriko.core.plan import Settings
-from kiriko.core.session import Session, finish
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 from kiriko.core.work_precision import peak_memory
 
 PICTURE = 1024

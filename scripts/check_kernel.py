@@ -27,8 +27,9 @@ from environments import ROOT, ToolError, can_install, clean_environment, instal
 from kiriko.core import kernel
 from kiriko.core.kernel.plans import made_of
 from kiriko.core.kernel.structures import Made
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Mesh, Rig
+from kiriko.core.settings import Settings
 from kiriko.core.trace import _Rays
 
 DRIVER = ROOT / "tests" / "kernel" / "follow.c"

@@ -28,13 +28,15 @@ from paper import (
 
 from kiriko.core.arrays import Floats
 from kiriko.core.errors import RigError
-from kiriko.core.misalignment import Bench, Parameter, moved, parameters
+from kiriko.core.misalignment import Bench
 from kiriko.core.motion import Motion
+from kiriko.core.offset import Parameter, moved, parameters
 from kiriko.core.picture import ideal_image
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import WAVELENGTH, Picture, Rig
 from kiriko.core.seen_image import lattice_shift
 from kiriko.core.session import without_glass
+from kiriko.core.settings import Settings
 from kiriko.core.trace import trace_all
 
 CONDITIONS = PLAIN, HALF, SOURCE

@@ -33,9 +33,11 @@ import kiriko
 from kiriko.core import blender_preview, blender_scene, kernel
 from kiriko.core.blender_image import pixels_from_image
 from kiriko.core.blender_media import interfaces
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Rig
-from kiriko.core.session import Session, finish
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 from kiriko.core.trace import trace_all
 
 SECONDS = 60.0  # for one rig; more is a hang

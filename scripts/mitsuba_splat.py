@@ -25,7 +25,7 @@ if dr.detail.llvm_version()[0] < LEAST_LLVM:
     raise SystemExit(MISSING_LLVM)
 
 OFFSET = 1e-6  # m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
-MOST_EVENTS = 32  # as in core.plan.Settings
+MOST_EVENTS = 32  # as in core.settings.Settings
 
 
 def threads() -> int:

@@ -20,12 +20,15 @@ import kiriko
 from environments import machine
 from kiriko.core import image_io
 from kiriko.core.arrays import Floats
-from kiriko.core.optics import normalise, reflect
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.optics import reflect
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import PRESETS, Mesh, Rig
 from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
-from kiriko.core.session import Session, Solution, finish, without_glass
+from kiriko.core.session import Session, Solution, without_glass
+from kiriko.core.settings import Settings
 from kiriko.core.source_image import splat
+from kiriko.core.steps import finish
+from kiriko.core.vectors import normalise
 
 if TYPE_CHECKING:
     from kiriko.core.blender_scene import Reading

@@ -21,8 +21,9 @@ def lattice(scene):
 def solved(kiriko, scene, **options):
     """Solve what add_rig makes; returns reading, solution and the plain source image."""
     from kiriko.core import blender_scene
-    from kiriko.core.plan import Settings
-    from kiriko.core.session import Session, finish, without_glass
+    from kiriko.core.session import Session, without_glass
+    from kiriko.core.settings import Settings
+    from kiriko.core.steps import finish
 
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
@@ -66,7 +67,8 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
 def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     """The ball of Add Rig, read back from Blender: landings within 0.05 display px rms of the analytic ball."""
     from kiriko.core import blender_scene
-    from kiriko.core.plan import Settings, make_plan
+    from kiriko.core.plan import make_plan
+    from kiriko.core.settings import Settings
     from kiriko.core.trace import trace_all
 
     assert bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05) == {"FINISHED"}

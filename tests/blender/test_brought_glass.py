@@ -75,7 +75,8 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     """
     from fuzz import judge
 
-    from kiriko.core.session import Session, finish
+    from kiriko.core.session import Session
+    from kiriko.core.steps import finish
 
     glass = brought(name)
     glass.kiriko.surface = "FACETS"

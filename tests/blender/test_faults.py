@@ -25,7 +25,7 @@ STAGES = {
     "solve": (
         "core.blender_scene.read",
         "core.reach.planning",
-        "core.plan.making_solids",
+        "core.kept.making_solids",
         "core.reach.Sampling",
         "core.borders.tracing",
         "core.session.measure",
@@ -581,7 +581,7 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(rig: dict, window:
 ADD_RIG_STAGES = (
     "core.blender_new_rig.read_parts",
     "core.blender_new_rig.read_glass",
-    "core.plan.making_solids",
+    "core.kept.making_solids",
     "core.spread.tracing",
     "core.blender_new_rig.encoded_image",
     "core.blender_image.encode",

@@ -9,8 +9,10 @@ from both_ways import find_parted
 from reference_rigs import glass_rig
 
 from kiriko.core import kernel
-from kiriko.core.plan import Kind, Settings, make_plan
+from kiriko.core.kinds import Kind
+from kiriko.core.plan import make_plan
 from kiriko.core.remarks import _on_doubted
+from kiriko.core.settings import Settings
 from kiriko.core.trace import trace_all
 
 RAYS = 8000

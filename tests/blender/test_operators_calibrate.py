@@ -25,26 +25,37 @@ class Bench:
 
     def __init__(self, kiriko: ModuleType, scene: bpy.types.Scene) -> None:
         self.kiriko, self.scene = kiriko, scene
-        self.work, self.misalignment, self.lattice, self.picture, self.session, self.image_io = (
+        (
+            self.work,
+            self.misalignment,
+            self.offset,
+            self.lattice,
+            self.picture,
+            self.session,
+            self.steps,
+            self.image_io,
+        ) = (
             importlib.import_module(f"{kiriko.__name__}.{name}")
             for name in (
                 "operators.work",
                 "core.misalignment",
+                "core.offset",
                 "core.lattice",
                 "core.picture",
                 "core.session",
+                "core.steps",
                 "core.image_io",
             )
         )
         self.parts = small_rig(viewer_resolution=512, display_resolution=(512, 512))
         self.parts["GLASS"].rotation_euler[2] = 0.2
         self.drawn = self.rig()
-        self.real, unknown = self.misalignment.with_amounts(self.drawn, HIDDEN)
+        self.real, unknown = self.offset.with_amounts(self.drawn, HIDDEN)
         assert not unknown
 
     def source_of(self, rig):
         """Solved for a rig."""
-        return self.session.finish(self.session.Session().solve(rig, self.work.settings_of(self.scene)))
+        return self.steps.finish(self.session.Session().solve(rig, self.work.settings_of(self.scene)))
 
     def rig(self):
         """As Kiriko takes it, with its offset."""
@@ -140,7 +151,7 @@ def test_what_the_display_does_not_show_is_not_missed(bench: Bench, tmp_path: Pa
     display.location += display.matrix_world.to_3x3().col[0].normalized() * 0.004
     bpy.context.view_layer.update()
     bench.drawn = bench.rig()
-    bench.real, _ = bench.misalignment.with_amounts(bench.drawn, HIDDEN)
+    bench.real, _ = bench.offset.with_amounts(bench.drawn, HIDDEN)
     bpy.ops.kiriko.solve()
     before = bench.off(bench.drawn)
     bpy.ops.kiriko.calibrate(filepath=str(bench.photograph(tmp_path / "photograph.png")))

@@ -124,7 +124,7 @@ def assert_agree(core: SimpleNamespace, reading: Any, light: str) -> None:
     rig = reading.rig
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
-        plan = core.plan.make_plan(rig, core.plan.Settings(only_through_glass=False, brightness=True))
+        plan = core.plan.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
         landings = core.trace.trace_all(plan, origins, directions, light=light)
         u, v = (landings.xy / [rig.display.width, rig.display.height]).T
         ours = np.stack([u, 1 - v], axis=1)

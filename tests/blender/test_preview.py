@@ -41,7 +41,7 @@ def maps(core: SimpleNamespace) -> tuple[np.ndarray, np.ndarray]:
     reading = core.blender_scene.read(bpy.context)
     by_cycles = core.blender_preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
-    plan = core.plan.make_plan(reading.rig, core.plan.Settings(only_through_glass=False))
+    plan = core.plan.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
     viewer, display = reading.rig.viewer, reading.rig.display
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
     landings = core.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))

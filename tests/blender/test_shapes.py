@@ -56,7 +56,8 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     """
     from kiriko.core import blender_scene
     from kiriko.core.blender_preview import render_map
-    from kiriko.core.plan import Settings, make_plan
+    from kiriko.core.plan import make_plan
+    from kiriko.core.settings import Settings
     from kiriko.core.trace import trace_all
 
     glass = make()
@@ -113,8 +114,9 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     from work import is_sampled
 
     from kiriko.core import blender_scene
-    from kiriko.core.plan import Settings, make_plan
-    from kiriko.core.session import finish
+    from kiriko.core.plan import make_plan
+    from kiriko.core.settings import Settings
+    from kiriko.core.steps import finish
     from kiriko.core.trace import trace_all
     from kiriko.core.view_map import sample
 

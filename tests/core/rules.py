@@ -7,9 +7,11 @@ import numpy as np
 from reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid
 
 from kiriko.core import ray_engine
-from kiriko.core.plan import Kept, Plan, Settings, make_plan
+from kiriko.core.kept import Kept
+from kiriko.core.plan import Plan, make_plan
 from kiriko.core.reach import out_of_sight
 from kiriko.core.rig import Glass, Rig
+from kiriko.core.settings import Settings
 from kiriko.core.steps import Pauses
 
 

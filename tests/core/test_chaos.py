@@ -15,8 +15,9 @@ from work import drain, solve
 from kiriko.core import free_memory
 from kiriko.core.borders import Points
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.samples import strata
+from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
 from kiriko.core.view_map import sample

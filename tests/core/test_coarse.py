@@ -10,8 +10,8 @@ from work import drain, solve
 
 from kiriko.core import coarse
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings
 from kiriko.core.session import Session
+from kiriko.core.settings import Settings
 
 
 def a_rig(pixels=160, **options):

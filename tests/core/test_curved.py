@@ -23,9 +23,10 @@ from reference_rigs import (
 from kiriko.core.accuracy import _Parabolic
 from kiriko.core.curved import POWERS, CurvedFaces, grid
 from kiriko.core.meshes import find_edges
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.ray_engine import Hits, Layer
 from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, tessellate
 from kiriko.core.trace import Reason, trace_all

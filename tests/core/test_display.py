@@ -8,8 +8,9 @@ from reference_rigs import QUAD, QUAD_UV, box, rectangle, rig
 from work import solve
 
 from kiriko.core.display import display_plane, uv_islands
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
 from kiriko.core.surfaces import make_surface
 from kiriko.core.trace import trace_all
 

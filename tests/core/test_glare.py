@@ -12,10 +12,12 @@ from kiriko.core.choices import measure_choices
 from kiriko.core.errors import RigError
 from kiriko.core.glare import LightBeside, look_beside, looking_beside
 from kiriko.core.misalignment import Bench
-from kiriko.core.plan import Settings, make_plan
-from kiriko.core.session import Session, finish
+from kiriko.core.plan import make_plan
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
 from kiriko.core.shares import Coverage, rasterise
 from kiriko.core.simulation import LUMINANCE
+from kiriko.core.steps import finish
 from kiriko.core.trace import Reason, trace_all
 
 

@@ -36,11 +36,13 @@ from kiriko.core import picture as picture_module
 from kiriko.core import shares as shares_module
 from kiriko.core.curved import NODES, CurvedFaces
 from kiriko.core.engines import Embree
+from kiriko.core.kept import Kept
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.picture import Pyramid, Taps, of_square
-from kiriko.core.plan import Kept, Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
+from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise, to_display
 from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish

@@ -11,9 +11,9 @@ from work import solve
 from kiriko.core.errors import ImageError
 from kiriko.core.lattice import Lattice, _distinct, _grey, check, check_way, find_points, match, read_points
 from kiriko.core.misalignment import Bench
-from kiriko.core.plan import Settings
 from kiriko.core.rig import MirrorArray
 from kiriko.core.session import without_glass
+from kiriko.core.settings import Settings
 
 SEVEN = Lattice(7, 7, 1 / 14)
 N = np.arange(49)

@@ -14,8 +14,9 @@ from reference_rigs import ball_rig
 from environments import link_package
 from kiriko.core import free_memory
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings
-from kiriko.core.session import Session, finish
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 
 MEASURE = """
 import json

@@ -8,19 +8,14 @@ from marks import FITS
 from reference_rigs import ball_rig, box, cube_rig, rig
 
 from kiriko.core.errors import RigError
-from kiriko.core.misalignment import (
-    Bench,
-    extra_photographs,
-    fit,
-    parameters,
-    part_motions,
-    spread,
-    with_amounts,
-)
+from kiriko.core.extra_photograph import extra_photographs
+from kiriko.core.fit import fit
+from kiriko.core.misalignment import Bench, spread
+from kiriko.core.offset import parameters, part_motions, with_amounts
 from kiriko.core.picture import view_of_picture
-from kiriko.core.plan import Settings
 from kiriko.core.rig import MirrorArray
-from kiriko.core.session import finish
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 
 PX = 1942  # viewer px over 50 mm: 1165 over the lattice of 30 mm, as in the paper's photographs
 TOLERANCES = {"mm": 0.5, "deg": 0.3, "": 0.002, "%": 0.3}

@@ -10,8 +10,9 @@ from work import drain, solve
 from kiriko.core.accuracy import leaks, measure
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.optics import plane_symmetry, refract
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
+from kiriko.core.settings import Settings
 from kiriko.core.trace import Reason, _Sides, trace_all
 
 WIDE = 0.3

@@ -14,11 +14,15 @@ from marks import CASES, STATISTICS
 from reference_rigs import ball_rig, box, rectangle
 
 from kiriko.core.errors import RigError
+from kiriko.core.kinds import Kind
 from kiriko.core.optics import plane_symmetry, reflect
-from kiriko.core.plan import Kind, Settings, find_sheets, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.plate import ArrayFrame, PlatePath, array_frame, fold
 from kiriko.core.rig import PRESETS, MirrorArray, Plate
-from kiriko.core.session import Session, finish
+from kiriko.core.session import Session
+from kiriko.core.settings import Settings
+from kiriko.core.sheets import find_sheets
+from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface
 from kiriko.core.trace import Reason, trace
 

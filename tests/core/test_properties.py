@@ -14,10 +14,12 @@ from reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, 
 from kiriko.core.errors import RigError
 from kiriko.core.optics import reflect, refract
 from kiriko.core.picture import picture_from_view
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
-from kiriko.core.session import TOO_FINE, Session, finish
+from kiriko.core.session import TOO_FINE, Session
+from kiriko.core.settings import Settings
 from kiriko.core.shares import to_display, to_view
+from kiriko.core.steps import finish
 from kiriko.core.trace import REASON_WORDS, Reason, _following, _Rays, trace_all
 
 EPS = np.finfo(float).eps

@@ -7,10 +7,12 @@ import pytest
 from reference_rigs import ball_rig, box, icosphere, rig
 from work import drain, solve
 
-from kiriko.core.plan import Kept, Settings, make_plan
+from kiriko.core.kept import Kept
+from kiriko.core.plan import make_plan
 from kiriko.core.reach import out_of_sight, sample_reached
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.session import Session
+from kiriko.core.settings import Settings
 from kiriko.core.trace import ReachedError, trace_all
 from kiriko.core.view_map import sample
 

@@ -10,9 +10,10 @@ from reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, mean
 from work import drain, solve
 
 from kiriko.core.accuracy import Accuracy, Tessellation, measure, tessellation
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.remarks import BEYOND, is_facetted, remarks_on
 from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
 from kiriko.core.trace import trace_all
 from kiriko.core.view_map import NO_ERROR
 from kiriko.core.words import millimetres, percent

@@ -28,10 +28,11 @@ from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import rounding_error, tessellation
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.meshes import geometric_normals
-from kiriko.core.plan import LEAST_TOLERANCE, MOST_TOLERANCE, Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.remarks import UNDECIDED
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
+from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.trace import Reason, trace_all
 
 

@@ -9,9 +9,10 @@ from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, ri
 from work import drain, solve
 
 from kiriko.core import simulation
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Display, MirrorArray
+from kiriko.core.settings import Settings
 from kiriko.core.simulation import LUMINANCE, simulate
 from kiriko.core.trace import trace_all
 

@@ -8,8 +8,9 @@ from marks import STATISTICS
 from reference_rigs import ball_rig, box, cube_rig, rig
 from work import drain, solve
 
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import MirrorArray
+from kiriko.core.settings import Settings
 from kiriko.core.source_image import grow, splat
 
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 
+from kiriko.core.checks import check_viewer_outside
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings, check_viewer_outside, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, solids_from_mesh
 from kiriko.core.trace import Reason, _following, _Rays, trace_all

@@ -10,8 +10,9 @@ from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle
 from work import drain, is_sampled, solve
 
 from kiriko.core.borders import is_seen
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
+from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise
 from kiriko.core.trace import Reason, trace_all
 from kiriko.core.view_map import sample

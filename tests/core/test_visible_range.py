@@ -9,9 +9,10 @@ from work import drain
 
 from kiriko.core import trace
 from kiriko.core.errors import RigError
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.plan import make_plan
 from kiriko.core.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Mesh, MirrorArray
+from kiriko.core.settings import Settings
 from kiriko.core.visible_range import FINE, STEPS, visible_range
 
 MIDDLE = STEPS // 2

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kiriko.core.plan import Settings
 from kiriko.core.session import Session
+from kiriko.core.settings import Settings
 
 
 def drain(generator):
