@@ -12,13 +12,14 @@ from .arrays import Bools, Floats, Ints
 from .curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
 from .display import display_pixel
 from .kinds import Kind
+from .landings import Landings, Reason
 from .meshes import areas_of
 from .picture import of_square, picture_from_view
 from .plan import Plan, planning
 from .ray_engine import FLOAT32, Layer
 from .rig import Glass, Mirror, Rig, Viewer
 from .steps import Pauses, at, within
-from .trace import Landings, Reason, Step, tracing
+from .trace import Step, tracing
 from .vectors import dot
 
 SAMPLES = 32  # rays along each side of the viewer's image

@@ -1,5 +1,7 @@
 """What numpy does several times slower where rows are a few numbers long."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,3 +18,9 @@ def taken(values: NDArray, which: Bools | Ints) -> NDArray:
 def mean_at(values: Floats, corners: Ints) -> Floats:
     """`values[corners].mean(axis=1)`, (n, ...), of values (m, ...) at corners (n, k)."""
     return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]
+
+
+def each_value(values: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each different value, and where it stands."""
+    for value in np.unique(values):
+        yield int(value), np.flatnonzero(values == value)

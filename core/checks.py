@@ -3,7 +3,7 @@
 import numpy as np
 
 from .errors import RigError
-from .ray_engine import slab
+from .hits import slab
 from .rig import Glass, Rig, Viewer
 from .surfaces import Surface, contains
 

@@ -94,3 +94,10 @@ def is_folded(nodes: Floats) -> np.ndarray:
     ]
     area = np.stack(turn, axis=1)
     return np.sign(area.min(axis=(1, 2, 3))) * np.sign(area.max(axis=(1, 2, 3))) <= 0
+
+
+def bilinear(corners: Floats, place: Floats) -> Floats:
+    """Points (n, 2) at places (n, 2), in 0..1, of quads (n, 4, 2)."""
+    x, y = place[:, :1], place[:, 1:]
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)

@@ -6,10 +6,10 @@ compiled kernel and without it.
 
 import numpy as np
 
-from .borders import OF_POINT
 from .free_memory import check_free
 from .kernel import library
 from .meshes import SAME_NORMAL
+from .points import OF_POINT
 from .rig import Mesh, Rig
 from .settings import Settings
 from .shares import MOST_KEPT

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from .arrays import Bools, Floats
 from .display import uv_area
 from .errors import RigError
+from .hits import Hits
 from .meshes import interpolate
 from .products import turn_covariance
-from .ray_engine import Hits, Layer
+from .ray_engine import Layer
 from .rig import Mesh, Picture, Viewer
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint

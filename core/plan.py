@@ -130,7 +130,7 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
     Parameters
     ----------
     kept : solids and layers of an earlier plan, to be used again where nothing has changed
-    aside : numbers of glasses to leave out until a ray comes near them: tracing such a ray raises trace.ReachedError
+    aside : numbers of glasses to leave out until a ray comes near them: tracing such a ray raises rays.ReachedError
 
     Raises
     ------

@@ -9,11 +9,12 @@ import numpy as np
 
 from .kept import Kept
 from .plan import Plan, planning
+from .rays import ReachedError
 from .rig import Rig
+from .sampling import Sampling
 from .settings import Settings
 from .steps import at
-from .trace import ReachedError
-from .view_map import Sampling, ViewMap
+from .view_map import ViewMap
 
 MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well

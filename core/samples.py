@@ -5,9 +5,9 @@ from collections.abc import Generator
 import numpy as np
 
 from .arrays import Floats
-from .borders import OF_POINT, Points, trace_points
 from .free_memory import check_free
 from .plan import Plan
+from .points import OF_POINT, Points, trace_points
 
 TILE = 64  # cells each way, after which the random places begin anew
 MOST_JITTER = 1024  # random places each way, of all cells of a tile

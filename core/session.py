@@ -19,6 +19,7 @@ from .fingerprint import fingerprint
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
 from .kept import Kept
+from .landings import REASON_WORDS, Reason
 from .memory import check_borders, check_memory
 from .outline import cut_along_outline
 from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
@@ -26,6 +27,7 @@ from .plan import Plan, make_plan
 from .reach import sample_reached, times_slower
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Picture, Rig
+from .sampling import sample
 from .seen_image import seen_image
 from .settings import Settings
 from .shares import Coverage, ShareBatches, Shares, add_at
@@ -33,8 +35,7 @@ from .simulation import PlateView, plate_view
 from .source_image import Painting, Strokes, find_strokes
 from .steps import Pauses, at, last_told, within
 from .steps import finish as finish  # also from here: scripts of 0.1 have it so
-from .trace import REASON_WORDS, Reason
-from .view_map import MapError, Piece, ViewMap, sample
+from .view_map import MapError, Piece, ViewMap
 from .words import percent
 
 PIXELS_AT_ONCE = 1 << 18

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from .arrays import Floats, Ints
 from .plan import Plan
 from .plate import PlatePath
-from .trace import CHUNK, PlateLight, trace
+from .rays import PlateLight
+from .trace import CHUNK, trace
 from .vectors import dot
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709

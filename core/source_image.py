@@ -10,9 +10,10 @@ from . import kernel
 from .arrays import Bools, Floats
 from .picture import Pyramid, Taps, find_taps, flat_way, picture_from_view
 from .plan import Plan
+from .rays import PlateLight
 from .rig import Picture, Viewer
 from .shares import Shares, add_at
-from .trace import CHUNK, PlateLight, trace
+from .trace import CHUNK, trace
 
 Strokes = Taps | kernel.FlatStrokes
 

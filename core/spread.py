@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Floats
+from .landings import REASON_WORDS, Reason
 from .plan import Plan
 from .rig import Picture
 from .steps import at
-from .trace import REASON_WORDS, Reason, tracing
+from .trace import tracing
 
 GRID = 128  # points along each edge of a triangle of the picture whose rays are followed
 CHUNK = 5000  # rays traced together

@@ -58,7 +58,7 @@ RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, 
 
 
 @dataclass(frozen=True, eq=False)
-class _Vertices:
+class Vertices:
     """Vertices with one normal each: where normals differ around a vertex of the mesh, it counts more than once.
 
     at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a triangle's corner is;
@@ -85,7 +85,7 @@ class _Vertices:
 
 def _find_vertices(
     vertices: Floats, triangles: Ints, corner_normals: Floats, is_usable: Bools, edges: Edges, is_joined: Bools
-) -> _Vertices:
+) -> Vertices:
     """Corners joined around each vertex across joined edges (e,), and their neighbours."""
     n = len(triangles)
     corner = 3 * np.arange(n)[:, None] + np.arange(3)
@@ -119,11 +119,11 @@ def _find_vertices(
     order = np.argsort(start, kind="stable")
     start, end = start[order], end[order]
     first = np.searchsorted(start, np.arange(len(used) + 1))
-    return _Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
+    return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fields:
+class Fields:
     """Height fields over the tangent planes of vertices: z = size * sum c (x / size)^a (y / size)^b.
 
     axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14)
@@ -135,16 +135,16 @@ class _Fields:
     coefficients: Floats
 
 
-def _tangent_planes(v: _Vertices) -> _Fields:
+def _tangent_planes(v: Vertices) -> Fields:
     """Fields of height 0 over all vertices."""
     axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
     away = taken(v.at, v.end) - taken(v.at, v.start)
     distance = length_of(away)
     size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
-    return _Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
+    return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
 
 
-def _around(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
+def _around(v: Vertices, fields: Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
     """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
     end = v.end[pairs]
     away = (taken(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
@@ -152,7 +152,7 @@ def _around(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints) -> tuple[Flo
     return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
 
 
-def _gradients(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
+def _gradients(v: Vertices, fields: Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
     """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of their vertex."""
     theirs = taken(normal, v.end[pairs])
     upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
@@ -160,7 +160,7 @@ def _gradients(v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, normal: F
 
 
 def _system(
-    v: _Vertices, fields: _Fields, some: Ints, pairs: Ints, terms: slice
+    v: Vertices, fields: Fields, some: Ints, pairs: Ints, terms: slice
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix; heights (n, m)."""
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
@@ -179,7 +179,7 @@ def _system(
     return rows, weights, matrix, z
 
 
-def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
+def _fit_fields(v: Vertices, wanted: Bools) -> Fields:
     """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
     fields = _tangent_planes(v)
     if kernel.library() is not None:
@@ -194,7 +194,7 @@ def _fit_fields(v: _Vertices, wanted: Bools) -> _Fields:
     return fields
 
 
-def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
+def _find_normals(v: Vertices, wanted: Bools) -> Floats:
     """Normals (f, 3) of the surface through the vertices, where the given ones are only means of the faces around.
 
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme: fourth order from
@@ -221,7 +221,7 @@ def _find_normals(v: _Vertices, wanted: Bools) -> Floats:
     return np.where(is_believed[:, None], normal, v.normal)
 
 
-def _bend(v: _Vertices, normal: Floats) -> Floats:
+def _bend(v: Vertices, normal: Floats) -> Floats:
     """By how much chords to neighbours contradict the normals (f, 3) at their ends, per vertex (f,), rad rms.
 
     Of a parabola a chord has the mean of the slopes at its ends.
@@ -231,7 +231,7 @@ def _bend(v: _Vertices, normal: Floats) -> Floats:
     return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
-def _settle_normals(v: _Vertices, fields: _Fields, wanted: Bools, normal: Floats) -> None:
+def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) -> None:
     """Let the wanted ones of normals (f, 3) agree with those of their neighbours."""
     solvers = []
     for some, pairs in v.by_valence(wanted):
@@ -257,7 +257,7 @@ def _settle_normals(v: _Vertices, fields: _Fields, wanted: Bools, normal: Floats
             break
 
 
-def _contradicted(v: _Vertices, normal: Floats, wanted: Bools) -> Bools:
+def _contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     """Pairs (p,) along which the normals turn as those of a bevel do, on the large face beside it.
 
     Curvature changes little from one edge to the next one straight on. Where it jumps up on a much shorter edge, the
@@ -281,7 +281,7 @@ def _contradicted(v: _Vertices, normal: Floats, wanted: Bools) -> Bools:
     return is_bad
 
 
-def _node_offsets(v: _Vertices, fields: _Fields, corner: Ints) -> Floats:
+def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
     """Offsets (12, 3, n) of the nodes of triangles with corners (n, 3), from the facet to the blended fields.
 
     All fields are met along one direction, blended from the corners' normals: met along different ones they would

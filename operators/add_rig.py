@@ -11,10 +11,10 @@ from ..core.blender_scene import DEFAULT_IOR
 from ..core.blender_units import length_of_unit, length_text
 from ..core.blender_viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
+from ..core.landings import REASON_WORDS, Reason
 from ..core.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from ..core.spread import MOST, Spread, part_of_picture, spread_of
 from ..core.steps import within
-from ..core.trace import REASON_WORDS, Reason
 from ..core.words import listed, number, percent, summary
 from . import work
 

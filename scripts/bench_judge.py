@@ -18,11 +18,13 @@ from closed_forms import unit
 from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
 
+from kiriko.core.landings import Reason
 from kiriko.core.plan import Plan, make_plan
+from kiriko.core.rays import Rays
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from kiriko.core.trace import CHUNK, Reason, _following, _Rays
+from kiriko.core.trace import CHUNK, _following
 
 Floats = NDArray[np.float64]
 
@@ -127,7 +129,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     found = Leaks(0, 0, 0, 0, 0)
     for first in range(0, len(d), CHUNK):
         some = slice(first, first + CHUNK)
-        rays = _Rays(np.broadcast_to(start, d[some].shape), d[some], None, False)
+        rays = Rays(np.broadcast_to(start, d[some].shape), d[some], None, False)
         if is_inside:
             rays.mask[:] = plan.bit[0]
             rays.has_met_glass[:] = True

@@ -28,13 +28,14 @@ from reference_rigs import ball_rig
 
 from environments import machine
 from kiriko.core import kernel
+from kiriko.core.landings import Landings
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.session import Session
 from kiriko.core.settings import Settings
 from kiriko.core.source_image import splat
 from kiriko.core.steps import finish
-from kiriko.core.trace import Landings, trace_all
+from kiriko.core.trace import trace_all
 
 Floats = NDArray[np.float64]
 Painted = tuple[Floats, NDArray[np.bool_]]  # source image (H, W, 3), and where it is not a hole

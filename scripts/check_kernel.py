@@ -28,9 +28,9 @@ from kiriko.core import kernel
 from kiriko.core.kernel.plans import made_of
 from kiriko.core.kernel.structures import Made
 from kiriko.core.plan import make_plan
+from kiriko.core.rays import Rays
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.trace import _Rays
 
 DRIVER = ROOT / "tests" / "kernel" / "follow.c"
 N_RAYS = 20_000
@@ -118,7 +118,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
     plan = make_plan(a_rig, Settings())
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
-    rays = _Rays(*viewer.rays(xy), None, False)
+    rays = Rays(*viewer.rays(xy), None, False)
     made = kernel.state_of(rays)
     of_plan = made_of(plan)
     memory = Memory()

@@ -25,7 +25,7 @@ from .touching import Boxes
 
 if TYPE_CHECKING:
     from ..plan import Plan
-    from ..trace import _Rays
+    from ..rays import Rays
 
 __all__ = [
     "Boxes",
@@ -49,7 +49,7 @@ __all__ = [
 EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
 LIGHTS = "imaged", "folded", "reflected"
-STATE = {  # of trace.py's _Rays: what the kernel reads and writes where it is
+STATE = {  # of trace.py's Rays: what the kernel reads and writes where it is
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
     **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
@@ -76,7 +76,7 @@ class Ways:
         return cls(np.empty((m, n, 3)), np.full((m, n), -1, np.int64), np.full(n, -1, np.int64))
 
 
-def can_follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> bool:
+def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:
     """Can the kernel follow these rays, and write down their ways if asked to?"""
     if library() is None or made_of(plan) is None:
         return False
@@ -84,7 +84,7 @@ def can_follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> bool:
     return len(rays.live) * per_event * (plan.settings.max_events + 1) <= MOST_RECORDED
 
 
-def state_of(rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
     """State of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
@@ -103,7 +103,7 @@ def state_of(rays: "_Rays", ways: Ways | None = None, is_reached: np.ndarray | N
     return made
 
 
-def follow(plan: "Plan", rays: "_Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
+def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
     """Follow rays to their ends, all of which are under way; pauses now and then.
 
     Returns their ways, if asked to write them down, and the numbers of the boxes of glass aside that they entered.

@@ -10,7 +10,7 @@ from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 
 if TYPE_CHECKING:
-    from ..surface_fit import _Fields, _Vertices
+    from ..surface_fit import Fields, Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
 
@@ -18,7 +18,7 @@ FITTED_AT_ONCE = 256  # vertices, as in fit.c
 class Fit:
     """Vertices with frames of their own, over which the surface is a height field."""
 
-    def __init__(self, v: "_Vertices", fields: "_Fields") -> None:
+    def __init__(self, v: "Vertices", fields: "Fields") -> None:
         self._made = made = Made(FitStructure)
         for name, values in (("at", v.at), ("normal", v.normal), ("axis_x", fields.axis_x), ("axis_y", fields.axis_y)):
             made.point(name, values, float)

@@ -27,7 +27,7 @@ STAGES = {
         "core.reach.planning",
         "core.kept.making_solids",
         "core.reach.Sampling",
-        "core.borders.tracing",
+        "core.points.tracing",
         "core.session.measure",
         "core.session.plate_view",
         "core.session.look_beside",
@@ -653,7 +653,7 @@ def test_a_rig_that_cannot_be_made_leaves_nothing(
 LIVE_STAGES = (
     "core.blender_scene.read",
     "core.reach.planning",
-    "core.borders.tracing",
+    "core.points.tracing",
     "core.session.find_strokes",
     "core.blender_result.set_pixels",
     "operators.live.update_solution",

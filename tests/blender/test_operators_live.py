@@ -38,9 +38,10 @@ def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
 
 def plain(live: ModuleType) -> np.ndarray:
     """The source image of the scene as it is, by a session that has never solved anything."""
-    work, session = live.work, importlib.import_module(f"{EXTENSION}.core.session")
+    work = live.work
+    session, steps = (importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("session", "steps"))
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
-    return session.finish(solve).source
+    return steps.finish(solve).source
 
 
 def traces(live: ModuleType) -> list[str]:

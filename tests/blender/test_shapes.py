@@ -115,10 +115,10 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
 
     from kiriko.core import blender_scene
     from kiriko.core.plan import make_plan
+    from kiriko.core.sampling import sample
     from kiriko.core.settings import Settings
     from kiriko.core.steps import finish
     from kiriko.core.trace import trace_all
-    from kiriko.core.view_map import sample
 
     add_suzanne().kiriko.use_ior = True
     assert bpy.ops.kiriko.add_rig(viewer_resolution=80, display_resolution=(512, 512), display_size=0.1) == {"FINISHED"}

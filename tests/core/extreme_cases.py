@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from reference_rigs import box, icosphere, rectangle, rig
 
 from kiriko.core.errors import KirikoError
+from kiriko.core.landings import Landings
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import Glass, Mesh, Rig
 from kiriko.core.session import Session, Solution
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from kiriko.core.trace import Landings, trace_all
+from kiriko.core.trace import trace_all
 
 Floats = NDArray[np.floating]
 Face = tuple[Floats, Floats, float, float]  # a plane's point and normal, the index before and behind it

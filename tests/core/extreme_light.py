@@ -34,13 +34,14 @@ from extreme_cases import (
 )
 from reference_rigs import box, icosphere, rig, uv_ellipsoid
 
+from kiriko.core.landings import Reason
 from kiriko.core.optics import refract
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.session import Solution
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from kiriko.core.trace import Reason, tracing
+from kiriko.core.trace import tracing
 from kiriko.core.vectors import dot
 
 

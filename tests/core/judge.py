@@ -13,12 +13,13 @@ import mpmath
 import numpy as np
 from reference_rigs import box, rig
 
+from kiriko.core.landings import Reason
 from kiriko.core.optics import refract
 from kiriko.core.plan import make_plan
 from kiriko.core.plate import ArrayFrame, PlatePath
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, MirrorArray, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.trace import Reason, trace_all
+from kiriko.core.trace import trace_all
 
 EPS = np.finfo(float).eps
 DIGITS = 50

@@ -13,14 +13,14 @@ from reference_rigs import ball_rig, cube_rig, icosphere, rig
 from work import drain, solve
 
 from kiriko.core import free_memory
-from kiriko.core.borders import Points
 from kiriko.core.errors import RigError
 from kiriko.core.plan import make_plan
+from kiriko.core.points import Points
 from kiriko.core.samples import strata
+from kiriko.core.sampling import sample
 from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
-from kiriko.core.view_map import sample
 
 PIXELS = 48
 BLOCKS = 32  # along the display, over which light is summed up

@@ -22,14 +22,16 @@ from reference_rigs import (
 
 from kiriko.core.accuracy import _Parabolic
 from kiriko.core.curved import POWERS, CurvedFaces, grid
+from kiriko.core.hits import Hits
+from kiriko.core.landings import Reason
 from kiriko.core.meshes import find_edges
 from kiriko.core.plan import make_plan
-from kiriko.core.ray_engine import Hits, Layer
+from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, tessellate
-from kiriko.core.trace import Reason, trace_all
+from kiriko.core.trace import trace_all
 
 RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)
 WEIGHTS = grid(6)[0]  # barycentric: places on a face at which it is judged

@@ -11,6 +11,7 @@ from work import solve
 from kiriko.core.choices import measure_choices
 from kiriko.core.errors import RigError
 from kiriko.core.glare import LightBeside, look_beside, looking_beside
+from kiriko.core.landings import Reason
 from kiriko.core.misalignment import Bench
 from kiriko.core.plan import make_plan
 from kiriko.core.session import Session
@@ -18,7 +19,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.shares import Coverage, rasterise
 from kiriko.core.simulation import LUMINANCE
 from kiriko.core.steps import finish
-from kiriko.core.trace import Reason, trace_all
+from kiriko.core.trace import trace_all
 
 
 def ball(**options):

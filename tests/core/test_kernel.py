@@ -39,17 +39,19 @@ from kiriko.core.engines import Embree
 from kiriko.core.kept import Kept
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
+from kiriko.core.landings import Landings, Reason
 from kiriko.core.picture import Pyramid, Taps, of_square
 from kiriko.core.plan import make_plan
+from kiriko.core.rays import Rays, ReachedError
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise, to_display
 from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
-from kiriko.core.surface_fit import RIDGE, _Fields, _Vertices
+from kiriko.core.surface_fit import RIDGE, Fields, Vertices
 from kiriko.core.surfaces import make_surface
 from kiriko.core.thin_parts import ThinParts
-from kiriko.core.trace import Landings, ReachedError, Reason, _Rays, courses, trace_all, tracing
+from kiriko.core.trace import courses, trace_all, tracing
 
 pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
 
@@ -390,7 +392,7 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
     plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig, 100)
     expected = finish(courses(plan, *rays))
     monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
-    assert not kernel.can_follow(plan, _Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
+    assert not kernel.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
     assert np.array_equal(finish(courses(plan, *rays)), expected)
 
 
@@ -441,12 +443,12 @@ def test_work_that_was_begun_is_ended_by_the_kernel():
 def test_arrays_of_another_kind_are_not_written_to():
     """Where numpy's whole numbers are of 4 bytes, as on Windows before numpy 2, none are handed over."""
     plan = make_plan(ball_rig(1), Settings())
-    rays = _Rays(*rays_of(plan.rig, 10), None, False)
+    rays = Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
     with pytest.raises(TypeError, match="leak is no array of int64"):
         kernel.state_of(rays)
     for name, dtype in kernel.STATE.items():
-        assert getattr(_Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
+        assert getattr(Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
 
 
 def test_masks_of_other_clusters_are_left_alone():
@@ -866,8 +868,8 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     first = np.searchsorted(start, np.arange(n + 1))
     places, normals, axis_x, axis_y = (spoilt(dice, dice.normal(size=(n, 3)), one) for _ in range(4))
     size, coefficients = spoilt(dice, dice.random(n), other), spoilt(dice, dice.normal(size=(n, 14)), other)
-    v = _Vertices(places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first)
-    fit, wanted = kernel.Fit(v, _Fields(axis_x, axis_y, size, coefficients)), dice.random(n) < 0.5
+    v = Vertices(places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first)
+    fit, wanted = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients)), dice.random(n) < 0.5
     before, settled = coefficients.copy(), normals.copy()
     fit.fit_fields(wanted, RIDGE, coefficients)
     fit.settle_normals(wanted, RIDGE, settled, 5, 1e-10)

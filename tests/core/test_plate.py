@@ -15,6 +15,7 @@ from reference_rigs import ball_rig, box, rectangle
 
 from kiriko.core.errors import RigError
 from kiriko.core.kinds import Kind
+from kiriko.core.landings import Reason
 from kiriko.core.optics import plane_symmetry, reflect
 from kiriko.core.plan import make_plan
 from kiriko.core.plate import ArrayFrame, PlatePath, array_frame, fold
@@ -24,7 +25,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.sheets import find_sheets
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface
-from kiriko.core.trace import Reason, trace
+from kiriko.core.trace import trace
 
 EPS = np.finfo(float).eps
 LAYOUTS = "crossed", "holes", "radial"

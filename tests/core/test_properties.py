@@ -12,15 +12,17 @@ from marks import CASES
 from reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
 from kiriko.core.errors import RigError
+from kiriko.core.landings import REASON_WORDS, Reason
 from kiriko.core.optics import reflect, refract
 from kiriko.core.picture import picture_from_view
 from kiriko.core.plan import make_plan
+from kiriko.core.rays import Rays
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
 from kiriko.core.session import TOO_FINE, Session
 from kiriko.core.settings import Settings
 from kiriko.core.shares import to_display, to_view
 from kiriko.core.steps import finish
-from kiriko.core.trace import REASON_WORDS, Reason, _following, _Rays, trace_all
+from kiriko.core.trace import _following, trace_all
 
 EPS = np.finfo(float).eps
 RAYS = 300
@@ -168,9 +170,9 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
     o, d = rays_at(random, RAYS)
     asked = 0
     for events in range(1, 9):
-        rays = _Rays(o, d, None, False)
+        rays = Rays(o, d, None, False)
         finish(_following(replace(plan, settings=Settings(max_events=events)), rays))
-        further = _Rays(o, d, None, False)
+        further = Rays(o, d, None, False)
         finish(_following(replace(plan, settings=Settings(max_events=events + 1)), further))
         way = np.linalg.norm(further.positions - rays.positions, axis=1)
         some = np.flatnonzero((rays.n_events == events) & ((way > 2 * BESIDE) | (further.n_events == events)))

@@ -9,12 +9,13 @@ from work import drain, solve
 
 from kiriko.core.kept import Kept
 from kiriko.core.plan import make_plan
+from kiriko.core.rays import ReachedError
 from kiriko.core.reach import out_of_sight, sample_reached
 from kiriko.core.rig import ConstantIndex, Glass
+from kiriko.core.sampling import sample
 from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.trace import ReachedError, trace_all
-from kiriko.core.view_map import sample
+from kiriko.core.trace import trace_all
 
 
 def with_others(a_rig, *meshes):

@@ -5,7 +5,8 @@ import tracemalloc
 import numpy as np
 from reference_rigs import lathed
 
-from kiriko.core.ray_engine import Hits, Layer
+from kiriko.core.hits import Hits
+from kiriko.core.ray_engine import Layer
 from kiriko.core.surfaces import make_surface
 
 

@@ -27,13 +27,14 @@ from kiriko.core import session as session_module
 from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import rounding_error, tessellation
 from kiriko.core.errors import MeshError, RigError
+from kiriko.core.landings import Reason
 from kiriko.core.meshes import geometric_normals
 from kiriko.core.plan import make_plan
 from kiriko.core.remarks import UNDECIDED
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.trace import Reason, trace_all
+from kiriko.core.trace import trace_all
 
 
 def small(**options):

@@ -9,13 +9,15 @@ from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, r
 
 from kiriko.core.checks import check_viewer_outside
 from kiriko.core.errors import RigError
+from kiriko.core.landings import Reason
 from kiriko.core.plan import make_plan
 from kiriko.core.ray_engine import Layer
+from kiriko.core.rays import Rays
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface, solids_from_mesh
-from kiriko.core.trace import Reason, _following, _Rays, trace_all
+from kiriko.core.trace import _following, trace_all
 
 
 def grid(viewer, n=65):
@@ -433,7 +435,7 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     assert plan.cluster[a] != plan.cluster[b]
     assert plan.bit[a] == plan.bit[b]
     o, d = np.array([[0.03, -0.05, 0.0]]), np.array([[0.1, 1.0, 0.2]]) / np.sqrt(1.05)
-    outside, inside = (_Rays(o, d, None, False) for _ in "ab")
+    outside, inside = (Rays(o, d, None, False) for _ in "ab")
     inside.mask[:], inside.cluster[:] = plan.bit[a], plan.cluster[a]
     for rays in (outside, inside):
         finish(_following(plan, rays))

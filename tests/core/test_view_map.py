@@ -9,13 +9,14 @@ from marks import ORDER
 from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
 from work import drain, is_sampled, solve
 
-from kiriko.core.borders import is_seen
+from kiriko.core.landings import Reason
 from kiriko.core.plan import make_plan
+from kiriko.core.points import is_seen
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
+from kiriko.core.sampling import sample
 from kiriko.core.settings import Settings
 from kiriko.core.shares import rasterise
-from kiriko.core.trace import Reason, trace_all
-from kiriko.core.view_map import sample
+from kiriko.core.trace import trace_all
 
 
 def view_map(a_rig, **settings):
