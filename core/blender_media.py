@@ -11,7 +11,8 @@ from mathutils.bvhtree import BVHTree
 
 from .arrays import Floats
 from .rig import WAVELENGTH, Glass
-from .surfaces import Surface, contains, solids_from_mesh
+from .solids import contains, solids_from_mesh
+from .surfaces import Surface
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid

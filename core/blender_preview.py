@@ -27,7 +27,7 @@ from .blender_viewer import frame_of
 from .errors import ImageError, RigError
 from .offset import part_motions
 from .rig import Mesh, MirrorArray, Rig
-from .surfaces import tessellate
+from .tessellate import tessellate
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
 SHEARED = 1e-6  # of an object's scale: less shear is rounding

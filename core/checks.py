@@ -5,7 +5,8 @@ import numpy as np
 from .errors import RigError
 from .hits import slab
 from .rig import Glass, Rig, Viewer
-from .surfaces import Surface, contains
+from .solids import contains
+from .surfaces import Surface
 
 
 def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:

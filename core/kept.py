@@ -6,8 +6,9 @@ from typing import Any, TypeVar
 from .fingerprint import fingerprint
 from .motion import Motion, find_motion
 from .rig import Mesh
+from .solids import making_solids
 from .steps import Pauses
-from .surfaces import Surface, making_solids
+from .surfaces import Surface
 
 Thing = TypeVar("Thing")
 

@@ -12,7 +12,7 @@ from .meshes import SAME_NORMAL
 from .points import OF_POINT
 from .rig import Mesh, Rig
 from .settings import Settings
-from .shares import MOST_KEPT
+from .share_batches import MOST_KEPT
 from .view_map import ViewMap
 
 ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; what batches of rays take more without the kernel

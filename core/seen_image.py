@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Floats
-from .shares import ShareBatches, add_at
+from .share_batches import ShareBatches
+from .shares import add_at
 
 COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
 

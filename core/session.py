@@ -18,19 +18,22 @@ from .errors import RigError
 from .fingerprint import fingerprint
 from .ghosts import Paths, paths_of
 from .glare import Glare, LightBeside, look_beside, looking_beside
+from .ideal_image import ideal_image
 from .kept import Kept
 from .landings import REASON_WORDS, Reason
 from .memory import check_borders, check_memory
 from .outline import cut_along_outline
-from .picture import Pyramid, cover_in_view, ideal_image, why_unseen
+from .picture import cover_in_view, why_unseen
 from .plan import Plan, make_plan
+from .pyramid import Pyramid
 from .reach import sample_reached, times_slower
 from .remarks import Remark, remarks_on
 from .rig import ConstantIndex, Picture, Rig
 from .sampling import sample
 from .seen_image import seen_image
 from .settings import Settings
-from .shares import Coverage, ShareBatches, Shares, add_at
+from .share_batches import ShareBatches
+from .shares import Coverage, Shares, add_at
 from .simulation import PlateView, plate_view
 from .source_image import Painting, Strokes, find_strokes
 from .steps import Pauses, at, last_told, within

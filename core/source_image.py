@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from . import kernel
 from .arrays import Bools, Floats
-from .picture import Pyramid, Taps, find_taps, flat_way, picture_from_view
+from .picture import flat_way, picture_from_view
 from .plan import Plan
+from .pyramid import Pyramid, Taps, find_taps
 from .rays import PlateLight
 from .rig import Picture, Viewer
 from .shares import Shares, add_at

@@ -10,8 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-
-from kiriko.core.shares import rasterise, to_display, to_view
+from rasterised import rasterise, to_display, to_view
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

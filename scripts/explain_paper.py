@@ -28,10 +28,10 @@ from paper import (
 
 from kiriko.core.arrays import Floats
 from kiriko.core.errors import RigError
+from kiriko.core.ideal_image import ideal_image
 from kiriko.core.misalignment import Bench
 from kiriko.core.motion import Motion
 from kiriko.core.offset import Parameter, moved, parameters
-from kiriko.core.picture import ideal_image
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import WAVELENGTH, Picture, Rig
 from kiriko.core.seen_image import lattice_shift

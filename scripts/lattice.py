@@ -9,7 +9,7 @@ import numpy as np
 
 from kiriko.core.blender_preview import render_preview
 from kiriko.core.blender_scene import Reading
-from kiriko.core.picture import ideal_image
+from kiriko.core.ideal_image import ideal_image
 from kiriko.core.rig import Viewer
 from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
 

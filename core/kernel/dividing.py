@@ -43,7 +43,7 @@ def divided(
 
     Parameters
     ----------
-    lots : polygons on the viewer's image and on the display, as for `shares.rasterise`
+    lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
     """
     made = [_lot_of(display_size, *cells) for cells in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))

@@ -50,7 +50,7 @@ def measured(lattice, scene, reading, solution, plain):
 
 def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
     """Where the closed form puts the uncompensated dots, measured as the renders are."""
-    from kiriko.core.picture import ideal_image
+    from kiriko.core.ideal_image import ideal_image
     from kiriko.core.seen_image import dot_centroids
 
     rig = reading.rig

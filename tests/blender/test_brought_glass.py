@@ -36,7 +36,7 @@ def read(scene):
 @pytest.mark.parametrize("name", CLOSED)
 def test_what_encloses_a_volume_is_read_as_closed(brought, scene, name):
     """No shell of it has an open edge, whichever vertices its faces share."""
-    from kiriko.core.surfaces import solids_from_mesh
+    from kiriko.core.solids import solids_from_mesh
 
     brought(name).kiriko.role = "GLASS"
     reading = read(scene)

@@ -32,7 +32,7 @@ STAGES = {
         "core.session.plate_view",
         "core.session.look_beside",
         "core.session.cut_along_outline",
-        "core.shares._divided",
+        "core.share_batches.divided",
         "core.session.find_strokes",
         "core.session.Painting.finished",
         "core.session._of_the_picture",

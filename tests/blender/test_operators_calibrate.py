@@ -292,10 +292,11 @@ def test_kept_in_the_scene_or_not_at_all(bench: Bench, tmp_path: Path) -> None:
 def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
     """Cycles sees the lattice where it is wanted, though the objects stand elsewhere; not so without the offset."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv")))
-    preview, seen_image = (
-        importlib.import_module(f"{bench.kiriko.__name__}.core.{name}") for name in ("blender_preview", "seen_image")
+    preview, seen_image, ideal_image = (
+        importlib.import_module(f"{bench.kiriko.__name__}.core.{name}")
+        for name in ("blender_preview", "seen_image", "ideal_image")
     )
-    ideal = bench.picture.ideal_image(bench.drawn.picture, bench.drawn.viewer)
+    ideal = ideal_image.ideal_image(bench.drawn.picture, bench.drawn.viewer)
     reading, source = bench.work.read(bpy.context), bench.scene.kiriko.result.source
     render = preview.render_preview(bench.scene, reading, source, samples=4, fresnel=False)
     assert seen_image.lattice_shift(render, ideal).mean < 0.1

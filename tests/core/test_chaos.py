@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from rasterised import rasterise
 from reference_rigs import ball_rig, cube_rig, icosphere, rig
 from work import drain, solve
 
@@ -19,7 +20,6 @@ from kiriko.core.points import Points
 from kiriko.core.samples import strata
 from kiriko.core.sampling import sample
 from kiriko.core.settings import Settings
-from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
 
 PIXELS = 48

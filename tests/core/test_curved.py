@@ -30,7 +30,8 @@ from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from kiriko.core.surfaces import make_surface, tessellate
+from kiriko.core.surfaces import make_surface
+from kiriko.core.tessellate import tessellate
 from kiriko.core.trace import trace_all
 
 RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)

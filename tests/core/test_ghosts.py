@@ -9,8 +9,9 @@ from work import solve
 
 from kiriko.core.errors import RigError
 from kiriko.core.ghosts import NO_PATH, Paths, paths_of
-from kiriko.core.picture import Pyramid, picture_from_view
+from kiriko.core.picture import picture_from_view
 from kiriko.core.plan import make_plan
+from kiriko.core.pyramid import Pyramid
 from kiriko.core.session import Session
 from kiriko.core.settings import Settings
 from kiriko.core.shares import Shares

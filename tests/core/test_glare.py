@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from marks import STATISTICS
+from rasterised import rasterise
 from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from work import solve
 
@@ -16,7 +17,7 @@ from kiriko.core.misalignment import Bench
 from kiriko.core.plan import make_plan
 from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.shares import Coverage, rasterise
+from kiriko.core.shares import Coverage
 from kiriko.core.simulation import LUMINANCE
 from kiriko.core.steps import finish
 from kiriko.core.trace import trace_all

@@ -14,6 +14,7 @@ from both_ways import find_parted
 from closed_forms import unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rasterised import rasterise, to_display
 from reference_rigs import (
     ball_rig,
     barrel,
@@ -31,21 +32,21 @@ from reference_rigs import (
 )
 
 import build_kernel
-from kiriko.core import curved, kernel, plate, ray_engine, surface_fit, thin_parts
-from kiriko.core import picture as picture_module
-from kiriko.core import shares as shares_module
+from kiriko.core import curved, kernel, plate, pyramid, ray_engine, share_batches, surface_fit, thin_parts
+from kiriko.core import rasterise as rasterise_module
 from kiriko.core.curved import NODES, CurvedFaces
 from kiriko.core.engines import Embree
 from kiriko.core.kept import Kept
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.landings import Landings, Reason
-from kiriko.core.picture import Pyramid, Taps, of_square
+from kiriko.core.picture import of_square
 from kiriko.core.plan import make_plan
+from kiriko.core.pyramid import Pyramid, Taps
 from kiriko.core.rays import Rays, ReachedError
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
 from kiriko.core.settings import Settings
-from kiriko.core.shares import rasterise, to_display
+from kiriko.core.shares import Shares
 from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
 from kiriko.core.surface_fit import RIDGE, Fields, Vertices
@@ -522,7 +523,7 @@ def assert_same_shares(size, view, polygons):
     number = np.arange(float(n))
     with kernel.off(), np.errstate(invalid="ignore", over="ignore"):
         parts = [rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number))) for i in range(n)]
-    expected = shares_module._joined(parts)
+    expected = share_batches.joined(parts)
     found = rasterise(size, (2, 2), view, polygons, number)
     (key, *of_numpy), (other, *of_kernel) = (by_cell_and_pixel(some, n) for some in (expected, found))
     both, here, there = np.intersect1d(key, other, return_indices=True)
@@ -584,16 +585,16 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     assert len(whole) > 0.8 * width * height
     monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
-        monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", at_once)
-        parts = [part for _, part in shares_module._divided(size, (2, 2), [(view, quads, throughput, None)])]
+        monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", at_once)
+        parts = [part for _, part in share_batches.divided(size, (2, 2), [(view, quads, throughput, None)])]
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
-        found = shares_module._joined(parts)
+        found = share_batches.joined(parts)
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
-    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 7)
+    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 7)
     lot = view, quads / size * [40, 30], throughput, None
-    few = [part for _, part in shares_module._divided((40, 30), (2, 2), [lot])]
+    few = [part for _, part in share_batches.divided((40, 30), (2, 2), [lot])]
     assert max(map(len, few)) <= 7
     assert sum(map(len, few)) == len(rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput))
 
@@ -690,7 +691,7 @@ def shares_of(dice, n, display_size=(40, 30), view_size=(64, 64), index_type=np.
     covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
     covariance[:, ::7], covariance[:, ::11] = 0, of_square(2.0)
     area = np.where(dice.random(n) < 0.1, 0, dice.uniform(0, 1, n))
-    return shares_module.Shares(
+    return Shares(
         display_size,
         view_size,
         dice.integers(0, display_size[0] * display_size[1], n).astype(index_type),
@@ -893,7 +894,7 @@ def test_the_environment_switches_it_off():
 @pytest.mark.parametrize(
     "module",
     [
-        *(curved, fitting, loading, plate, ray_engine, shares_module, structures, surface_fit, picture_module),
+        *(curved, fitting, loading, plate, pyramid, rasterise_module, ray_engine, structures, surface_fit),
         *(thin_parts, touching),
     ],
 )

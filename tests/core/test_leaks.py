@@ -16,7 +16,7 @@ from kiriko.core.plan import make_plan
 from kiriko.core.ray_engine import Layer
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.surfaces import contains
+from kiriko.core.solids import contains
 from kiriko.core.trace import trace_all
 
 pytestmark = CASES

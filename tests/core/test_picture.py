@@ -7,8 +7,11 @@ import pytest
 from reference_rigs import lattice_image, rectangle
 
 from kiriko.core import picture as picture_module
+from kiriko.core import pyramid as pyramid_module
 from kiriko.core.errors import RigError
-from kiriko.core.picture import Pyramid, cover_in_view, ideal_image, of_square, picture_from_view, why_unseen
+from kiriko.core.ideal_image import ideal_image
+from kiriko.core.picture import cover_in_view, of_square, picture_from_view, why_unseen
+from kiriko.core.pyramid import Pyramid
 from kiriko.core.rig import Mesh, Picture, Viewer
 
 
@@ -179,7 +182,7 @@ def level_by_level(image, points):
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
         spread, left = apart(points.covariance[:, i])
-        order = [1, 0] if spread[0, 0] < picture_module.UPRIGHT * spread[1, 1] else [0, 1]
+        order = [1, 0] if spread[0, 0] < pyramid_module.UPRIGHT * spread[1, 1] else [0, 1]
         turned = spread[np.ix_(order, order)]
         steps = np.linalg.cholesky(turned + 1e-15 * np.trace(turned) * np.eye(2))[order] if turned.any() else turned
         signs = [(i, j) for i in (-1, 1) for j in (-1, 1)]
@@ -191,9 +194,9 @@ def apart(covariance):
     """What of a footprint's covariance the places of its reads make up (2, 2), and the variance that each has left."""
     xx, xy, yy = covariance
     (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
-    length = np.clip((greater - lesser) / picture_module.ROUND - 1, 0, 1)
+    length = np.clip((greater - lesser) / pyramid_module.ROUND - 1, 0, 1)
     middle, half = (lesser + greater) / 2, (greater - lesser) / 2 * length
-    width = np.clip(2 * (middle - half) / picture_module.WIDE - 1, 0, 1)
+    width = np.clip(2 * (middle - half) / pyramid_module.WIDE - 1, 0, 1)
     left = (middle - half) * (1 - 0.75 * width)
     return axes @ np.diag([middle - half - left, middle + half - left]) @ axes.T, left
 
@@ -219,7 +222,7 @@ def test_points_are_read_as_one_by_one():
 def all_reads(covariance):
     """Places (n, 2), weights (n,) and variances (n,) of the reads of one point at the origin of weight 1."""
     points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.array(covariance, float)[:, None])
-    number, x, y, part, left = picture_module._reads(points, np.zeros(1, np.int32), np.ones(1))
+    number, x, y, part, left = pyramid_module._reads(points, np.zeros(1, np.int32), np.ones(1))
     assert (number == 0).all()
     return np.stack([x, y], axis=1), part, left
 
@@ -241,7 +244,7 @@ def test_reads_reach_as_far_as_the_footprint():
         spread, expected_left = apart(covariance)
         np.testing.assert_allclose(found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15)
         xx, xy, yy = covariance
-        if np.hypot(xx - yy, 2 * xy) >= 2 * picture_module.ROUND:
+        if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.ROUND:
             np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
         assert np.trace(found) == pytest.approx(size, rel=1e-9, abs=1e-15)
     assert (counts[[1, 2, 4]] > 50).all()

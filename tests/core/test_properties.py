@@ -9,6 +9,7 @@ from closed_forms import unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from marks import CASES
+from rasterised import to_display, to_view
 from reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
 from kiriko.core.errors import RigError
@@ -20,7 +21,6 @@ from kiriko.core.rays import Rays
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
 from kiriko.core.session import TOO_FINE, Session
 from kiriko.core.settings import Settings
-from kiriko.core.shares import to_display, to_view
 from kiriko.core.steps import finish
 from kiriko.core.trace import _following, trace_all
 

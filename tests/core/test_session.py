@@ -22,9 +22,8 @@ from reference_rigs import (
 )
 from work import drain, solve
 
-from kiriko.core import kernel, ray_engine, reach, surfaces
+from kiriko.core import kernel, rasterise, ray_engine, reach, share_batches, surfaces
 from kiriko.core import session as session_module
-from kiriko.core import shares as shares_module
 from kiriko.core.accuracy import rounding_error, tessellation
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.landings import Reason
@@ -63,10 +62,10 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
     n = len(expected[0].shares)
-    assert n < shares_module.MOST_KEPT
-    monkeypatch.setattr(shares_module, "MOST_KEPT", n // 2)
-    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", n // 5)
-    monkeypatch.setattr(shares_module, "PIXELS_AT_ONCE", n // 20)
+    assert n < share_batches.MOST_KEPT
+    monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
+    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
+    monkeypatch.setattr(rasterise, "PIXELS_AT_ONCE", n // 20)
     monkeypatch.setattr(session_module, "MOST_PLACED", 2)
     kept = Session()
     for some, one in zip((a_rig, other), expected, strict=True):
@@ -491,8 +490,8 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
 
 def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
     """Live rests while Solve runs, which lets go of the shares of before: what is kept then is of the right batches."""
-    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 1 << 9)
-    monkeypatch.setattr(shares_module, "FEW_SHARES", 0)
+    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 1 << 9)
+    monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
     a_rig, session, dice = small(), Session(), np.random.default_rng(0)
 
     def painted():

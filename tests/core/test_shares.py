@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from polygons import area_and_centroid, clip, clipped, covariance, pieces_of
+from rasterised import rasterise, to_display, to_view
 
-from kiriko.core import shares as shares_module
-from kiriko.core.shares import Coverage, ShareBatches, add_at, rasterise, to_display, to_view
+from kiriko.core import rasterise as rasterise_module
+from kiriko.core import share_batches
+from kiriko.core.share_batches import ShareBatches
+from kiriko.core.shares import Coverage, add_at
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 fixed = settings(derandomize=True, deadline=None, max_examples=150, database=None)
@@ -386,9 +389,9 @@ def test_throughput_follows_its_cell():
 @pytest.mark.parametrize("most", [0, 1 << 20], ids=["made again", "kept"])
 def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     """Batches are the shares of all cells, each time they are asked for; few are kept, many are divided anew."""
-    monkeypatch.setattr(shares_module, "SHARES_AT_ONCE", 50)
-    monkeypatch.setattr(shares_module, "PIXELS_AT_ONCE", 64)
-    monkeypatch.setattr(shares_module, "MOST_KEPT", most)
+    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 50)
+    monkeypatch.setattr(rasterise_module, "PIXELS_AT_ONCE", 64)
+    monkeypatch.setattr(share_batches, "MOST_KEPT", most)
     view, asked = grid(12), []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
     throughput = np.random.default_rng(7).uniform(0, 1, len(view))

@@ -15,8 +15,9 @@ from kiriko.core.ray_engine import Layer
 from kiriko.core.rays import Rays
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.settings import Settings
+from kiriko.core.solids import solids_from_mesh
 from kiriko.core.steps import finish
-from kiriko.core.surfaces import make_surface, solids_from_mesh
+from kiriko.core.surfaces import make_surface
 from kiriko.core.trace import _following, trace_all
 
 

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from marks import ORDER
+from rasterised import rasterise
 from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
 from work import drain, is_sampled, solve
 
@@ -15,7 +16,6 @@ from kiriko.core.points import is_seen
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
 from kiriko.core.sampling import sample
 from kiriko.core.settings import Settings
-from kiriko.core.shares import rasterise
 from kiriko.core.trace import trace_all
 
 

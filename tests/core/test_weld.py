@@ -6,7 +6,7 @@ from reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
 
 from kiriko.core.meshes import components, find_edges, volume_of
 from kiriko.core.rig import Mesh
-from kiriko.core.surfaces import split_shells
+from kiriko.core.solids import split_shells
 from kiriko.core.weld import coincident, welded
 
 
