@@ -15,7 +15,7 @@ from .blender_scene import Reading
 from .blender_units import length_text
 from .cost import cost
 from .errors import one_line
-from .session import Solution
+from .solution import Solution
 from .words import summary
 
 __all__ = [
@@ -140,7 +140,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     Parameters
     ----------
     reading : what `blender_scene.read` made of the scene: materials, notes, display size
-    solution : core.session.Solution
+    solution : core.solution.Solution
     """
     numbers = _numbers(scene, reading, solution)
     remarks = _put_in_place(scene, reading, _packed(SOURCE, solution.source))

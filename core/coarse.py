@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from .errors import KirikoError
 from .rig import Rig
-from .session import Session, Solution
+from .session import Session
 from .settings import Settings
+from .solution import Solution
 from .steps import at
 
 # On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at

@@ -20,8 +20,9 @@ from .placement import lattice
 from .plan import Plan, make_plan
 from .rig import Rig
 from .seen_image import lattice_shift
-from .session import Session, Solution
+from .session import Session
 from .settings import MOST_TOLERANCE, Settings
+from .solution import Solution
 from .steps import within
 from .trace import trace_all
 

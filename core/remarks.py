@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import COARSE, Accuracy, Tessellation
+from .accuracy import Accuracy
 from .display import display_pixel
 from .glare import Glare
 from .landings import REASON_WORDS, Reason
 from .meshes import SAME_NORMAL, find_edges, geometric_normals
 from .plan import Plan
 from .rig import Mesh, Rig
+from .tessellation import COARSE, Tessellation
 from .view_map import MapError
 from .words import millimetres, number, percent
 

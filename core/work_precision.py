@@ -19,8 +19,9 @@ from .cost import BUILD
 from .image_io import encode
 from .reference import ImageErrors, MapErrors, Reference, make_reference, pictures, times_finer
 from .rig import Rig
-from .session import Session, Solution
+from .session import Session
 from .settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
+from .solution import Solution
 from .source_image import splat
 from .steps import finish, within
 

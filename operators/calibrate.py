@@ -16,16 +16,11 @@ from ..core.blender_result import write_solution
 from ..core.errors import ImageError, RigError
 from ..core.extra_photograph import Extra, extra_photographs
 from ..core.fit import Fit, fit
-from ..core.lattice import (
-    Lattice,
-    check,
-    check_picture,
-    check_way,
-    find_points,
-    match,
-    missing_borders,
-    read_points,
-)
+from ..core.lattice import Lattice
+from ..core.lattice_check import check, check_picture, check_way, missing_borders
+from ..core.lattice_file import read_points
+from ..core.lattice_match import match
+from ..core.lattice_photograph import find_points
 from ..core.misalignment import FEWEST, Bench
 from ..core.offset import parameters, with_amounts, with_offset
 from ..core.picture import view_of_picture

@@ -40,8 +40,9 @@ from kiriko.core.ghosts import Paths
 from kiriko.core.memory import estimated
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import Mesh, Rig, Viewer
-from kiriko.core.session import Session, Solution
+from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solution import Solution
 from kiriko.core.steps import finish
 
 

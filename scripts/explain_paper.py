@@ -35,8 +35,8 @@ from kiriko.core.offset import Parameter, moved, parameters
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import WAVELENGTH, Picture, Rig
 from kiriko.core.seen_image import lattice_shift
-from kiriko.core.session import without_glass
 from kiriko.core.settings import Settings
+from kiriko.core.solution import without_glass
 from kiriko.core.trace import trace_all
 
 CONDITIONS = PLAIN, HALF, SOURCE

@@ -24,8 +24,9 @@ from kiriko.core.optics import reflect
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import PRESETS, Mesh, Rig
 from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
-from kiriko.core.session import Session, Solution, without_glass
+from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solution import Solution, without_glass
 from kiriko.core.source_image import splat
 from kiriko.core.steps import finish
 from kiriko.core.vectors import normalise

@@ -21,8 +21,9 @@ def lattice(scene):
 def solved(kiriko, scene, **options):
     """Solve what add_rig makes; returns reading, solution and the plain source image."""
     from kiriko.core import blender_scene
-    from kiriko.core.session import Session, without_glass
+    from kiriko.core.session import Session
     from kiriko.core.settings import Settings
+    from kiriko.core.solution import without_glass
     from kiriko.core.steps import finish
 
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}

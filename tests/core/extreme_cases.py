@@ -12,8 +12,9 @@ from kiriko.core.errors import KirikoError
 from kiriko.core.landings import Landings
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import Glass, Mesh, Rig
-from kiriko.core.session import Session, Solution
+from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solution import Solution
 from kiriko.core.steps import finish
 from kiriko.core.trace import trace_all
 

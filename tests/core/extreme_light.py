@@ -38,8 +38,8 @@ from kiriko.core.landings import Reason
 from kiriko.core.optics import refract
 from kiriko.core.plan import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
-from kiriko.core.session import Solution
 from kiriko.core.settings import Settings
+from kiriko.core.solution import Solution
 from kiriko.core.steps import finish
 from kiriko.core.trace import tracing
 from kiriko.core.vectors import dot

@@ -20,7 +20,6 @@ from reference_rigs import (
     wavy_slab,
 )
 
-from kiriko.core.accuracy import _Parabolic
 from kiriko.core.curved import POWERS, CurvedFaces, grid
 from kiriko.core.hits import Hits
 from kiriko.core.landings import Reason
@@ -32,6 +31,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.surfaces import make_surface
 from kiriko.core.tessellate import tessellate
+from kiriko.core.tessellation import _Parabolic
 from kiriko.core.trace import trace_all
 
 RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)

@@ -7,8 +7,8 @@ from reference_rigs import box, cube_rig, rig
 
 from kiriko.core.optics import refract
 from kiriko.core.plan import make_plan
-from kiriko.core.session import without_glass
 from kiriko.core.settings import Settings
+from kiriko.core.solution import without_glass
 from kiriko.core.trace import trace_all
 
 PIXEL = 0.05 / 512  # m, of the display

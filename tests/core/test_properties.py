@@ -16,10 +16,11 @@ from kiriko.core.errors import RigError
 from kiriko.core.landings import REASON_WORDS, Reason
 from kiriko.core.optics import reflect, refract
 from kiriko.core.picture import picture_from_view
+from kiriko.core.picture_coverage import TOO_FINE
 from kiriko.core.plan import make_plan
 from kiriko.core.rays import Rays
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
-from kiriko.core.session import TOO_FINE, Session
+from kiriko.core.session import Session
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from kiriko.core.trace import _following, trace_all

@@ -9,11 +9,12 @@ from extreme_cases import changed, joined
 from reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, mean_normals, rig, torus
 from work import drain, solve
 
-from kiriko.core.accuracy import Accuracy, Tessellation, measure, tessellation
+from kiriko.core.accuracy import Accuracy, measure
 from kiriko.core.plan import make_plan
 from kiriko.core.remarks import BEYOND, is_facetted, remarks_on
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
+from kiriko.core.tessellation import Tessellation, tessellation
 from kiriko.core.trace import trace_all
 from kiriko.core.view_map import NO_ERROR
 from kiriko.core.words import millimetres, percent

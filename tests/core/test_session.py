@@ -22,9 +22,8 @@ from reference_rigs import (
 )
 from work import drain, solve
 
-from kiriko.core import kernel, rasterise, ray_engine, reach, share_batches, surfaces
-from kiriko.core import session as session_module
-from kiriko.core.accuracy import rounding_error, tessellation
+from kiriko.core import kernel, painting, rasterise, ray_engine, reach, share_batches, surfaces
+from kiriko.core.accuracy import rounding_error
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.landings import Reason
 from kiriko.core.meshes import geometric_normals
@@ -33,6 +32,7 @@ from kiriko.core.remarks import UNDECIDED
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.session import Session
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
+from kiriko.core.tessellation import tessellation
 from kiriko.core.trace import trace_all
 
 
@@ -48,7 +48,7 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = solve(other)
     monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
-    monkeypatch.setattr(session_module, "find_strokes", lambda *_: pytest.fail("placed again"))
+    monkeypatch.setattr(painting, "find_strokes", lambda *_: pytest.fail("placed again"))
     found = solve(other, kept)
     assert np.array_equal(found.source, expected.source)
     assert found.n_rays == 0
@@ -66,7 +66,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PIXELS_AT_ONCE", n // 20)
-    monkeypatch.setattr(session_module, "MOST_PLACED", 2)
+    monkeypatch.setattr(painting, "MOST_PLACED", 2)
     kept = Session()
     for some, one in zip((a_rig, other), expected, strict=True):
         found = solve(some, kept, brightness=brightness)
