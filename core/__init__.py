@@ -1,1 +1,1 @@
-"""The part of Kiriko that knows no Blender: rig in, source image out. Only blender_*.py import bpy."""
+"""The part of Kiriko that knows no Blender: rig in, source image out. Only core/blender imports bpy."""

@@ -6,14 +6,14 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.blender_new_rig import Bench, glass_among, make_rig, read_bench
-from ..core.blender_scene import DEFAULT_IOR
-from ..core.blender_units import length_of_unit, length_text
-from ..core.blender_viewer import Frame, frame_of_render
+from ..core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
+from ..core.bench.spread import MOST, Spread, part_of_picture, spread_of
+from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
+from ..core.blender.scene import DEFAULT_IOR
+from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
-from ..core.landings import REASON_WORDS, Reason
-from ..core.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from ..core.spread import MOST, Spread, part_of_picture, spread_of
+from ..core.light.landings import REASON_WORDS, Reason
 from ..core.steps import within
 from ..core.words import listed, number, percent, summary
 from . import work

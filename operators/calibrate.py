@@ -11,19 +11,19 @@ import numpy as np
 
 from ..core import image_io
 from ..core.arrays import Floats
-from ..core.blender_calibration import keep_offset, put_into_scene
-from ..core.blender_result import write_solution
+from ..core.bench.extra_photograph import Extra, extra_photographs
+from ..core.bench.fit import Fit, fit
+from ..core.bench.lattice.check import check, check_picture, check_way, missing_borders
+from ..core.bench.lattice.drawn import Lattice
+from ..core.bench.lattice.file import read_points
+from ..core.bench.lattice.match import match
+from ..core.bench.lattice.photograph import find_points
+from ..core.bench.misalignment import FEWEST, Bench
+from ..core.bench.offset import parameters, with_amounts, with_offset
+from ..core.blender.calibration import keep_offset, put_into_scene
+from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
-from ..core.extra_photograph import Extra, extra_photographs
-from ..core.fit import Fit, fit
-from ..core.lattice import Lattice
-from ..core.lattice_check import check, check_picture, check_way, missing_borders
-from ..core.lattice_file import read_points
-from ..core.lattice_match import match
-from ..core.lattice_photograph import find_points
-from ..core.misalignment import FEWEST, Bench
-from ..core.offset import parameters, with_amounts, with_offset
-from ..core.picture import view_of_picture
+from ..core.image.picture import view_of_picture
 from ..core.rig import Rig
 from ..core.steps import within
 from . import work

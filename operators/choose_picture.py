@@ -4,9 +4,9 @@ from pathlib import Path
 
 import bpy
 
-from ..core import blender_plane
-from ..core.blender_image import or_none
-from ..core.blender_picture import check_readable
+from ..core.blender import plane as blender_plane
+from ..core.blender.image import or_none
+from ..core.blender.picture import check_readable
 from ..core.errors import ImageError, RigError
 from . import work
 from .export import RELATIVE_PATH, absolute

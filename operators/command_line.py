@@ -11,11 +11,11 @@ import bpy
 import numpy as np
 
 from ..core import image_io
-from ..core.blender_preview import Preview
-from ..core.blender_result import write_solution
+from ..core.blender.preview import Preview
+from ..core.blender.result import write_solution
 from ..core.errors import ImageError, KirikoError, RigError
-from ..core.simulation import simulate
-from ..core.work_precision import BUDGET
+from ..core.image.simulation import simulate
+from ..core.measure.work_precision import BUDGET
 from . import folder, report, work
 from .calibrate import calibrated
 from .export import use_bundled_modules

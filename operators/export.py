@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 
 from ..core import image_io
-from ..core.blender_image import pixels_from_image, save_png
+from ..core.blender.image import pixels_from_image, save_png
 from ..core.errors import ImageError
 from . import watch, work
 

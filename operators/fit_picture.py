@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender_plane import fit, shown_as, squeezed_words
+from ..core.blender.plane import fit, shown_as, squeezed_words
 from ..core.errors import ImageError, RigError
 from . import work
 from .choose_picture import lacking, the_picture

@@ -4,7 +4,7 @@ import json
 
 import bpy
 
-from ..core.blender_calibration import put_into_scene
+from ..core.blender.calibration import put_into_scene
 from . import watch, work
 
 

@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..core.blender_image import encoded_image
-from ..core.blender_plane import plane_size
+from ..core.bench.lattice.drawn import Lattice
+from ..core.blender.image import encoded_image
+from ..core.blender.plane import plane_size
 from ..core.errors import RigError
-from ..core.lattice import Lattice
 from . import work
 
 NAME = "Kiriko Calibration"

@@ -15,15 +15,15 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..core.blender_result import OURS, pack_source, update_solution, update_source
-from ..core.blender_scene import Kept, Reading
-from ..core.blender_viewer import frame_of
-from ..core.coarse import enlarged, ladder
+from ..core.blender.result import OURS, pack_source, update_solution, update_source
+from ..core.blender.scene import Kept, Reading
+from ..core.blender.viewer import frame_of
 from ..core.errors import KirikoError
 from ..core.fingerprint import fingerprint
-from ..core.memory import check_memory
 from ..core.rig import Rig
 from ..core.settings import Settings
+from ..core.solve.coarse import enlarged, ladder
+from ..core.solve.memory import check_memory
 from . import work
 
 IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler

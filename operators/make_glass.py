@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..core import blender_shaders as shaders
-from ..core.blender_material import refracts
-from ..core.blender_scene import DEFAULT_IOR
+from ..core.blender import shaders
+from ..core.blender.material import refracts
+from ..core.blender.scene import DEFAULT_IOR
 from . import work
 
 NAME = "Kiriko Glass"

@@ -5,10 +5,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.blender_plate import be_mirror_array
-from ..core.blender_scene import length_of_unit, mirrors
+from ..core.blender.plate import be_mirror_array
+from ..core.blender.scene import length_of_unit, mirrors
 from ..core.errors import MeshError, RigError
-from ..core.sheets import FLAT
+from ..core.light.sheets import FLAT
 from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

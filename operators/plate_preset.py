@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..core.blender_resize import give_side
-from ..core.blender_units import length_of_unit, length_text
+from ..core.blender.resize import give_side
+from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import RigError
 from ..core.rig import PRESET_SIDES, PRESETS
 from . import work

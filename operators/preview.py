@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 
 from ..core import image_io
-from ..core.blender_image import save_png
-from ..core.blender_preview import Preview
-from ..core.blender_result import replace_image
+from ..core.blender.image import save_png
+from ..core.blender.preview import Preview
+from ..core.blender.result import replace_image
 from ..core.errors import ImageError, RigError
 from . import watch, work
 from .export import RELATIVE_PATH, target, use_bundled_modules

@@ -10,14 +10,14 @@ import bpy
 import numpy as np
 
 from ..core import image_io
-from ..core.blender_result import write_ladder
+from ..core.blender.result import write_ladder
 from ..core.errors import ImageError
-from ..core.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from ..core.image.simulation import plate_view
+from ..core.measure.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from ..core.measure.work_precision import BUDGET, WorkPrecision, measure
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
-from ..core.simulation import plate_view
 from ..core.steps import finish
-from ..core.work_precision import BUDGET, WorkPrecision, measure
 from . import folder, work
 from .export import RELATIVE_PATH, absolute, use_bundled_modules
 

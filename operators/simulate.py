@@ -5,11 +5,11 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
-from ..core.blender_image import pixels_from_image
-from ..core.blender_result import replace_image
+from ..core.blender.image import pixels_from_image
+from ..core.blender.result import replace_image
 from ..core.errors import RigError
-from ..core.plate import STRAY_PATHS, PlatePath
-from ..core.simulation import Simulation, simulate
+from ..core.image.simulation import Simulation, simulate
+from ..core.light.plate import STRAY_PATHS, PlatePath
 from ..core.words import number, percent
 from . import watch, work
 

@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.blender_result import write_coarse, write_solution
-from ..core.coarse import solve_in_sight
+from ..core.blender.result import write_coarse, write_solution
+from ..core.solve.coarse import solve_in_sight
 from . import live, work
 
 

@@ -5,10 +5,10 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
-from ..core.blender_objects import grid_object
-from ..core.blender_scene import length_of_unit
+from ..core.bench.visible_range import FARTHEST, visible_range
+from ..core.blender.objects import grid_object
+from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
-from ..core.visible_range import FARTHEST, visible_range
 from ..core.words import percent
 from . import work
 

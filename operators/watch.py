@@ -1,7 +1,7 @@
 """Watch: tells when the scene is no longer the one that the result was solved for, and when it is again.
 
 Handlers only note that something may have changed. A timer of the application waits until nothing has changed for a
-while and no work is under way, and then reads the scene as `core/blender_solved_for.py` does, which puts no mesh into
+while and no work is under way, and then reads the scene as `core/blender/solved_for.py` does, which puts no mesh into
 the world. Nothing is read where there is no result. What is remembered is numbers and session uids.
 """
 
@@ -11,9 +11,9 @@ from time import monotonic, perf_counter
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core.blender_scene import Kept
+from ..core.blender.scene import Kept
 from ..core.errors import KirikoError
-from ..core.solved_for import from_text
+from ..core.solve.solved_for import from_text
 from . import live, work
 
 CHANGED = "The scene has changed since: solve again."

@@ -9,12 +9,14 @@ from typing import Any, TypeVar
 
 import bpy
 
-from ..core import blender_scene, blender_solved_for, kernel
-from ..core.blender_visibility import Shown, instance_hidden_by
+from ..core import kernel
+from ..core.blender import scene as blender_scene
+from ..core.blender import solved_for as blender_solved_for
+from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
-from ..core.session import Session
 from ..core.settings import Settings
-from ..core.solved_for import SolvedFor
+from ..core.solve.session import Session
+from ..core.solve.solved_for import SolvedFor
 from ..core.steps import finish
 from .looking import only_looks
 

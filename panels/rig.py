@@ -2,11 +2,11 @@
 
 import bpy
 
-from ..core.blender_bodies import bodiless
-from ..core.blender_picture import UNREADABLE
-from ..core.blender_plane import image_of
-from ..core.blender_scene import DEFAULT_IOR
-from ..core.blender_viewer import frame_of, frame_of_render
+from ..core.blender.bodies import bodiless
+from ..core.blender.picture import UNREADABLE
+from ..core.blender.plane import image_of
+from ..core.blender.scene import DEFAULT_IOR
+from ..core.blender.viewer import frame_of, frame_of_render
 from ..operators import work
 from ..operators.make_glass import can_be_given
 from .settings import ROLES

@@ -14,8 +14,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.blender_plane import show
-from ..core.offset import TOLERANCES
+from ..core.bench.offset import TOLERANCES
+from ..core.blender.plane import show
 from ..core.rig import MOST_CROSSING_ERROR, PRESETS
 from ..operators.export import RELATIVE_PATH
 

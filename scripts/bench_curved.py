@@ -8,9 +8,9 @@ from time import process_time
 import numpy as np
 from reference_rigs import bottle, icosphere, mean_normals, rig, torus, uv_ellipsoid, wavy_slab
 
-from kiriko.core.plan import make_plan
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 
 N_RAYS, PIXELS = 60_000, 256
 MESHES = {

@@ -18,7 +18,7 @@ from glasses import GLASSES, INDICES, SIZE, fitting
 from mathutils import Matrix
 
 import kiriko
-from kiriko.core.blender_scene import read
+from kiriko.core.blender.scene import read
 
 
 def main() -> None:

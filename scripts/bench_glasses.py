@@ -35,14 +35,14 @@ from numpy.typing import NDArray
 from reference_rigs import glass_rig
 
 from kiriko.core import kernel
-from kiriko.core.choices import measure_choices
-from kiriko.core.ghosts import Paths
-from kiriko.core.memory import estimated
-from kiriko.core.plan import make_plan
+from kiriko.core.image.ghosts import Paths
+from kiriko.core.light.plan import make_plan
+from kiriko.core.measure.choices import measure_choices
 from kiriko.core.rig import Mesh, Rig, Viewer
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.solution import Solution
+from kiriko.core.solve.memory import estimated
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 
 

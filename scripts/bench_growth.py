@@ -12,7 +12,7 @@ import numpy as np
 from reference_rigs import ball_rig, lattice_image
 
 from kiriko.core.rig import Rig
-from kiriko.core.session import Session
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 
 PICTURE = 1024

@@ -19,10 +19,10 @@ from bench_surface import BALL, OPTIONS, SHAPES, TORUS, judged
 from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, torus
 
-from kiriko.core.plan import make_plan
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh, SurfaceChoice
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 
 Floats = NDArray[np.float64]
 

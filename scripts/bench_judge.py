@@ -18,13 +18,13 @@ from closed_forms import unit
 from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
 
-from kiriko.core.landings import Reason
-from kiriko.core.plan import Plan, make_plan
-from kiriko.core.rays import Rays
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import Plan, make_plan
+from kiriko.core.light.rays import Rays
+from kiriko.core.light.trace import CHUNK, _following
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from kiriko.core.trace import CHUNK, _following
 
 Floats = NDArray[np.float64]
 

@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 import kiriko
 from kiriko.core.arrays import Floats
-from kiriko.core.optics import reflect
-from kiriko.core.placement import frame, lattice
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import STRAY_PATHS, PlatePath, light_by_angle
+from kiriko.core.bench.placement import frame, lattice
+from kiriko.core.image.seen_image import dot_centroids
+from kiriko.core.image.simulation import simulate
+from kiriko.core.light.optics import reflect
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import STRAY_PATHS, PlatePath, light_by_angle
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import PRESETS, MirrorArray, Rig, Viewer
-from kiriko.core.seen_image import dot_centroids
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.simulation import simulate
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 from kiriko.core.vectors import dot, normalise
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ def off_in_cycles(scene: bpy.types.Scene, chart: Floats, samples: int) -> tuple[
     import bpy
     from mathutils import Matrix
 
-    from kiriko.core import blender_scene
-    from kiriko.core.blender_preview import render_preview
+    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.preview import render_preview
 
     def read() -> blender_scene.Reading:
         bpy.context.view_layer.update()

@@ -28,11 +28,11 @@ from reference_rigs import glass_rig
 
 from environments import machine, run_in_newest_blender
 from kiriko.core import kernel
-from kiriko.core.meshes import geometric_normals
+from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.rig import Mesh, Rig
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.solution import Solution
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 
 

@@ -12,11 +12,11 @@ from explain_paper import explain
 from paper import PAPER_DX, SOURCE, Table, markdown
 from reference_rigs import cube_rig
 
+from kiriko.core.bench.extra_photograph import extra_photographs
+from kiriko.core.bench.fit import fit
+from kiriko.core.bench.misalignment import Bench, spread
+from kiriko.core.bench.offset import TOLERANCES, Parameter
 from kiriko.core.errors import RigError
-from kiriko.core.extra_photograph import extra_photographs
-from kiriko.core.fit import fit
-from kiriko.core.misalignment import Bench, spread
-from kiriko.core.offset import TOLERANCES, Parameter
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish

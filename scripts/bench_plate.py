@@ -19,12 +19,12 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 from reference_rigs import ball_rig, rectangle
 
-from kiriko.core.optics import transmittance
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import ArrayFrame, Crossing, PlatePath, array_frame
+from kiriko.core.light.optics import transmittance
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import PRESETS, MirrorArray, Plate
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 from kiriko.core.vectors import dot
 
 Floats = NDArray[np.float64]

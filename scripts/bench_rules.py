@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from rules import RULES, Rule
 
-from kiriko.core.trace import trace_all
+from kiriko.core.light.trace import trace_all
 
 N_RAYS = 1 << 16
 

@@ -1,7 +1,7 @@
 """Kiriko beside brute force, in one run on one machine: `dev.py compare`.
 
 The same ball, viewer and display for all: Mitsuba's splat (mitsuba_splat.py), the splat over embreex
-(core.source_image.splat) and Kiriko. They take turns in each round. `seconds` are those that passed. `alone` is
+(core.image.source_image.splat) and Kiriko. They take turns in each round. `seconds` are those that passed. `alone` is
 processor time by the threads allowed: on an idle machine about the same, on a busy one what it would take with its
 cores to itself. Other processes slow down work on several threads most, so ratios are of `alone`.
 
@@ -28,14 +28,14 @@ from reference_rigs import ball_rig
 
 from environments import machine
 from kiriko.core import kernel
-from kiriko.core.landings import Landings
-from kiriko.core.plan import make_plan
+from kiriko.core.image.source_image import splat
+from kiriko.core.light.landings import Landings
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Picture, Rig
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.source_image import splat
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 
 Floats = NDArray[np.float64]
 Painted = tuple[Floats, NDArray[np.bool_]]  # source image (H, W, 3), and where it is not a hole
@@ -123,7 +123,7 @@ def _landings(rig: Rig, loop: MitsubaSplat) -> tuple[Landings, Floats]:
 
 
 def compare_landings(rig: Rig, loop: MitsubaSplat) -> str:
-    """How far Mitsuba's landings are from those of core.trace on the same rays, in words."""
+    """How far Mitsuba's landings are from those of core.light.trace on the same rays, in words."""
     ours, theirs = _landings(rig, loop)
     has_arrived = np.isfinite(theirs[:, 0])
     both = ours.has_arrived & has_arrived
@@ -282,7 +282,7 @@ def compare(rounds: int, judge_spp: int, embreex_spp: int) -> dict[str, Sequence
     rig = ball_rig(LEVELS, ior=IOR, image=zone_plate())
     drawn = as_drawn(rig)
     describe(rig)
-    print("\nLandings of Mitsuba against core.trace on the same rays:")
+    print("\nLandings of Mitsuba against core.light.trace on the same rays:")
     print(f"  triangles  {compare_landings(drawn, MitsubaSplat(drawn))}")
     print(f"  sphere     {compare_landings(rig, MitsubaSplat(rig, is_sphere=True))}", flush=True)
     by_triangles, by_sphere = Judge(rig, judge_spp, is_sphere=False), Judge(rig, judge_spp, is_sphere=True)

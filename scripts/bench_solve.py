@@ -17,12 +17,12 @@ from time import perf_counter, process_time
 import numpy as np
 from reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
 
-from kiriko.core.engines import make_engine
-from kiriko.core.memory import estimated
-from kiriko.core.session import Session
+from kiriko.core.light.engines import make_engine
+from kiriko.core.measure.work_precision import peak_memory
 from kiriko.core.settings import Settings
+from kiriko.core.solve.memory import estimated
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.work_precision import peak_memory
 
 PICTURE = 1024
 CASES = {

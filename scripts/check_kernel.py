@@ -27,8 +27,8 @@ from environments import ROOT, ToolError, can_install, clean_environment, instal
 from kiriko.core import kernel
 from kiriko.core.kernel.plans import made_of
 from kiriko.core.kernel.structures import Made
-from kiriko.core.plan import make_plan
-from kiriko.core.rays import Rays
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.rays import Rays
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
 

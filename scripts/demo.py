@@ -20,10 +20,10 @@ import kiriko
 kiriko.register()
 
 from kiriko.core import image_io  # noqa: E402 - the operators have to be there first
-from kiriko.core.seen_image import LatticeShift, lattice_shift  # noqa: E402
-from kiriko.core.session import Session  # noqa: E402
+from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
 from kiriko.core.settings import Settings  # noqa: E402
-from kiriko.core.solution import without_glass  # noqa: E402
+from kiriko.core.solve.session import Session  # noqa: E402
+from kiriko.core.solve.solution import without_glass  # noqa: E402
 from kiriko.core.steps import finish  # noqa: E402
 from kiriko.operators import work  # noqa: E402
 

@@ -27,17 +27,17 @@ from paper import (
 )
 
 from kiriko.core.arrays import Floats
+from kiriko.core.bench.misalignment import Bench
+from kiriko.core.bench.offset import Parameter, moved, parameters
 from kiriko.core.errors import RigError
-from kiriko.core.ideal_image import ideal_image
-from kiriko.core.misalignment import Bench
-from kiriko.core.motion import Motion
-from kiriko.core.offset import Parameter, moved, parameters
-from kiriko.core.plan import make_plan
+from kiriko.core.glass.motion import Motion
+from kiriko.core.image.ideal_image import ideal_image
+from kiriko.core.image.seen_image import lattice_shift
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import WAVELENGTH, Picture, Rig
-from kiriko.core.seen_image import lattice_shift
 from kiriko.core.settings import Settings
-from kiriko.core.solution import without_glass
-from kiriko.core.trace import trace_all
+from kiriko.core.solve.solution import without_glass
 
 CONDITIONS = PLAIN, HALF, SOURCE
 TARGET = np.array([PAPER_DX[condition] for condition in CONDITIONS])

@@ -30,15 +30,17 @@ from both_ways import find_parted
 from fuzz_rigs import Dice, make_rig
 
 import kiriko
-from kiriko.core import blender_preview, blender_scene, kernel
-from kiriko.core.blender_image import pixels_from_image
-from kiriko.core.blender_media import interfaces
-from kiriko.core.plan import make_plan
+from kiriko.core import kernel
+from kiriko.core.blender import preview as blender_preview
+from kiriko.core.blender import scene as blender_scene
+from kiriko.core.blender.image import pixels_from_image
+from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Rig
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 
 SECONDS = 60.0  # for one rig; more is a hang
 FEW_FACES, FEW_EVENTS = 100, 32  # for the visible range, which needs half a million rays

@@ -18,8 +18,8 @@ from fuzz_shapes import BROUGHT, fitting, mesh_of
 from mathutils import Euler, Matrix
 
 from kiriko.core.arrays import Floats
-from kiriko.core.blender_shaders import show_picture
-from kiriko.core.placement import place
+from kiriko.core.bench.placement import place
+from kiriko.core.blender.shaders import show_picture
 
 Thing = TypeVar("Thing")
 

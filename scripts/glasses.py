@@ -12,7 +12,7 @@ import numpy as np
 from fuzz_shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
 from mathutils import Matrix
 
-from kiriko.core.blender_mesh import read_mesh
+from kiriko.core.blender.mesh import read_mesh
 from kiriko.core.rig import Mesh
 
 SIZE = 0.05  # m

@@ -7,11 +7,11 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from kiriko.core.blender_preview import render_preview
-from kiriko.core.blender_scene import Reading
-from kiriko.core.ideal_image import ideal_image
+from kiriko.core.blender.preview import render_preview
+from kiriko.core.blender.scene import Reading
+from kiriko.core.image.ideal_image import ideal_image
+from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.rig import Viewer
-from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
 
 ACROSS = 1165  # viewer pixels from the first to the last dot, as in the paper's photographs
 SAMPLES = 4  # the optics is delta: more only smooth the edges of display pixels

@@ -15,11 +15,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from kiriko.core import blender_shaders as shaders
-from kiriko.core.blender_image import image_from_pixels, pixels_from_image
-from kiriko.core.blender_objects import Workbench
-from kiriko.core.blender_plate import be_mirror_array
-from kiriko.core.placement import place
+from kiriko.core.bench.placement import place
+from kiriko.core.blender import shaders
+from kiriko.core.blender.image import image_from_pixels, pixels_from_image
+from kiriko.core.blender.objects import Workbench
+from kiriko.core.blender.plate import be_mirror_array
 from kiriko.core.rig import MirrorArray
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -1,6 +1,6 @@
 """The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent of `dev.py compare`, and a judge from outside.
 
-It carries the same values as core.source_image.splat, in single precision and on all threads: random points of the
+It carries the same values as core/image/source_image.py, in single precision and on all threads: random points of the
 viewer's pixels, refraction at the triangles with interpolated normals or at a sphere, total reflection, an ideal plate,
 a rectangular display. Only glass is asked of Embree; plate and display are two planes, which is faster.
 """
@@ -112,7 +112,7 @@ class SphereGlass:
 
 
 def refract(directions: mi.Vector3f, normals: mi.Vector3f, eta: mi.Float) -> tuple[mi.Vector3f, mi.Bool]:
-    """Snell's law as in core.optics: the refracted or totally reflected direction, and which of the two it is."""
+    """Snell's law as in core.light.optics: the refracted or totally reflected direction, and which of the two it is."""
     c = -dr.dot(directions, normals)
     k = c * c + (1 - eta) * (1 + eta) * dr.squared_norm(directions + c * normals)
     is_tir = k < 0
@@ -125,7 +125,7 @@ def meet_glass(
 ) -> tuple[mi.Vector3f, mi.Bool, mi.Bool]:
     """Directions after a surface of the glass, which of them are totally reflected, and which come from outside.
 
-    As in core.trace, the face's own normal takes over where the interpolated one would send light to the wrong side.
+    As in core/light, the face's own normal takes over where the interpolated one would send light to the wrong side.
     """
     enters = dr.dot(d, face) < 0
     face, normal = dr.select(enters, face, -face), dr.select(enters, normal, -normal)

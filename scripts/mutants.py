@@ -1,6 +1,6 @@
 """Which small mutants of core does no test notice? `python3 scripts/dev.py mutants [--number 100] [--minutes 60]`.
 
-Mutants are drawn over the files of core (without blender_*) by their lines, and tried in a copy of the checkout: the
+Mutants are drawn over the files of core (without blender) by their lines, and tried in a copy of the checkout: the
 checkout itself is never changed. A first run of the tests tells which of them run which line; a mutant is shown to the
 tests that run its line, the likeliest and quickest first, until one fails or --budget seconds of them have passed. All
 verdicts are kept in out/mutants, so that a run that was stopped goes on where it was. Survivors that are meant to
@@ -69,7 +69,7 @@ class Reach:
                 found |= set(self.tests.get(file, {}).get(line, ()))
         if not found:
             found = {test for some in lines.values() for test in some}
-        own = f"{TESTS}/test_{mutant.file}::"
+        own = f"{TESTS}/test_{Path(mutant.file).name}::"
         return sorted(found, key=lambda test: (not test.startswith(own), self.seconds[test], test))
 
     def within(self, tests: list[str], budget: float) -> list[str]:
@@ -119,9 +119,10 @@ def digest(folder: Path, patterns: Sequence[str]) -> str:
 
 
 def read_core() -> dict[str, str]:
-    """Texts of the files of core that need no Blender, by name."""
-    files = sorted(path for path in (ROOT / "core").glob("*.py") if not path.name.startswith("blender_"))
-    return {path.name: path.read_text(encoding="utf-8") for path in files}
+    """Texts of the files of core that need no Blender, by their place in core."""
+    core = ROOT / "core"
+    files = sorted(path for path in core.rglob("*.py") if path.relative_to(core).parts[0] not in {"blender", "kernel"})
+    return {path.relative_to(core).as_posix(): path.read_text(encoding="utf-8") for path in files}
 
 
 @contextmanager
@@ -189,7 +190,9 @@ def read_coverage(path: Path) -> dict[str, dict[int, list[str]]]:
     found = {}
     for file in data.measured_files():
         lines = data.contexts_by_lineno(file).items()
-        found[Path(file).name] = {line: tests for line, some in lines if (tests := [test for test in some if test])}
+        found[file.rpartition("/core/")[2]] = {
+            line: tests for line, some in lines if (tests := [test for test in some if test])
+        }
     return found
 
 
@@ -250,7 +253,7 @@ def try_all(
 ) -> None:
     """Try the mutants on which there is no verdict that holds, as long as there is time; verdicts are added."""
     ends = monotonic() + 60 * minutes
-    everything = digest(ROOT, ("core/*.py", f"{TESTS}/*.py", "tests/conftest.py", "scripts/*.py"))
+    everything = digest(ROOT, ("core/**/*.py", f"{TESTS}/*.py", "tests/conftest.py", "scripts/*.py"))
     with copied() as tree:
         reach = find_reach(tree, everything)
         for k, mutant in enumerate(drawn, 1):

@@ -20,19 +20,19 @@ import kiriko
 from environments import machine
 from kiriko.core import image_io
 from kiriko.core.arrays import Floats
-from kiriko.core.optics import reflect
-from kiriko.core.plan import make_plan
+from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
+from kiriko.core.image.source_image import splat
+from kiriko.core.light.optics import reflect
+from kiriko.core.light.plan import make_plan
 from kiriko.core.rig import PRESETS, Mesh, Rig
-from kiriko.core.seen_image import LatticeShift, dot_centroids, lattice_shift
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.solution import Solution, without_glass
-from kiriko.core.source_image import splat
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution, without_glass
 from kiriko.core.steps import finish
 from kiriko.core.vectors import normalise
 
 if TYPE_CHECKING:
-    from kiriko.core.blender_scene import Reading
+    from kiriko.core.blender.scene import Reading
 
 SPP = 100
 GAP = 1e-6  # m of air between the display and the half glass before it, so that the two are not in one place
@@ -267,7 +267,7 @@ class Bench:
         """A picture of what the viewer sees by Cycles, with the surroundings."""
         import bpy
 
-        from kiriko.core.blender_preview import render_preview
+        from kiriko.core.blender.preview import render_preview
 
         options = {"size": (PIXELS, PIXELS), "samples": SAMPLES, "surroundings": True}
         seen = render_preview(bpy.context.scene, self.reading, source, **options)

@@ -14,10 +14,10 @@ from reference_rigs import glass_rig
 
 import kiriko
 from kiriko.core import image_io
-from kiriko.core.blender_preview import render_preview
-from kiriko.core.session import Session
+from kiriko.core.blender.preview import render_preview
 from kiriko.core.settings import Settings
-from kiriko.core.solution import without_glass
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import without_glass
 from kiriko.core.steps import finish
 from kiriko.operators import work
 

@@ -24,8 +24,8 @@ from .structures import Made, RayStateStructure
 from .touching import Boxes
 
 if TYPE_CHECKING:
-    from ..plan import Plan
-    from ..rays import Rays
+    from ..light.plan import Plan
+    from ..light.rays import Rays
 
 __all__ = [
     "Boxes",

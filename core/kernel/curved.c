@@ -1,4 +1,4 @@
-/* Curved faces: where rays meet them. Ray by ray what core/curved.py does for many at once. */
+/* Curved faces: where rays meet them. Ray by ray what core/glass/curved.py does for many at once. */
 
 #include <string.h>
 

@@ -1,4 +1,4 @@
-/* Fits curved faces: vertex by vertex and face by face what core/surface_fit.py does for many at once. */
+/* Fits curved faces: vertex by vertex and face by face what core/glass/surface_fit.py does for many at once. */
 
 #include <string.h>
 

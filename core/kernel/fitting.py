@@ -10,7 +10,7 @@ from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 
 if TYPE_CHECKING:
-    from ..surface_fit import Fields, Vertices
+    from ..glass.surface_fit import Fields, Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
 

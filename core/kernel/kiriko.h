@@ -1,8 +1,8 @@
 /* What Python hands over, and the small things that all files need.
 
    Every structure is mirrored in structures.py, field by field, and its size is compared when the library is loaded. All
-   lengths are in m, directions are unit vectors, and the names are those of core/plan.py, core/ray_engine.py and
-   core/curved.py, which say what they mean. */
+   lengths are in m, directions are unit vectors, and the names are those of core/light/plan.py, core/light/ray_engine.py and
+   core/glass/curved.py, which say what they mean. */
 
 #ifndef KIRIKO_H
 #define KIRIKO_H

@@ -1,4 +1,4 @@
-/* Paints shares: one by one what find_taps of core/picture.py and core/source_image.py do for many at once. */
+/* Paints shares: one by one what find_taps of core/image/picture.py and core/image/source_image.py do for many at once. */
 
 #include "kiriko.h"
 

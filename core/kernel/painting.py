@@ -12,8 +12,8 @@ from .loading import loaded, n_threads
 from .structures import LevelStructure, Made, StrokesStructure
 
 if TYPE_CHECKING:
-    from ..picture import FlatWay
-    from ..shares import Shares
+    from ..image.picture import FlatWay
+    from ..map.shares import Shares
 
 
 class FlatStrokes:

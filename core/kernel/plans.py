@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints, taken
-from ..curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
-from ..engines import Found
-from ..meshes import Frames
-from ..plate import ArrayFrame
+from ..glass.curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
+from ..glass.meshes import Frames
+from ..light.engines import Found
+from ..light.plate import ArrayFrame
+from ..light.ray_engine import MANY_TRIANGLES, Asked, Layer
 from ..products import combine
-from ..ray_engine import MANY_TRIANGLES, Asked, Layer
 from .loading import MOST_LAYERS, library, loaded, n_threads
 from .structures import (
     NODE,
@@ -28,7 +28,7 @@ from .structures import (
 )
 
 if TYPE_CHECKING:
-    from ..plan import Plan
+    from ..light.plan import Plan
 
 BEZIER_AT_ONCE = 1 << 12  # faces
 MOST_EVENTS = 1 << 31  # more is for ever

@@ -1,4 +1,4 @@
-/* The mirror array plate in closed form: ray by ray what core/plate.py does for many at once. */
+/* The mirror array plate in closed form: ray by ray what core/light/plate.py does for many at once. */
 
 #include "kiriko.h"
 

@@ -1,4 +1,4 @@
-/* Divides cells among the display's pixels: cell by cell what core/shares.py does for many at once. */
+/* Divides cells among the display's pixels: cell by cell what core/map/shares.py does for many at once. */
 
 #include <float.h>
 

@@ -1,4 +1,4 @@
-/* What bundles of rays passed by: bundle by bundle what core/thin_parts.py does for many at once. */
+/* What bundles of rays passed by: bundle by bundle what core/light/thin_parts.py does for many at once. */
 
 #include "kiriko.h"
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
-from ..meshes import Frames
+from ..glass.meshes import Frames
 from ..steps import Pauses
 from .loading import loaded, n_threads
 from .plans import stack_frames

@@ -36,7 +36,7 @@ def core(name: str) -> ModuleType:
 
 def place(thing: bpy.types.Object, centre: Floats, turn: Floats, metres: float) -> None:
     """Put an object where it belongs, m."""
-    thing.matrix_world = Matrix(core("blender_scene").object_matrix(turn, centre, metres).tolist())
+    thing.matrix_world = Matrix(core("blender.scene").object_matrix(turn, centre, metres).tolist())
 
 
 def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> bpy.types.Object:
@@ -86,7 +86,7 @@ def read(a_rig: Rig, system: str, metres: float, turn: Floats | None = None, far
     scene.camera = camera
     scene.render.resolution_x, scene.render.resolution_y = viewer.width, viewer.height
     bpy.context.view_layer.update()
-    return core("blender_scene").read(bpy.context, scene).rig
+    return core("blender.scene").read(bpy.context, scene).rig
 
 
 def through_slab(o: Floats, d: Floats) -> tuple[Floats, Floats]:
@@ -104,14 +104,14 @@ def landing_error(a_rig: Rig, found_rig: Any, through: Callable[..., tuple[Float
     """
     x, y = np.meshgrid(np.linspace(0.3, a_rig.viewer.width - 0.4, 33), np.linspace(0.2, a_rig.viewer.height - 0.3, 33))
     at = np.stack([x.ravel(), y.ravel()], axis=1)
-    plan = core("plan").make_plan(found_rig, core("settings").Settings())
-    found = core("trace").trace_all(plan, *found_rig.viewer.rays(at))
+    plan = core("light.plan").make_plan(found_rig, core("settings").Settings())
+    found = core("light.trace").trace_all(plan, *found_rig.viewer.rays(at))
     o, d = a_rig.viewer.rays(at)
     return furthest(a_rig, found, through(o, d))
 
 
 def solved(a_rig: Any) -> Any:
-    return core("steps").finish(core("session").Session().solve(a_rig, core("settings").Settings()))
+    return core("steps").finish(core("solve.session").Session().solve(a_rig, core("settings").Settings()))
 
 
 @case("scale", "scenes in mm, cm, inches and km")

@@ -20,10 +20,10 @@ def lattice(scene):
 
 def solved(kiriko, scene, **options):
     """Solve what add_rig makes; returns reading, solution and the plain source image."""
-    from kiriko.core import blender_scene
-    from kiriko.core.session import Session
+    from kiriko.core.blender import scene as blender_scene
     from kiriko.core.settings import Settings
-    from kiriko.core.solution import without_glass
+    from kiriko.core.solve.session import Session
+    from kiriko.core.solve.solution import without_glass
     from kiriko.core.steps import finish
 
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
@@ -51,8 +51,8 @@ def measured(lattice, scene, reading, solution, plain):
 
 def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
     """Where the closed form puts the uncompensated dots, measured as the renders are."""
-    from kiriko.core.ideal_image import ideal_image
-    from kiriko.core.seen_image import dot_centroids
+    from kiriko.core.image.ideal_image import ideal_image
+    from kiriko.core.image.seen_image import dot_centroids
 
     rig = reading.rig
     width = lattice.measuring_width(reading, ideal)
@@ -67,10 +67,10 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
 
 def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     """The ball of Add Rig, read back from Blender: landings within 0.05 display px rms of the analytic ball."""
-    from kiriko.core import blender_scene
-    from kiriko.core.plan import make_plan
+    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.trace import trace_all
     from kiriko.core.settings import Settings
-    from kiriko.core.trace import trace_all
 
     assert bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05) == {"FINISHED"}
     bpy.context.view_layer.update()

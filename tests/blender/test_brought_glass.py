@@ -27,7 +27,7 @@ def brought(kiriko: ModuleType, scene: bpy.types.Scene):
 
 
 def read(scene):
-    from kiriko.core import blender_scene
+    from kiriko.core.blender import scene as blender_scene
 
     bpy.context.view_layer.update()
     return blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
@@ -36,7 +36,7 @@ def read(scene):
 @pytest.mark.parametrize("name", CLOSED)
 def test_what_encloses_a_volume_is_read_as_closed(brought, scene, name):
     """No shell of it has an open edge, whichever vertices its faces share."""
-    from kiriko.core.solids import solids_from_mesh
+    from kiriko.core.glass.solids import solids_from_mesh
 
     brought(name).kiriko.role = "GLASS"
     reading = read(scene)
@@ -49,7 +49,7 @@ def test_what_encloses_a_volume_is_read_as_closed(brought, scene, name):
 @pytest.mark.parametrize("name", ["text", "rod"])
 def test_normals_stay_sharp_where_shells_are_joined(brought, scene, name):
     """Where a cap meets its side the two faces keep their own normals, as before they had a vertex together."""
-    from kiriko.core.meshes import edge_corners, find_edges, geometric_normals
+    from kiriko.core.glass.meshes import edge_corners, find_edges, geometric_normals
 
     thing = brought(name)
     thing.kiriko.role = "GLASS"
@@ -75,7 +75,7 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     """
     from fuzz import judge
 
-    from kiriko.core.session import Session
+    from kiriko.core.solve.session import Session
     from kiriko.core.steps import finish
 
     glass = brought(name)

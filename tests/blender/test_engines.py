@@ -32,10 +32,10 @@ from test_trace import (  # noqa: F401 - collected here as well
 )
 
 from kiriko.core import kernel
-from kiriko.core.engines import make_engine
-from kiriko.core.session import Session
+from kiriko.core.light.engines import make_engine
+from kiriko.core.light.trace import trace_all
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 
 ONE_TRIANGLE = np.eye(3, dtype=np.float32)[None]
 PLANS = {

@@ -23,46 +23,46 @@ MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 # By operator: where each stage of its work is looked up. Some fail when they are called, some in their midst.
 STAGES = {
     "solve": (
-        "core.blender_scene.read",
-        "core.reach.planning",
-        "core.kept.making_solids",
-        "core.reach.Sampling",
-        "core.points.tracing",
-        "core.session.measure",
-        "core.session.plate_view",
-        "core.session.look_beside",
-        "core.painting.cut_along_outline",
-        "core.share_batches.divided",
-        "core.painting.find_strokes",
-        "core.painting.Painting.finished",
-        "core.session.of_the_picture",
-        "core.session.remarks_on",
-        "core.blender_result.costs",
-        "core.blender_result.image_from_pixels",
-        "core.blender_image.set_pixels",
-        "core.blender_result.pack",
-        "core.blender_result.put_on_display",
-        "core.blender_shaders.show_image",
-        "core.blender_shaders._front_only",
+        "core.blender.scene.read",
+        "core.solve.reach.planning",
+        "core.light.kept.making_solids",
+        "core.solve.reach.Sampling",
+        "core.map.points.tracing",
+        "core.solve.session.measure",
+        "core.solve.session.plate_view",
+        "core.solve.session.look_beside",
+        "core.solve.painting.cut_along_outline",
+        "core.map.share_batches.divided",
+        "core.solve.painting.find_strokes",
+        "core.solve.painting.Painting.finished",
+        "core.solve.session.of_the_picture",
+        "core.solve.session.remarks_on",
+        "core.blender.result.costs",
+        "core.blender.result.image_from_pixels",
+        "core.blender.image.set_pixels",
+        "core.blender.result.pack",
+        "core.blender.result.put_on_display",
+        "core.blender.shaders.show_image",
+        "core.blender.shaders._front_only",
     ),
     "simulate": (
-        "core.blender_scene.read",
-        "core.session.make_plan",
+        "core.blender.scene.read",
+        "core.solve.session.make_plan",
         "operators.simulate.pixels_from_image",
-        "core.simulation.trace",
-        "core.blender_image.set_pixels",
-        "core.blender_result.pack",
+        "core.image.simulation.trace",
+        "core.blender.image.set_pixels",
+        "core.blender.result.pack",
     ),
     "visible_range": (
-        "core.blender_scene.read",
-        "core.session.make_plan",
-        "core.visible_range.trace_all",
+        "core.blender.scene.read",
+        "core.solve.session.make_plan",
+        "core.bench.visible_range.trace_all",
         "operators.visible_range.grid_object",
     ),
     "report": (
-        "core.blender_scene.read",
-        "core.work_precision.make_reference",
-        "core.work_precision.splat",
+        "core.blender.scene.read",
+        "core.measure.work_precision.make_reference",
+        "core.measure.work_precision.splat",
         "core.image_io.write",
         "operators.report.plate_view",
         "operators.report.as_svg",
@@ -70,12 +70,12 @@ STAGES = {
     ),
     "export": ("operators.export.pixels_from_image", "core.image_io._quantised"),
     "preview": (
-        "core.blender_scene.read",
-        "core.blender_preview.Preview._set_cycles",
-        "core.blender_preview._has_header",
-        "core.blender_preview.pixels_from_image",
+        "core.blender.scene.read",
+        "core.blender.preview.Preview._set_cycles",
+        "core.blender.preview._has_header",
+        "core.blender.preview.pixels_from_image",
         "operators.preview.replace_image",
-        "core.blender_result.pack",
+        "core.blender.result.pack",
     ),
 }
 
@@ -218,8 +218,8 @@ class Window:
 @pytest.fixture
 def rig(scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
     """A small rig with a result that is out of date, since the glass was turned; work is short, a report is there."""
-    monkeypatch.setattr(part("core.visible_range"), "STEPS", 6)
-    monkeypatch.setattr(part("core.visible_range"), "FINE", 0.05)
+    monkeypatch.setattr(part("core.bench.visible_range"), "STEPS", 6)
+    monkeypatch.setattr(part("core.bench.visible_range"), "FINE", 0.05)
     module = part("operators.report")
     short = {"tolerances": (1.0,), "spps": (1,), "runs": 1}
     monkeypatch.setattr(module, "measure", lambda *a, own=module.measure, **k: own(*a, **k, **short))
@@ -374,7 +374,7 @@ def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monk
         operator = pressed("solve", window)
         operator.modal(window, TIMER)
         with monkeypatch.context() as broken:
-            broken.setattr(part("core.session"), "find_strokes", failing(error))
+            broken.setattr(part("core.solve.session"), "find_strokes", failing(error))
             while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
                 pass
         assert outcome == {"CANCELLED"}
@@ -390,7 +390,7 @@ def shown(rig: dict, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     """The coarse source images that were shown; the rig is large enough for one, and nobody waits for it."""
     ours = bpy.context.scene.kiriko.viewer.kiriko
     ours.resolution = (160, 160)
-    coarse, solve, images = part("core.coarse"), part("operators.solve"), []
+    coarse, solve, images = part("core.solve.coarse"), part("operators.solve"), []
     monkeypatch.setattr(coarse, "TRACING", 0.0)
     write = solve.write_coarse
     monkeypatch.setattr(solve, "write_coarse", lambda *a: (images.append(a[-1]), write(*a))[1])
@@ -414,7 +414,7 @@ def is_of_coarse(image: np.ndarray) -> bool:
         and result.source.packed_file is not None
         and not result.source.is_dirty
         and np.array_equal(pixels(result.source)[..., :3], image)
-        and part("core.blender_result").is_on_display(display, result.source)
+        and part("core.blender.result").is_on_display(display, result.source)
         and not (result.summary or result.details or result.seen_summary or result.coverage)
         and not bpy.ops.kiriko.export.poll()
     )
@@ -474,7 +474,7 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     assert after == whole("solve")
 
 
-@pytest.mark.parametrize("stage", ["core.session.measure", "core.blender_shaders.show_image"])
+@pytest.mark.parametrize("stage", ["core.solve.session.measure", "core.blender.shaders.show_image"])
 def test_an_error_after_the_coarse_image_leaves_it(
     rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
@@ -505,7 +505,7 @@ def test_a_coarse_image_that_cannot_be_written_changes_nothing(
 ) -> None:
     """An error while it is put in place ends the solve with the result of before."""
     before = state()
-    for stage in ("core.blender_result.pack", "core.blender_result.put_on_display", "core.coarse.enlarged"):
+    for stage in ("core.blender.result.pack", "core.blender.result.put_on_display", "core.solve.coarse.enlarged"):
         owner, attribute = stage.rsplit(".", 1)
         operator = pressed("solve", window)
         with monkeypatch.context() as broken:
@@ -579,14 +579,14 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(rig: dict, window:
 
 
 ADD_RIG_STAGES = (
-    "core.blender_new_rig.read_parts",
-    "core.blender_new_rig.read_glass",
-    "core.kept.making_solids",
-    "core.spread.tracing",
-    "core.blender_new_rig.encoded_image",
-    "core.blender_image.encode",
-    "core.blender_shaders.show_picture",
-    "core.blender_new_rig._make_viewer",
+    "core.blender.new_rig.read_parts",
+    "core.blender.new_rig.read_glass",
+    "core.light.kept.making_solids",
+    "core.bench.spread.tracing",
+    "core.blender.new_rig.encoded_image",
+    "core.blender.image.encode",
+    "core.blender.shaders.show_picture",
+    "core.blender.new_rig._make_viewer",
 )
 
 
@@ -651,13 +651,13 @@ def test_a_rig_that_cannot_be_made_leaves_nothing(
 
 
 LIVE_STAGES = (
-    "core.blender_scene.read",
-    "core.reach.planning",
-    "core.points.tracing",
-    "core.painting.find_strokes",
-    "core.blender_result.set_pixels",
+    "core.blender.scene.read",
+    "core.solve.reach.planning",
+    "core.map.points.tracing",
+    "core.solve.painting.find_strokes",
+    "core.blender.result.set_pixels",
     "operators.live.update_solution",
-    "core.blender_result.asdict",
+    "core.blender.result.asdict",
 )
 
 
@@ -745,7 +745,7 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At whatever byte the temporary disk is full, one sentence says where to make room; a map is refused, too."""
-    module, sizes = part("core.blender_preview"), []
+    module, sizes = part("core.blender.preview"), []
     reading = part("operators.work").read(bpy.context)
     close = module.Preview.close
     with monkeypatch.context() as spied:
@@ -870,7 +870,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     solved = asked("solve").steps(bpy.context)
     next(solved)
     path.unlink()
-    part("core.session").finish(solved)
+    part("core.solve.session").finish(solved)
     after = product("solve")
     path.write_bytes(content)
     assert after == whole("solve")

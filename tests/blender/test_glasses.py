@@ -10,10 +10,10 @@ from reference_rigs import glass_rig
 
 from kiriko.core import kernel
 from kiriko.core.kinds import Kind
-from kiriko.core.plan import make_plan
-from kiriko.core.remarks import _on_doubted
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
+from kiriko.core.solve.remarks import _on_doubted
 
 RAYS = 8000
 FINE = 4  # levels of subdivision: sixteen times the triangles

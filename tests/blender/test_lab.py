@@ -10,7 +10,7 @@ def test_the_image_stands_as_far_from_the_plate_as_the_display(kiriko, scene, di
     """A chart of dots seen by two viewers 50 mm apart, 1 m away: on average right to 0.05 mm, and sideways to 1 um."""
     import bench_lab as lab
 
-    from kiriko.core.placement import lattice
+    from kiriko.core.bench.placement import lattice
 
     lab.build(distance, pixels=400)
     a_rig, off = lab.off_in_cycles(bpy.context.scene, lattice(lab.CHART_PIXELS), samples=8)

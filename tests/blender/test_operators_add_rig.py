@@ -87,7 +87,7 @@ def test_default_rig_is_the_reference_ball(scene: bpy.types.Scene) -> None:
 def test_display_ends_where_the_light_of_the_corners_lands(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
     """By the closed form of a ball and a plate, the picture's corners land at the display's, a hundredth further in."""
     bpy.ops.kiriko.add_rig()
-    rig = importlib.import_module(f"{kiriko.__name__}.core.blender_scene").read(bpy.context, scene).rig
+    rig = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read(bpy.context, scene).rig
     corners = rig.picture.mesh.vertices
     directions = corners - rig.viewer.position
     directions /= np.linalg.norm(directions, axis=1)[:, None]

@@ -38,11 +38,11 @@ class Bench:
             importlib.import_module(f"{kiriko.__name__}.{name}")
             for name in (
                 "operators.work",
-                "core.misalignment",
-                "core.offset",
-                "core.lattice",
-                "core.picture",
-                "core.session",
+                "core.bench.misalignment",
+                "core.bench.offset",
+                "core.bench.lattice.drawn",
+                "core.image.picture",
+                "core.solve.session",
                 "core.steps",
                 "core.image_io",
             )
@@ -294,7 +294,7 @@ def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv")))
     preview, seen_image, ideal_image = (
         importlib.import_module(f"{bench.kiriko.__name__}.core.{name}")
-        for name in ("blender_preview", "seen_image", "ideal_image")
+        for name in ("blender.preview", "image.seen_image", "image.ideal_image")
     )
     ideal = ideal_image.ideal_image(bench.drawn.picture, bench.drawn.viewer)
     reading, source = bench.work.read(bpy.context), bench.scene.kiriko.result.source
@@ -356,8 +356,8 @@ STAGES = (
     "operators.calibrate.fit",
     "operators.calibrate.extra_photographs",
     "operators.calibrate.as_data",
-    "core.reach.Sampling",
-    "core.blender_result.image_from_pixels",
+    "core.solve.reach.Sampling",
+    "core.blender.result.image_from_pixels",
     "operators.calibrate.write_solution",
 )
 

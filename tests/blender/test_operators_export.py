@@ -124,7 +124,7 @@ def test_png_is_written_without_openimageio(
     numbers = np.random.default_rng(2).uniform(-0.1, 1.1, (32, 64, 3)).astype(np.float32)
     # every number of 8 bit, and the halves between two, where ways of rounding differ
     numbers[:4].reshape(-1)[:511] = ((np.arange(511) / 510 + 0.055) / 1.055) ** 2.4
-    importlib.import_module(f"{io.__package__}.blender_image").set_pixels(solved.kiriko.result.source, numbers)
+    importlib.import_module(f"{io.__package__}.blender.image").set_pixels(solved.kiriko.result.source, numbers)
     solved.kiriko.export_format = form
     before = inventory()
     bpy.ops.kiriko.export(filepath=str(tmp_path / "with.png"))
@@ -160,7 +160,7 @@ def test_a_png_that_cannot_be_saved_is_one_sentence(
 ) -> None:
     """Without OpenImageIO, too, a file is whole or is not there."""
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_image")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.image")
     for fault in (lambda *a: None, lambda image, path, *a: path.write_bytes(b"half")):
         monkeypatch.setattr(module, "_save_as_it_is", fault)
         with pytest.raises(RuntimeError, match="is not whole after writing") as caught:

@@ -39,7 +39,7 @@ def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
 def plain(live: ModuleType) -> np.ndarray:
     """The source image of the scene as it is, by a session that has never solved anything."""
     work = live.work
-    session, steps = (importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("session", "steps"))
+    session, steps = (importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("solve.session", "steps"))
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
     return steps.finish(solve).source
 
@@ -486,7 +486,7 @@ def test_button_says_what_is_missing(live: ModuleType) -> None:
 
 def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
     """A mesh that stays is the same object; moved, mirrored or edited it is, to the bit, what a new reading finds."""
-    blender_scene = importlib.import_module(f"{EXTENSION}.core.blender_scene")
+    blender_scene = importlib.import_module(f"{EXTENSION}.core.blender.scene")
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0

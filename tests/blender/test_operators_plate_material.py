@@ -43,8 +43,8 @@ def test_assets_open_with_pictures(scene: bpy.types.Scene) -> None:
 
 
 def test_assets_are_what_the_code_makes(scene: bpy.types.Scene, kiriko: object) -> None:
-    """The groups in the file have the nodes and inputs that blender_plate builds: make_assets.py was run since."""
-    from kiriko.core.blender_plate import plate_group
+    """The groups in the file have the nodes and inputs that core/blender/plate.py builds."""
+    from kiriko.core.blender.plate import plate_group
 
     with bpy.data.libraries.load(str(BLEND)) as (_, wanted):
         wanted.materials = list(NAMES.values())

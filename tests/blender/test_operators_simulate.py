@@ -53,7 +53,7 @@ def test_stray_light_and_noise_are_told(scene, kiriko):
     """In words with their standard errors, added as those of independent numbers; none of what there is none of."""
     simulate, plate, core = (
         importlib.import_module(f"{kiriko.__name__}.{name}")
-        for name in ("operators.simulate", "core.plate", "core.simulation")
+        for name in ("operators.simulate", "core.light.plate", "core.image.simulation")
     )
     path = plate.PlatePath
     light = dict.fromkeys(path, 0.0)
@@ -75,7 +75,7 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
     source = scene.kiriko.result.source
     source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
     module = importlib.import_module(f"{kiriko.__name__}.operators.simulate")
-    finish = importlib.import_module(f"{kiriko.__name__}.core.session").finish
+    finish = importlib.import_module(f"{kiriko.__name__}.core.steps").finish
     noises = []
     words = re.compile(r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise ([\d.]+) of white")
     for samples in (4, 64):

@@ -2,7 +2,7 @@
 
 import importlib
 from dataclasses import replace
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -32,9 +32,20 @@ AGREE = 0.999  # a place rounded to float32 may be on the other side of a mirror
 
 
 @pytest.fixture
-def core(kiriko: ModuleType, scene: bpy.types.Scene) -> SimpleNamespace:
-    names = ("blender_plate", "blender_preview", "blender_scene", "plan", "plate", "rig", "trace")
-    return SimpleNamespace(**{name: importlib.import_module(f"{kiriko.__name__}.core.{name}") for name in names})
+def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    names = (
+        "blender.plate",
+        "blender.preview",
+        "blender.scene",
+        "light.plan",
+        "light.plate",
+        "light.trace",
+        "settings",
+        "rig",
+    )
+    for name in names:
+        importlib.import_module(f"{kiriko.__name__}.core.{name}")
+    return importlib.import_module(f"{kiriko.__name__}.core")
 
 
 def plane(role: str, matrix: Matrix) -> bpy.types.Object:
@@ -69,10 +80,10 @@ def bench(pose: str, display_is_behind: bool = True) -> bpy.types.Object:
     return plate
 
 
-def read(core: SimpleNamespace, plate: bpy.types.Object, array: Any, axis: int = 0) -> Any:
+def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -> Any:
     """The scene's rig, with an array of mirrors that stands by one of the plate object's own axes."""
     bpy.context.view_layer.update()
-    reading = core.blender_scene.read(bpy.context)
+    reading = core.blender.scene.read(bpy.context)
     side, centre = (np.array(v, float) for v in (plate.matrix_world.col[axis].xyz, plate.matrix_world.translation))
     own = replace(reading.rig.plates[0], array=array, side=side, centre=centre)
     # a rig needs glass and a picture: here far away, and no object of the scene
@@ -82,10 +93,10 @@ def read(core: SimpleNamespace, plate: bpy.types.Object, array: Any, axis: int =
     return replace(reading, rig=rig, drawn=rig)
 
 
-def preview(core: SimpleNamespace, reading: Any, **options: Any) -> Any:
+def preview(core: ModuleType, reading: Any, **options: Any) -> Any:
     """A preview that shows the display's coordinates, one sample a pixel."""
     options = {"samples": 1, "filter_width": 0.01, **options}
-    return core.blender_preview.Preview(bpy.context.scene, reading, None, **options)
+    return core.blender.preview.Preview(bpy.context.scene, reading, None, **options)
 
 
 def plate_group(scene: bpy.types.Scene) -> Any:
@@ -119,13 +130,13 @@ def rays(shown: Any, viewer: Any) -> tuple[np.ndarray, np.ndarray]:
     return np.broadcast_to(viewer.position, met.shape).copy(), directions
 
 
-def assert_agree(core: SimpleNamespace, reading: Any, light: str) -> None:
+def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
     """Each ray is of the same class, lands at the same point and is as bright in Cycles as it is for the tracer."""
     rig = reading.rig
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
-        plan = core.plan.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
-        landings = core.trace.trace_all(plan, origins, directions, light=light)
+        plan = core.light.plan.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
+        landings = core.light.trace.trace_all(plan, origins, directions, light=light)
         u, v = (landings.xy / [rig.display.width, rig.display.height]).T
         ours = np.stack([u, 1 - v], axis=1)
         n_arrived = 0
@@ -135,7 +146,7 @@ def assert_agree(core: SimpleNamespace, reading: Any, light: str) -> None:
             show_only(shown.scene, name)
             carried = shown.render()[..., :3].reshape(-1, 3).astype(float)
             is_seen = carried[:, 2] > 0
-            is_ours = landings.has_arrived & (landings.plate_path == core.plate.PlatePath[path])
+            is_ours = landings.has_arrived & (landings.plate_path == core.light.plate.PlatePath[path])
             assert (is_seen == is_ours).mean() > AGREE
             both = is_seen & is_ours
             n_arrived += both.sum()
@@ -149,20 +160,20 @@ def assert_agree(core: SimpleNamespace, reading: Any, light: str) -> None:
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_light_beyond_the_plate_is_the_tracers(core: SimpleNamespace, layout: str, pose: str) -> None:
+def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, pose: str) -> None:
     """Image, stray light and what goes through: class, landing and throughput, on both sides, wherever it stands."""
     plate = bench(pose)
     assert_agree(core, read(core, plate, core.rig.MirrorArray(layout, **LAYOUTS[layout])), "folded")
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_reflected_light_is_the_tracers(core: SimpleNamespace, pose: str) -> None:
+def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
     """What the face reflects comes from the face, half the thickness before the plane, with Fresnel's share."""
     plate = bench(pose, display_is_behind=False)
     assert_agree(core, read(core, plate, core.rig.MirrorArray()), "reflected")
 
 
-def test_plate_in_a_plane_across_its_x_axis(core: SimpleNamespace) -> None:
+def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
     """Where the object's x axis stands upright on the plate, mirrors stand at 45 degrees to its y axis."""
     plate = bench("front")
     turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
@@ -171,7 +182,7 @@ def test_plate_in_a_plane_across_its_x_axis(core: SimpleNamespace) -> None:
     assert_agree(core, read(core, plate, core.rig.MirrorArray(), axis=1), "folded")
 
 
-def test_all_light_is_the_sum_of_its_classes(core: SimpleNamespace) -> None:
+def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
     """With everything on, Cycles' mean over 64 samples is the classes' sum, to four times its standard error."""
     plate = bench("front")
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 64
@@ -191,16 +202,16 @@ def test_all_light_is_the_sum_of_its_classes(core: SimpleNamespace) -> None:
     assert 0 < scatter < 0.01 * whole.mean()
 
 
-def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: SimpleNamespace) -> None:
+def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: ModuleType) -> None:
     """render_map divides by the throughput: its third channel is 1 where light arrives, and u, v are within 0..1."""
     plate = bench("front")
-    found = core.blender_preview.render_map(bpy.context.scene, read(core, plate, core.rig.MirrorArray()))
+    found = core.blender.preview.render_map(bpy.context.scene, read(core, plate, core.rig.MirrorArray()))
     assert np.abs(found[..., 2] - 1).max() < 1e-6
     assert found[..., :2].min() > 0
     assert np.ptp(found[..., 0]) > 0.1
 
 
-def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: ModuleType, scene: bpy.types.Scene) -> None:
     """The plate's numbers are in the group's inputs, in Blender units; afterwards the file is as before."""
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     plate = small_rig()["PLATE"]
@@ -218,10 +229,10 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: SimpleNam
     assert inventory() == before
 
 
-def test_inputs_say_what_they_are(core: SimpleNamespace) -> None:
+def test_inputs_say_what_they_are(core: ModuleType) -> None:
     """Each input of each group has a tooltip, a range that holds its default, and the unit it is in."""
     for layout in LAYOUTS:
-        tree = core.blender_plate.plate_group(layout)
+        tree = core.blender.plate.plate_group(layout)
         inputs = [item for item in tree.interface.items_tree if item.item_type == "SOCKET" and item.in_out == "INPUT"]
         assert len(inputs) == (13 if layout == "crossed" else 12)
         for item in inputs:

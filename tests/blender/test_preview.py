@@ -1,6 +1,6 @@
 import importlib
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 import bmesh
 import bpy
@@ -15,9 +15,19 @@ SINGLE = 2e-5  # of the display's width: 0.01 px of 512
 
 
 @pytest.fixture
-def core(kiriko: ModuleType, scene: bpy.types.Scene) -> SimpleNamespace:
-    names = ("blender_preview", "blender_media", "blender_scene", "plan", "trace", "errors")
-    return SimpleNamespace(**{name: importlib.import_module(f"{kiriko.__name__}.core.{name}") for name in names})
+def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    names = (
+        "blender.preview",
+        "blender.nested_glass",
+        "blender.scene",
+        "light.plan",
+        "light.trace",
+        "settings",
+        "errors",
+    )
+    for name in names:
+        importlib.import_module(f"{kiriko.__name__}.core.{name}")
+    return importlib.import_module(f"{kiriko.__name__}.core")
 
 
 def solid(make: str, name: str = "Solid", at: tuple[float, ...] = (0, 0, 0), **sizes: float) -> bpy.types.Object:
@@ -35,21 +45,21 @@ def coarse_ball(radius: float = 0.025) -> bpy.types.Object:
     return ball
 
 
-def maps(core: SimpleNamespace) -> tuple[np.ndarray, np.ndarray]:
+def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     """Where each viewer pixel lands, u and v (h, w, 2): by Cycles, and by Kiriko; NaN where it does not."""
     scene = bpy.context.scene
-    reading = core.blender_scene.read(bpy.context)
-    by_cycles = core.blender_preview.render_map(scene, reading)
+    reading = core.blender.scene.read(bpy.context)
+    by_cycles = core.blender.preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
-    plan = core.plan.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
+    plan = core.light.plan.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
     viewer, display = reading.rig.viewer, reading.rig.display
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
-    landings = core.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+    landings = core.light.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
     xy = landings.xy.reshape(viewer.height, viewer.width, 2) / (display.width, display.height)
     return cycles, np.stack([xy[..., 0], 1 - xy[..., 1]], axis=2)
 
 
-def assert_agree(core: SimpleNamespace, share: float = 0.5, tolerance: float = SINGLE, quantile: float = 0.995) -> None:
+def assert_agree(core: ModuleType, share: float = 0.5, tolerance: float = SINGLE, quantile: float = 0.995) -> None:
     """Where a path arrives in Cycles (there those with total reflection do not), Kiriko lands on the same point."""
     cycles, ours = maps(core)
     both = np.isfinite(cycles).all(axis=2) & np.isfinite(ours).all(axis=2)
@@ -60,67 +70,67 @@ def assert_agree(core: SimpleNamespace, share: float = 0.5, tolerance: float = S
     assert np.quantile(apart, quantile) < tolerance
 
 
-def test_plain_picture_appears_in_mid_air(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_plain_picture_appears_in_mid_air(core: ModuleType, scene: bpy.types.Scene) -> None:
     """With no glass at all the viewer sees the display's pixels in the picture's place, upright and unmirrored."""
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    reading = core.blender_scene.read(bpy.context)
+    reading = core.blender.scene.read(bpy.context)
     source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
-    seen = core.blender_preview.render_preview(scene, reading, source, samples=4)[..., :3]
+    seen = core.blender.preview.render_preview(scene, reading, source, samples=4)[..., :3]
     # viewer and display pixels coincide, so only samples on their edges may take the neighbour's colour
     assert np.abs(seen - source).mean() < 1e-3
 
 
-def test_map_without_glass_is_the_mirror_image(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_map_without_glass_is_the_mirror_image(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Cycles lands at the mirror image of the point on the aerial plane: u, v run with the viewer's image."""
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    found = core.blender_preview.render_map(scene, core.blender_scene.read(bpy.context))
+    found = core.blender.preview.render_map(scene, core.blender.scene.read(bpy.context))
     middle = (np.arange(64) + 0.5) / 64
     assert np.abs(found[..., 0] - middle).max() < SINGLE
     assert np.abs(found[..., 1] - (1 - middle)[:, None]).max() < SINGLE
     assert (found[..., 2] == 1).all()
 
 
-def test_cycles_agrees_on_a_turned_cube(core: SimpleNamespace) -> None:
+def test_cycles_agrees_on_a_turned_cube(core: ModuleType) -> None:
     """Through flat faces, Cycles and Kiriko's tracer land on the same point."""
     small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
     assert_agree(core)
 
 
-def test_the_preview_has_the_viewers_own_pixels(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Cycles renders the frame that is solved, and a percentage of it, whatever shape the scene's render has."""
     small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
     scene.render.resolution_percentage, scene.render.pixel_aspect_x = 50, 2.0
     scene.kiriko.viewer.kiriko.resolution = (48, 32)
     assert_agree(core, share=0.4)
-    reading, source = core.blender_scene.read(bpy.context), np.ones((64, 64, 3), np.float32)
+    reading, source = core.blender.scene.read(bpy.context), np.ones((64, 64, 3), np.float32)
     assert maps(core)[0].shape[:2] == (32, 48)
-    half = core.blender_preview.render_preview(scene, reading, source, percentage=50, samples=1)
+    half = core.blender.preview.render_preview(scene, reading, source, percentage=50, samples=1)
     assert half.shape[:2] == (16, 24)
     scene.kiriko.viewer.kiriko.use_resolution = False
-    reading = core.blender_scene.read(bpy.context)
-    half = core.blender_preview.render_preview(scene, reading, source, percentage=10, samples=1)
+    reading = core.blender.scene.read(bpy.context)
+    half = core.blender.preview.render_preview(scene, reading, source, percentage=10, samples=1)
     assert half.shape[:2] == (54, 96)  # of the half of 1920 x 1080
 
 
-def test_cycles_agrees_on_a_smooth_ball(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_cycles_agrees_on_a_smooth_ball(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Through smooth-shaded faces, too; towards its rim a ball's lever on a normal's error grows without bound."""
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3)
     assert_agree(core, share=0.4, tolerance=10 * SINGLE, quantile=0.99)
 
 
-def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Cycles lands where the analytic ball does, to 0.01 display px; as drawn the same faces miss by ten times that."""
     ball = coarse_ball()
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3, field=0.05)
-    viewer, display = (getattr(core.blender_scene.read(bpy.context).rig, part) for part in ("viewer", "display"))
+    viewer, display = (getattr(core.blender.scene.read(bpy.context).rig, part) for part in ("viewer", "display"))
     x, y = np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5)
     o, d = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     missed = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
-        reading = core.blender_scene.read(bpy.context)
-        found = core.blender_preview.render_map(scene, reading).reshape(-1, 3)
+        reading = core.blender.scene.read(bpy.context)
+        found = core.blender.preview.render_map(scene, reading).reshape(-1, 3)
         cycles = np.stack([found[:, 0], 1 - found[:, 1]], axis=1) * [display.width, display.height]
         exact = closed_forms.landing(reading.rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
         both = (found[:, 2] > 0.5) & np.isfinite(exact).all(axis=1)
@@ -131,7 +141,7 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core: SimpleNamespac
 
 
 @pytest.mark.parametrize("way", ["inside out", "mirrored", "instance", "millimetres"])
-def test_cycles_agrees_on_a_curved_surface(core: SimpleNamespace, scene: bpy.types.Scene, way: str) -> None:
+def test_cycles_agrees_on_a_curved_surface(core: ModuleType, scene: bpy.types.Scene, way: str) -> None:
     """The fine triangles stand where the coarse ball stands and face out, however it was drawn."""
     millimetres = 1000 if way == "millimetres" else 1
     if way == "millimetres":
@@ -155,7 +165,7 @@ def test_cycles_agrees_on_a_curved_surface(core: SimpleNamespace, scene: bpy.typ
     assert_agree(core, share=0.4, quantile=0.95)
 
 
-def test_cycles_agrees_on_full_creases(core: SimpleNamespace) -> None:
+def test_cycles_agrees_on_full_creases(core: ModuleType) -> None:
     """A cube whose edges are all creased stays a cube under a subdivision modifier, flat to its edges."""
     glass = small_rig(display_size=0.2)["GLASS"]
     glass.rotation_euler.z = np.radians(15.8)
@@ -165,15 +175,15 @@ def test_cycles_agrees_on_full_creases(core: SimpleNamespace) -> None:
     assert_agree(core)
 
 
-def test_curved_mirror_is_fine_in_the_preview(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Glass and mirrors are shown in fine triangles, what is as drawn or flat in its own; all in one material each."""
     ball, cube = coarse_ball(), small_rig()["GLASS"]
     ball.kiriko.role = "MIRROR"
     bpy.context.view_layer.update()
     counts = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
-        reading = core.blender_scene.read(bpy.context)
-        with core.blender_preview.Preview(scene, reading, None) as preview:
+        reading = core.blender.scene.read(bpy.context)
+        with core.blender.preview.Preview(scene, reading, None) as preview:
             shown = {thing.name.removeprefix("Kiriko Preview "): thing for thing in preview.scene.objects}
             counts[ball.kiriko.surface] = len(shown["Ball"].data.polygons)
             assert [m.name for m in shown["Ball"].data.materials] == ["Kiriko Preview Mirror"]
@@ -184,31 +194,31 @@ def test_curved_mirror_is_fine_in_the_preview(core: SimpleNamespace, scene: bpy.
     assert counts["SMOOTH"] > 100_000
 
 
-def test_cycles_agrees_on_a_solid_within_another(core: SimpleNamespace) -> None:
+def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
     """A solid wholly inside another has the ratio of the two indices in Cycles, and the tracers agree."""
     small_rig(display_size=0.2)
     inner = solid("cube", size=0.02)
     inner.kiriko.ior = 1.8
     inner.rotation_euler = (0.2, 0.1, 0.4)
     bpy.context.view_layer.update()
-    found, notes = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    found, notes = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
     assert sorted(interface.index for interface in found) == pytest.approx([1.8 / 1.49, 1.49], rel=1e-6)
     assert notes == []
     assert_agree(core)
 
 
-def test_solid_hidden_by_priority_is_left_out(core: SimpleNamespace) -> None:
+def test_solid_hidden_by_priority_is_left_out(core: ModuleType) -> None:
     """An inner solid of lower priority changes nothing: the outer one is the glass that is there."""
     small_rig(display_size=0.2)
     inner = solid("cube", size=0.02)
     inner.kiriko.ior, inner.kiriko.priority = 1.8, -1
     bpy.context.view_layer.update()
-    found, _ = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    found, _ = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
     assert sorted(interface.index or 0 for interface in found) == pytest.approx([0, 1.49], rel=1e-6)
     assert_agree(core)
 
 
-def test_cycles_agrees_on_a_hollow_glass(core: SimpleNamespace) -> None:
+def test_cycles_agrees_on_a_hollow_glass(core: ModuleType) -> None:
     """A shell inside a shell is a cavity; its faces are drawn to look into it."""
     glass = small_rig(display_size=0.2)["GLASS"]
     shape = bmesh.new()
@@ -221,7 +231,7 @@ def test_cycles_agrees_on_a_hollow_glass(core: SimpleNamespace) -> None:
 
 
 @pytest.mark.parametrize("way", ["inside out", "mirrored"])
-def test_winding_of_the_glass_does_not_matter(core: SimpleNamespace, way: str) -> None:
+def test_winding_of_the_glass_does_not_matter(core: ModuleType, way: str) -> None:
     """A mesh drawn inside out, or mirrored by its scale, is the same glass to both."""
     glass = small_rig(display_size=0.2)["GLASS"]
     glass.rotation_euler.z = np.radians(15.8)
@@ -232,7 +242,7 @@ def test_winding_of_the_glass_does_not_matter(core: SimpleNamespace, way: str) -
     assert_agree(core)
 
 
-def test_instances_of_a_collection_are_there(core: SimpleNamespace, scene: bpy.types.Scene) -> None:
+def test_instances_of_a_collection_are_there(core: ModuleType, scene: bpy.types.Scene) -> None:
     """Glass that stands in the scene only as an instance is in the preview, once."""
     glass = small_rig(display_size=0.2)["GLASS"]
     box = bpy.data.collections.new("box")
@@ -246,21 +256,21 @@ def test_instances_of_a_collection_are_there(core: SimpleNamespace, scene: bpy.t
 
 
 @pytest.mark.parametrize(("gap", "is_noted"), [(-0.01, True), (0.0, True), (0.001, False)])
-def test_touching_solids_are_said_to_be_not_comparable(core: SimpleNamespace, gap: float, is_noted: bool) -> None:
+def test_touching_solids_are_said_to_be_not_comparable(core: ModuleType, gap: float, is_noted: bool) -> None:
     """Solids that overlap or share a face make a note that names both; a gap of a millimetre makes none."""
     small_rig()
     solid("cube", "Block", at=(0.05 + gap, 0, 0), size=0.05)
     bpy.context.view_layer.update()
-    _, notes = core.blender_media.interfaces(core.blender_scene.read(bpy.context).rig.glasses)
+    _, notes = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
     assert bool(notes) == is_noted
     assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
 
 
-def test_preview_shows_the_picture(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> None:
     """What Cycles shows of the source image is closer to the ideal image than what it shows of the plain picture."""
     small_rig(display_resolution=(256, 256), viewer_resolution=128)
     bpy.ops.kiriko.solve()
-    reading = core.blender_scene.read(bpy.context)
+    reading = core.blender.scene.read(bpy.context)
     lattice = linear_lattice()
     width = 0.05 * 0.6 / 0.04 * 128  # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
     at = ((np.arange(128 * 8) + 0.5) / 8 - (128 - width) / 2) / width * 1024
@@ -271,7 +281,7 @@ def test_preview_shows_the_picture(scene: bpy.types.Scene, core: SimpleNamespace
     ideal = fine.reshape(128, 8, 128, 8, 3).mean(axis=(1, 3))
     errors = []
     for source in (scene.kiriko.result.source, lattice[2::4, 2::4]):
-        seen = core.blender_preview.render_preview(scene, reading, source, samples=16, fresnel=False)
+        seen = core.blender.preview.render_preview(scene, reading, source, samples=16, fresnel=False)
         errors.append(np.abs(seen[..., :3] - ideal).mean())
     assert errors[0] < errors[1] / 3
 
@@ -310,29 +320,29 @@ def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_pa
     assert inventory() == before
 
 
-def test_preview_cut_short_is_cleaned_up_by_the_next(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+def test_preview_cut_short_is_cleaned_up_by_the_next(scene: bpy.types.Scene, core: ModuleType) -> None:
     """What a preview left that never came to its end goes with the next one."""
     small_rig()
     before = inventory()
-    reading = core.blender_scene.read(bpy.context)
-    core.blender_preview.Preview(scene, reading, None)
+    reading = core.blender.scene.read(bpy.context)
+    core.blender.preview.Preview(scene, reading, None)
     assert inventory() != before
-    core.blender_preview.render_map(scene, reading)
+    core.blender.preview.render_map(scene, reading)
     assert inventory() == before
 
 
-def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core: SimpleNamespace) -> None:
+def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core: ModuleType) -> None:
     """An object without a role hides the glass when the surroundings are shown; Kiriko's own view leaves it out."""
     small_rig(display_size=0.2)
     wall = bpy.data.objects.new("wall", cube(0.2).data)
     wall.location.y = -0.5
     bpy.data.objects.remove(bpy.data.objects["Cube.001"])
     scene.collection.objects.link(wall)
-    reading = core.blender_scene.read(bpy.context)
+    reading = core.blender.scene.read(bpy.context)
     white = np.ones((4, 4, 3))
     options = {"samples": 1, "fresnel": False}
     shown = [
-        core.blender_preview.render_preview(scene, reading, white, surroundings=s, **options)[..., :3].mean()
+        core.blender.preview.render_preview(scene, reading, white, surroundings=s, **options)[..., :3].mean()
         for s in (False, True)
     ]
     assert shown[0] > 0.4
@@ -362,14 +372,14 @@ def random_place(rng: np.random.Generator) -> Matrix:
     return Matrix.LocRotScale(rng.normal(size=3).tolist(), Quaternion(rng.normal(size=4).tolist()).normalized(), scale)
 
 
-def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: SimpleNamespace) -> None:
+def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleType) -> None:
     """Place @ shear is the matrix; the place has the same x axis, and an object put there stands there to rounding."""
     rng = np.random.default_rng(3)
     thing = new_object(None)
     n_mirrored = 0
     for _ in range(200):
         matrix = random_place(rng) @ random_place(rng)  # of a parent, and of its child
-        place, shear = core.blender_preview._without_shear(matrix)
+        place, shear = core.blender.preview._without_shear(matrix)
         scale = float(np.abs(np.array(matrix)).max())
         assert np.array(place @ Matrix(shear)) == pytest.approx(np.array(matrix), abs=3e-6 * scale)
         assert np.array(place.col[0]) == pytest.approx(np.array(matrix.col[0]), abs=3e-6 * scale)
@@ -385,17 +395,17 @@ def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: SimpleN
     assert 50 < n_mirrored < 150
 
 
-def test_without_shear_a_place_is_left_as_it_is(core: SimpleNamespace) -> None:
+def test_without_shear_a_place_is_left_as_it_is(core: ModuleType) -> None:
     """To the bit, mirrored or not: also a scale that is even, or uneven along the object's own axes."""
     rng = np.random.default_rng(4)
     for _ in range(50):
         matrix = random_place(rng)
-        assert core.blender_preview._without_shear(matrix) == (matrix, None)
+        assert core.blender.preview._without_shear(matrix) == (matrix, None)
 
 
 @pytest.mark.parametrize("is_upright", [False, True])
 def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
-    core: SimpleNamespace, scene: bpy.types.Scene, is_upright: bool
+    core: ModuleType, scene: bpy.types.Scene, is_upright: bool
 ) -> None:
     """Its place is sheared; where its mesh stands upright on its own plane the mesh is. Mean luminance to 5 %."""
     parts = small_rig(display_size=0.1)
@@ -410,8 +420,8 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=16)
     seen = pixels(scene.kiriko.result.seen)[..., :3]
-    reading = core.blender_scene.read(bpy.context)
-    shown = core.blender_preview.render_preview(scene, reading, scene.kiriko.result.source, samples=32)[..., :3]
+    reading = core.blender.scene.read(bpy.context)
+    shown = core.blender.preview.render_preview(scene, reading, scene.kiriko.result.source, samples=32)[..., :3]
     one, other = (image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] for image in (seen, shown))
     assert one > 0.02
     assert other == pytest.approx(one, rel=0.05)

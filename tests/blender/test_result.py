@@ -11,7 +11,7 @@ from small_rigs import new_object, pixels, primitive, small_rig
 
 @pytest.fixture
 def result(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.blender_result")
+    return importlib.import_module(f"{kiriko.__name__}.core.blender.result")
 
 
 def test_image_keeps_every_number(result: ModuleType) -> None:

@@ -14,7 +14,7 @@ SINGLE = 2.0**-22  # Blender stores and composes matrices in float32: relative e
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene)
 
 

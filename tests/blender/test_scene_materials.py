@@ -13,7 +13,7 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene)
 
 

@@ -14,7 +14,7 @@ SIZE = (24, 16)  # pixels of the pictures here
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene)
 
 
@@ -391,7 +391,7 @@ def test_a_picture_that_would_not_fit_is_refused(
 @pytest.mark.parametrize("is_float", [False, True])
 def test_reading_takes_no_more_than_the_pixels(kiriko: ModuleType, is_float: bool) -> None:
     """Their 16 bytes each, and what a few rows are decoded with."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_picture")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
     image = bpy.data.images.new("large", 2048, 2048, float_buffer=is_float)
     tracemalloc.start()
     try:

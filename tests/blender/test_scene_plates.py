@@ -9,7 +9,7 @@ from small_rigs import new_object, primitive, small_rig
 
 @pytest.fixture
 def read(scene, kiriko):
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene).rig.plates
 
 

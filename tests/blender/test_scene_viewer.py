@@ -27,7 +27,7 @@ CAMERAS = {
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene).rig.viewer
 
 
@@ -202,7 +202,7 @@ def test_animated_lens(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
 
 def test_no_camera(scene: bpy.types.Scene, kiriko: ModuleType, errors: ModuleType) -> None:
     """Without a camera the rig has no viewer, for the check to say."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     assert module.read(bpy.context, scene).rig.viewers == ()
 
 
@@ -267,7 +267,7 @@ def test_viewer_hidden_by_its_eye(read: Callable[[], Any], scene: bpy.types.Scen
 
 def test_depth_of_field_is_noted(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
     """A camera with depth of field is solved as a pinhole, and a note says so."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     add_camera(scene).data.dof.use_dof = True
     assert "The viewer 'eye' has depth of field: solved as a pinhole." in module.read(bpy.context, scene).notes
 

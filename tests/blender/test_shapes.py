@@ -54,11 +54,11 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     On curved faces 90 %: there Cycles has flat triangles, as many as memory allows, and light meets up to a dozen of
     them, each a lever for the last one's error. With four times as many triangles the error is a quarter.
     """
-    from kiriko.core import blender_scene
-    from kiriko.core.blender_preview import render_map
-    from kiriko.core.plan import make_plan
+    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.preview import render_map
+    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.trace import trace_all
     from kiriko.core.settings import Settings
-    from kiriko.core.trace import trace_all
 
     glass = make()
     glass.kiriko.use_ior = True
@@ -98,7 +98,7 @@ def test_previews(kiriko, scene, make):
     shown = np.array(image.pixels).reshape(96, 96, 4)[::-1, :, 0]
     work = kiriko.operators.work
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
-    seen = kiriko.core.session.finish(steps).seen()[..., 0]
+    seen = kiriko.core.steps.finish(steps).seen()[..., 0]
     dots = seen > 0.5
     assert dots.sum() > 20
     assert np.median(shown[dots] / seen[dots]) > 0.6  # two to six surfaces, each takes 4 % of the light or more
@@ -113,12 +113,12 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     """
     from work import is_sampled
 
-    from kiriko.core import blender_scene
-    from kiriko.core.plan import make_plan
-    from kiriko.core.sampling import sample
+    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.trace import trace_all
+    from kiriko.core.map.sampling import sample
     from kiriko.core.settings import Settings
     from kiriko.core.steps import finish
-    from kiriko.core.trace import trace_all
 
     add_suzanne().kiriko.use_ior = True
     assert bpy.ops.kiriko.add_rig(viewer_resolution=80, display_resolution=(512, 512), display_size=0.1) == {"FINISHED"}

@@ -17,7 +17,7 @@ HAS_FLOAT_NORMALS = bpy.app.version >= (4, 5)
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     return lambda: module.read(bpy.context, scene)
 
 
@@ -297,7 +297,7 @@ def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) 
 
 def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleType) -> None:
     """A mesh made of triangles in the world is read as the same triangles, normals and shading, in any unit."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender_mesh")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.mesh")
     thing = ball()
     thing.location, thing.scale = (100.0, 20.0, 3.0), (1.0, -2.0, 0.5)
     thing.data.polygons.foreach_set("use_smooth", np.arange(len(thing.data.polygons)) % 3 > 0)

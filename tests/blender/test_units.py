@@ -9,7 +9,7 @@ import pytest
 @pytest.fixture
 def text(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., str]:
     """A length, m, in words, in a scene of a unit system, unit and unit scale."""
-    told = importlib.import_module(f"{kiriko.__name__}.core.blender_units").length_text
+    told = importlib.import_module(f"{kiriko.__name__}.core.blender.units").length_text
 
     def tell(metres: float, system: str, unit: str = "ADAPTIVE", scale: float = 1.0) -> str:
         units = scene.unit_settings

@@ -6,9 +6,9 @@ import numpy as np
 
 from kiriko.core import kernel
 from kiriko.core.arrays import Floats
-from kiriko.core.plan import Plan
+from kiriko.core.light.plan import Plan
+from kiriko.core.light.trace import Step, tracing
 from kiriko.core.steps import finish
-from kiriko.core.trace import Step, tracing
 
 SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
 BESIDE = 1e-7  # of the rig's size: so close are two triangles on both sides of an edge that a ray meets

@@ -37,7 +37,7 @@ from extreme_cases import (
 from reference_rigs import box, icosphere, rectangle, rig, rod, split_quads
 
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Mirror, Rig
-from kiriko.core.solution import Solution
+from kiriko.core.solve.solution import Solution
 
 AT_ORIGIN = "Blender rounds places to 6e-8 of their distance from the origin: keep the rig within a metre or so of it."
 CLOSED = "Close the glass: where its back is missing, light goes on as if the glass did."

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from reference_rigs import box, icosphere, rectangle, rig
 
 from kiriko.core.errors import KirikoError
-from kiriko.core.landings import Landings
-from kiriko.core.plan import make_plan
+from kiriko.core.light.landings import Landings
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Glass, Mesh, Rig
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.solution import Solution
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 
 Floats = NDArray[np.floating]
 Face = tuple[Floats, Floats, float, float]  # a plane's point and normal, the index before and behind it

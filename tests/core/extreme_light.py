@@ -34,14 +34,14 @@ from extreme_cases import (
 )
 from reference_rigs import box, icosphere, rig, uv_ellipsoid
 
-from kiriko.core.landings import Reason
-from kiriko.core.optics import refract
-from kiriko.core.plan import make_plan
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.optics import refract
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import tracing
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.solution import Solution
+from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
-from kiriko.core.trace import tracing
 from kiriko.core.vectors import dot
 
 

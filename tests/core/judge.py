@@ -13,13 +13,13 @@ import mpmath
 import numpy as np
 from reference_rigs import box, rig
 
-from kiriko.core.landings import Reason
-from kiriko.core.optics import refract
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import ArrayFrame, PlatePath
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.optics import refract
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import ArrayFrame, PlatePath
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, MirrorArray, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 
 EPS = np.finfo(float).eps
 DIGITS = 50
@@ -179,7 +179,7 @@ def transmitted(cos1: np.ndarray, cos2: np.ndarray, sin1: np.ndarray, sin2: np.n
 
 
 def judge_refraction(n: int, seed: int = 0) -> list[Verdict]:
-    """core.optics.refract: direction, class, transmittance."""
+    """core.light.optics.refract: direction, class, transmittance."""
     random = np.random.default_rng(seed)
     n1, n2 = random_indices(random, n)
     angle = random_angles(random, n1, n2)
@@ -347,7 +347,7 @@ def named(glass: object, o: np.ndarray, d: np.ndarray) -> list[str]:
 
 
 def judge_stacks(n: int, seed: int = 0) -> list[Verdict]:
-    """core.trace through stacks of slabs: where and in which direction light leaves the glass, after which events."""
+    """light.trace through stacks of slabs: where and in which direction light leaves the glass, after which events."""
     return [gathered("stack of slabs", n, seed, through_one_stack)]
 
 
@@ -383,7 +383,7 @@ def onto_the_display(random: np.random.Generator) -> Cases:
 
 
 def judge_landings(n: int, seed: int = 0) -> list[Verdict]:
-    """core.trace through stacks of slabs and the ideal plate to the display, from 0.1 m to 1 km away."""
+    """core.light.trace through stacks of slabs and the ideal plate to the display, from 0.1 m to 1 km away."""
     return [gathered("landing behind slabs and plate", n, seed, onto_the_display)]
 
 
@@ -543,7 +543,7 @@ def through_one_prism(random: np.random.Generator) -> Cases:
 
 
 def judge_prisms(n: int, seed: int = 0) -> list[Verdict]:
-    """core.trace through prisms: where and in which direction light leaves the glass, after which events.
+    """core.light.trace through prisms: where and in which direction light leaves the glass, after which events.
 
     The mark is for each of the faces that are met, up to MOST_EVENTS.
     """
@@ -566,7 +566,7 @@ def through_ball(o: np.ndarray, d: np.ndarray, radius: np.ndarray, index: np.nda
 
 
 def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
-    """The tests' closed form of a ball, and core.optics.refract at its two normals, from 1.001 radii to 10 km away."""
+    """The tests' closed form of a ball, and optics.refract at its two normals, from 1.001 radii to 10 km away."""
     random = np.random.default_rng(seed)
     radius, index = 10 ** random.uniform(-3, 0, n), random_indices(random, n)
     index = index[0] / index[1]
@@ -716,7 +716,7 @@ def through_one_array(random: np.random.Generator) -> Cases:
 
 
 def judge_arrays(n: int, seed: int = 0) -> list[Verdict]:
-    """core.plate's fold of crossed and single layers: where and in which direction light comes out, after what.
+    """core.light.plate's fold of crossed and single layers: where and in which direction light comes out, after what.
 
     Light that passes a mirror's edge nearer than rounding, in parts of the way, may go either way.
     """

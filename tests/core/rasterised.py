@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.arrays import Floats
-from kiriko.core.share_batches import divided, joined
-from kiriko.core.shares import Shares, index_type
+from kiriko.core.map.share_batches import divided, joined
+from kiriko.core.map.shares import Shares, index_type
 
 
 def rasterise(

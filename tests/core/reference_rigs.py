@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.placement import lattice
+from kiriko.core.bench.placement import lattice
 from kiriko.core.rig import ConstantIndex, Display, Glass, Mesh, Picture, Plate, Rig, Viewer
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])

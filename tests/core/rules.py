@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid
 
-from kiriko.core import ray_engine
-from kiriko.core.kept import Kept
-from kiriko.core.plan import Plan, make_plan
-from kiriko.core.reach import out_of_sight
+from kiriko.core.light import ray_engine
+from kiriko.core.light.kept import Kept
+from kiriko.core.light.plan import Plan, make_plan
 from kiriko.core.rig import Glass, Rig
 from kiriko.core.settings import Settings
+from kiriko.core.solve.reach import out_of_sight
 from kiriko.core.steps import Pauses
 
 

@@ -15,12 +15,12 @@ from work import drain, solve
 
 from kiriko.core import free_memory
 from kiriko.core.errors import RigError
-from kiriko.core.plan import make_plan
-from kiriko.core.points import Points
-from kiriko.core.samples import strata
-from kiriko.core.sampling import sample
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.points import Points
+from kiriko.core.map.samples import strata
+from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 
 PIXELS = 48
 BLOCKS = 32  # along the display, over which light is summed up

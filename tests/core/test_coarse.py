@@ -8,10 +8,10 @@ import pytest
 from reference_rigs import cube_rig, lattice_image
 from work import drain, solve
 
-from kiriko.core import coarse
 from kiriko.core.errors import RigError
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solve import coarse
+from kiriko.core.solve.session import Session
 
 
 def a_rig(pixels=160, **options):

@@ -20,19 +20,19 @@ from reference_rigs import (
     wavy_slab,
 )
 
-from kiriko.core.curved import POWERS, CurvedFaces, grid
-from kiriko.core.hits import Hits
-from kiriko.core.landings import Reason
-from kiriko.core.meshes import find_edges
-from kiriko.core.plan import make_plan
-from kiriko.core.ray_engine import Layer
+from kiriko.core.glass.curved import POWERS, CurvedFaces, grid
+from kiriko.core.glass.meshes import find_edges
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.glass.tessellate import tessellate
+from kiriko.core.light.hits import Hits
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.ray_engine import Layer
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
+from kiriko.core.solve.tessellation import _Parabolic
 from kiriko.core.steps import finish
-from kiriko.core.surfaces import make_surface
-from kiriko.core.tessellate import tessellate
-from kiriko.core.tessellation import _Parabolic
-from kiriko.core.trace import trace_all
 
 RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)
 WEIGHTS = grid(6)[0]  # barycentric: places on a face at which it is judged
@@ -886,7 +886,7 @@ def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
     """Faces are not asked again where light has just left them steeply: landings are as if all were, bit for bit."""
     mesh = meshes(name, False)
     quick = landings_of(mesh)
-    monkeypatch.setattr("kiriko.core.ray_engine.STEEP", 2.0)  # no cosine is: every one is asked
+    monkeypatch.setattr("kiriko.core.light.ray_engine.STEEP", 2.0)  # no cosine is: every one is asked
     assert quick.has_arrived.sum() > 5
     assert is_same(quick, landings_of(mesh))
 

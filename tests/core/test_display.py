@@ -7,12 +7,12 @@ import numpy as np
 from reference_rigs import QUAD, QUAD_UV, box, rectangle, rig
 from work import solve
 
-from kiriko.core.display import display_plane, uv_islands
-from kiriko.core.plan import make_plan
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.display import display_plane, uv_islands
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.surfaces import make_surface
-from kiriko.core.trace import trace_all
 
 
 def with_display(a_rig, mesh):

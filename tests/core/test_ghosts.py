@@ -8,15 +8,15 @@ from reference_rigs import ball_rig, bottle, cube_rig, lattice_image, rig
 from work import solve
 
 from kiriko.core.errors import RigError
-from kiriko.core.ghosts import NO_PATH, Paths, paths_of
-from kiriko.core.picture import picture_from_view
-from kiriko.core.plan import make_plan
-from kiriko.core.pyramid import Pyramid
-from kiriko.core.session import Session
+from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of
+from kiriko.core.image.picture import picture_from_view
+from kiriko.core.image.pyramid import Pyramid
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.shares import Shares
+from kiriko.core.map.view_map import Piece
 from kiriko.core.settings import Settings
-from kiriko.core.shares import Shares
-from kiriko.core.trace import trace_all
-from kiriko.core.view_map import Piece
+from kiriko.core.solve.session import Session
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

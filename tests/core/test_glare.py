@@ -9,18 +9,18 @@ from rasterised import rasterise
 from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from work import solve
 
-from kiriko.core.choices import measure_choices
+from kiriko.core.bench.misalignment import Bench
 from kiriko.core.errors import RigError
-from kiriko.core.glare import LightBeside, look_beside, looking_beside
-from kiriko.core.landings import Reason
-from kiriko.core.misalignment import Bench
-from kiriko.core.plan import make_plan
-from kiriko.core.session import Session
+from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
+from kiriko.core.image.simulation import LUMINANCE
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.shares import Coverage
+from kiriko.core.measure.choices import measure_choices
 from kiriko.core.settings import Settings
-from kiriko.core.shares import Coverage
-from kiriko.core.simulation import LUMINANCE
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import trace_all
 
 
 def ball(**options):

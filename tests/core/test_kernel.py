@@ -32,27 +32,31 @@ from reference_rigs import (
 )
 
 import build_kernel
-from kiriko.core import curved, kernel, plate, pyramid, ray_engine, share_batches, surface_fit, thin_parts
-from kiriko.core import rasterise as rasterise_module
-from kiriko.core.curved import NODES, CurvedFaces
-from kiriko.core.engines import Embree
-from kiriko.core.kept import Kept
+from kiriko.core import kernel
+from kiriko.core.glass import curved, surface_fit
+from kiriko.core.glass.curved import NODES, CurvedFaces
+from kiriko.core.glass.surface_fit import RIDGE, Fields, Vertices
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.image import pyramid
+from kiriko.core.image.picture import of_square
+from kiriko.core.image.pyramid import Pyramid, Taps
+from kiriko.core.image.source_image import Painting, find_strokes
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
-from kiriko.core.landings import Landings, Reason
-from kiriko.core.picture import of_square
-from kiriko.core.plan import make_plan
-from kiriko.core.pyramid import Pyramid, Taps
-from kiriko.core.rays import Rays, ReachedError
+from kiriko.core.light import plate, ray_engine, thin_parts
+from kiriko.core.light.engines import Embree
+from kiriko.core.light.kept import Kept
+from kiriko.core.light.landings import Landings, Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.rays import Rays, ReachedError
+from kiriko.core.light.thin_parts import ThinParts
+from kiriko.core.light.trace import courses, trace_all, tracing
+from kiriko.core.map import rasterise as rasterise_module
+from kiriko.core.map import share_batches
+from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
 from kiriko.core.settings import Settings
-from kiriko.core.shares import Shares
-from kiriko.core.source_image import Painting, find_strokes
 from kiriko.core.steps import finish
-from kiriko.core.surface_fit import RIDGE, Fields, Vertices
-from kiriko.core.surfaces import make_surface
-from kiriko.core.thin_parts import ThinParts
-from kiriko.core.trace import courses, trace_all, tracing
 
 pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
 

@@ -8,7 +8,7 @@ import pytest
 from marks import ORDER
 from reference_rigs import box, rig
 
-from kiriko.core.placement import lattice
+from kiriko.core.bench.placement import lattice
 from kiriko.core.rig import PRESETS, MirrorArray
 
 pytestmark = ORDER

@@ -8,16 +8,16 @@ from marks import CASES
 from reference_rigs import ball_rig, cube_rig, rig, wavy_slab
 from work import solve
 
+from kiriko.core.bench.lattice.check import check, check_way
+from kiriko.core.bench.lattice.drawn import Lattice
+from kiriko.core.bench.lattice.file import read_points
+from kiriko.core.bench.lattice.match import match
+from kiriko.core.bench.lattice.photograph import _distinct, _grey, find_points
+from kiriko.core.bench.misalignment import Bench
 from kiriko.core.errors import ImageError
-from kiriko.core.lattice import Lattice
-from kiriko.core.lattice_check import check, check_way
-from kiriko.core.lattice_file import read_points
-from kiriko.core.lattice_match import match
-from kiriko.core.lattice_photograph import _distinct, _grey, find_points
-from kiriko.core.misalignment import Bench
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
-from kiriko.core.solution import without_glass
+from kiriko.core.solve.solution import without_glass
 
 SEVEN = Lattice(7, 7, 1 / 14)
 N = np.arange(49)

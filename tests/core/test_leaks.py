@@ -10,14 +10,14 @@ from marks import CASES
 from reference_rigs import icosphere, rig
 
 from kiriko.core import kernel
-from kiriko.core.landings import Reason
-from kiriko.core.meshes import find_edges
-from kiriko.core.plan import make_plan
-from kiriko.core.ray_engine import Layer
+from kiriko.core.glass.meshes import find_edges
+from kiriko.core.glass.solids import contains
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.ray_engine import Layer
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.solids import contains
-from kiriko.core.trace import trace_all
 
 pytestmark = CASES
 

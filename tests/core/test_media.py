@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core.media import boxes_touch, clusters_of
+from kiriko.core.light.media import boxes_touch, clusters_of
 
 
 @pytest.mark.parametrize(("gap", "touch"), [(-1.0, True), (0.0, True), (0.25, True), (0.26, False)])

@@ -7,12 +7,12 @@ import pytest
 from marks import FITS
 from reference_rigs import ball_rig, box, cube_rig, rig
 
+from kiriko.core.bench.extra_photograph import extra_photographs
+from kiriko.core.bench.fit import fit
+from kiriko.core.bench.misalignment import Bench, spread
+from kiriko.core.bench.offset import parameters, part_motions, with_amounts
 from kiriko.core.errors import RigError
-from kiriko.core.extra_photograph import extra_photographs
-from kiriko.core.fit import fit
-from kiriko.core.misalignment import Bench, spread
-from kiriko.core.offset import parameters, part_motions, with_amounts
-from kiriko.core.picture import view_of_picture
+from kiriko.core.image.picture import view_of_picture
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish

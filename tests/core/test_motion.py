@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from reference_rigs import box
 
-from kiriko.core.motion import find_motion
-from kiriko.core.offset import turned
+from kiriko.core.bench.offset import turned
+from kiriko.core.glass.motion import find_motion
 from kiriko.core.rig import Mesh
 
 SQUARE = Mesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -7,14 +7,14 @@ import pytest
 from reference_rigs import ball_rig, box, rectangle, rig
 from work import drain, solve
 
-from kiriko.core.accuracy import leaks, measure
 from kiriko.core.errors import MeshError, RigError
-from kiriko.core.landings import Reason
-from kiriko.core.optics import plane_symmetry, refract
-from kiriko.core.plan import make_plan
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.optics import plane_symmetry, refract
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import _Sides, trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.trace import _Sides, trace_all
+from kiriko.core.solve.accuracy import leaks, measure
 
 WIDE = 0.3
 BACK = np.array([0, 1.0, 0])

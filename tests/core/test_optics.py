@@ -1,8 +1,8 @@
-"""The laws of core/optics.py against what physics keeps; test_judge.py holds them to fifty digits."""
+"""The laws of core/light/optics.py against what physics keeps; test_judge.py holds them to fifty digits."""
 
 import numpy as np
 
-from kiriko.core.optics import plane_symmetry, reflect, refract
+from kiriko.core.light.optics import plane_symmetry, reflect, refract
 
 
 def random_pairs(n, seed=1):

@@ -8,10 +8,10 @@ from polygons import area_and_centroid, clipped
 from reference_rigs import ball_rig, box, cube_rig, rectangle, rig
 from work import solve
 
-from kiriko.core.outline import cut_along_outline
-from kiriko.core.picture import outline_in_view, view_of_picture
+from kiriko.core.image.outline import cut_along_outline
+from kiriko.core.image.picture import outline_in_view, view_of_picture
+from kiriko.core.map.view_map import Piece
 from kiriko.core.rig import Picture
-from kiriko.core.view_map import Piece
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

@@ -5,11 +5,11 @@ import pytest
 from paper import GAP, half_before, infloasion
 from reference_rigs import box, cube_rig, rig
 
-from kiriko.core.optics import refract
-from kiriko.core.plan import make_plan
+from kiriko.core.light.optics import refract
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
-from kiriko.core.solution import without_glass
-from kiriko.core.trace import trace_all
+from kiriko.core.solve.solution import without_glass
 
 PIXEL = 0.05 / 512  # m, of the display
 

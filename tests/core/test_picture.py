@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from reference_rigs import lattice_image, rectangle
 
-from kiriko.core import picture as picture_module
-from kiriko.core import pyramid as pyramid_module
 from kiriko.core.errors import RigError
-from kiriko.core.ideal_image import ideal_image
-from kiriko.core.picture import cover_in_view, of_square, picture_from_view, why_unseen
-from kiriko.core.pyramid import Pyramid
+from kiriko.core.image import picture as picture_module
+from kiriko.core.image import pyramid as pyramid_module
+from kiriko.core.image.ideal_image import ideal_image
+from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
+from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.rig import Mesh, Picture, Viewer
 
 

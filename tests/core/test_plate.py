@@ -14,18 +14,18 @@ from marks import CASES, STATISTICS
 from reference_rigs import ball_rig, box, rectangle
 
 from kiriko.core.errors import RigError
+from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.kinds import Kind
-from kiriko.core.landings import Reason
-from kiriko.core.optics import plane_symmetry, reflect
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import ArrayFrame, PlatePath, array_frame, fold
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.optics import plane_symmetry, reflect
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
+from kiriko.core.light.sheets import find_sheets
+from kiriko.core.light.trace import trace
 from kiriko.core.rig import PRESETS, MirrorArray, Plate
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.sheets import find_sheets
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.surfaces import make_surface
-from kiriko.core.trace import trace
 
 EPS = np.finfo(float).eps
 LAYOUTS = "crossed", "holes", "radial"

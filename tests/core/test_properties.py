@@ -13,17 +13,17 @@ from rasterised import to_display, to_view
 from reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
 from kiriko.core.errors import RigError
-from kiriko.core.landings import REASON_WORDS, Reason
-from kiriko.core.optics import reflect, refract
-from kiriko.core.picture import picture_from_view
-from kiriko.core.picture_coverage import TOO_FINE
-from kiriko.core.plan import make_plan
-from kiriko.core.rays import Rays
+from kiriko.core.image.picture import picture_from_view
+from kiriko.core.light.landings import REASON_WORDS, Reason
+from kiriko.core.light.optics import reflect, refract
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.rays import Rays
+from kiriko.core.light.trace import _following, trace_all
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solve.picture_coverage import TOO_FINE
+from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.trace import _following, trace_all
 
 EPS = np.finfo(float).eps
 RAYS = 300

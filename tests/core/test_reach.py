@@ -7,15 +7,15 @@ import pytest
 from reference_rigs import ball_rig, box, icosphere, rig
 from work import drain, solve
 
-from kiriko.core.kept import Kept
-from kiriko.core.plan import make_plan
-from kiriko.core.rays import ReachedError
-from kiriko.core.reach import out_of_sight, sample_reached
+from kiriko.core.light.kept import Kept
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.rays import ReachedError
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.sampling import sample
 from kiriko.core.rig import ConstantIndex, Glass
-from kiriko.core.sampling import sample
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
+from kiriko.core.solve.reach import out_of_sight, sample_reached
+from kiriko.core.solve.session import Session
 
 
 def with_others(a_rig, *meshes):

@@ -9,14 +9,14 @@ from extreme_cases import changed, joined
 from reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, mean_normals, rig, torus
 from work import drain, solve
 
-from kiriko.core.accuracy import Accuracy, measure
-from kiriko.core.plan import make_plan
-from kiriko.core.remarks import BEYOND, is_facetted, remarks_on
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.tessellation import Tessellation, tessellation
-from kiriko.core.trace import trace_all
-from kiriko.core.view_map import NO_ERROR
+from kiriko.core.solve.accuracy import Accuracy, measure
+from kiriko.core.solve.remarks import BEYOND, is_facetted, remarks_on
+from kiriko.core.solve.tessellation import Tessellation, tessellation
 from kiriko.core.words import millimetres, percent
 
 

@@ -5,9 +5,9 @@ import tracemalloc
 import numpy as np
 from reference_rigs import lathed
 
-from kiriko.core.hits import Hits
-from kiriko.core.ray_engine import Layer
-from kiriko.core.surfaces import make_surface
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.hits import Hits
+from kiriko.core.light.ray_engine import Layer
 
 
 def test_lost_rays_are_looked_for_in_pieces():

@@ -5,7 +5,7 @@ import pytest
 from marks import ORDER
 from rules import RULES
 
-from kiriko.core.trace import trace_all
+from kiriko.core.light.trace import trace_all
 
 pytestmark = ORDER
 

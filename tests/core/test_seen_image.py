@@ -7,8 +7,8 @@ from marks import ORDER
 from reference_rigs import ball_rig, box, lattice_image, rig
 from work import solve
 
-from kiriko.core.seen_image import dot_centroids, lattice_shift
-from kiriko.core.solution import without_glass
+from kiriko.core.image.seen_image import dot_centroids, lattice_shift
+from kiriko.core.solve.solution import without_glass
 
 CASES = {
     "ball": (lambda **o: ball_rig(5, **o), closed_forms.through_ball, {"radius": 0.025, "n": 1.49}),

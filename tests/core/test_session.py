@@ -22,18 +22,22 @@ from reference_rigs import (
 )
 from work import drain, solve
 
-from kiriko.core import kernel, painting, rasterise, ray_engine, reach, share_batches, surfaces
-from kiriko.core.accuracy import rounding_error
+from kiriko.core import kernel
 from kiriko.core.errors import MeshError, RigError
-from kiriko.core.landings import Reason
-from kiriko.core.meshes import geometric_normals
-from kiriko.core.plan import make_plan
-from kiriko.core.remarks import UNDECIDED
+from kiriko.core.glass import surfaces
+from kiriko.core.glass.meshes import geometric_normals
+from kiriko.core.light import ray_engine
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map import rasterise, share_batches
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
-from kiriko.core.session import Session
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.tessellation import tessellation
-from kiriko.core.trace import trace_all
+from kiriko.core.solve import painting, reach
+from kiriko.core.solve.accuracy import rounding_error
+from kiriko.core.solve.remarks import UNDECIDED
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.tessellation import tessellation
 
 
 def small(**options):

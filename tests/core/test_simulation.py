@@ -8,13 +8,13 @@ from marks import STATISTICS
 from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from work import drain, solve
 
-from kiriko.core import simulation
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import PlatePath, light_by_angle
+from kiriko.core.image import simulation
+from kiriko.core.image.simulation import LUMINANCE, simulate
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import PlatePath, light_by_angle
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Display, MirrorArray
 from kiriko.core.settings import Settings
-from kiriko.core.simulation import LUMINANCE, simulate
-from kiriko.core.trace import trace_all
 
 NO_GLASS = box([0.3, 0.03, 0.3])
 

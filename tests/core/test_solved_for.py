@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core.solved_for import SolvedFor, from_text, solved_for
+from kiriko.core.solve.solved_for import SolvedFor, from_text, solved_for
 
 RNG = np.random.default_rng(3)
 PLACES = RNG.normal(0, 0.3, (4, 3, 4))

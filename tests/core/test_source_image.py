@@ -8,10 +8,10 @@ from marks import STATISTICS
 from reference_rigs import ball_rig, box, cube_rig, rig
 from work import drain, solve
 
-from kiriko.core.plan import make_plan
+from kiriko.core.image.source_image import grow, splat
+from kiriko.core.light.plan import make_plan
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
-from kiriko.core.source_image import grow, splat
 
 
 def waves(size=64):

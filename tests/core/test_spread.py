@@ -3,11 +3,11 @@ import pytest
 from closed_forms import landing, through_ball
 from reference_rigs import icosphere
 
-from kiriko.core.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from kiriko.core.plan import make_plan
+from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
+from kiriko.core.bench.spread import SEVERAL, Spread, part_of_picture, points_of, spread_of
+from kiriko.core.light.plan import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.spread import SEVERAL, Spread, part_of_picture, points_of, spread_of
 from kiriko.core.steps import finish
 
 NOTHING = Rig(viewers=(), glasses=(), plates=(), displays=())

@@ -24,10 +24,10 @@ from dataclasses import replace
 import numpy as np
 from reference_rigs import ball_rig, bottle, mean_normals, rig, torus
 from kiriko.core import kernel, simulation
-from kiriko.core.misalignment import moved, turned
-from kiriko.core.plan import Settings, make_plan
+from kiriko.core.bench.misalignment import moved, turned
+from kiriko.core.light.plan import Settings, make_plan
 from kiriko.core.rig import MirrorArray
-from kiriko.core.session import Session, finish
+from kiriko.core.solve.session import Session, finish
 
 def with_mirrors(a_rig):
     return replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 
-from kiriko.core.checks import check_viewer_outside
 from kiriko.core.errors import RigError
-from kiriko.core.landings import Reason
-from kiriko.core.plan import make_plan
-from kiriko.core.ray_engine import Layer
-from kiriko.core.rays import Rays
+from kiriko.core.glass.solids import solids_from_mesh
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.checks import check_viewer_outside
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.ray_engine import Layer
+from kiriko.core.light.rays import Rays
+from kiriko.core.light.trace import _following, trace_all
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.solids import solids_from_mesh
 from kiriko.core.steps import finish
-from kiriko.core.surfaces import make_surface
-from kiriko.core.trace import _following, trace_all
 
 
 def grid(viewer, n=65):

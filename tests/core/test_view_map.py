@@ -10,13 +10,13 @@ from rasterised import rasterise
 from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
 from work import drain, is_sampled, solve
 
-from kiriko.core.landings import Reason
-from kiriko.core.plan import make_plan
-from kiriko.core.points import is_seen
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.points import is_seen
+from kiriko.core.map.sampling import sample
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
-from kiriko.core.sampling import sample
 from kiriko.core.settings import Settings
-from kiriko.core.trace import trace_all
 
 
 def view_map(a_rig, **settings):

@@ -7,13 +7,13 @@ import pytest
 from reference_rigs import box, cube_rig, rig, split_quads
 from work import drain
 
-from kiriko.core import trace
+from kiriko.core.bench.visible_range import FINE, STEPS, visible_range
 from kiriko.core.errors import RigError
-from kiriko.core.plan import make_plan
-from kiriko.core.plate import PlatePath, light_by_angle
+from kiriko.core.light import trace
+from kiriko.core.light.plan import make_plan
+from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Mesh, MirrorArray
 from kiriko.core.settings import Settings
-from kiriko.core.visible_range import FINE, STEPS, visible_range
 
 MIDDLE = STEPS // 2
 

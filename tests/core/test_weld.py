@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
 
-from kiriko.core.meshes import components, find_edges, volume_of
+from kiriko.core.glass.meshes import components, find_edges, volume_of
+from kiriko.core.glass.solids import split_shells
+from kiriko.core.glass.weld import coincident, welded
 from kiriko.core.rig import Mesh
-from kiriko.core.solids import split_shells
-from kiriko.core.weld import coincident, welded
 
 
 def apart(mesh, random=None, noise=0.0, parts=None):

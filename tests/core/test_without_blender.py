@@ -9,7 +9,9 @@ import pytest
 import kiriko.core
 
 CORE = Path(kiriko.core.__file__).parent
-MODULES = sorted(path.stem for path in CORE.glob("*.py") if not path.stem.startswith(("blender_", "__")))
+PATHS = {".".join(path.relative_to(CORE).with_suffix("").parts): path for path in CORE.rglob("*.py")}
+MODULES = sorted(name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__"))
+ROOMS = ("", "glass", "light", "map", "image", "solve", "bench.lattice", "bench", "measure", "blender")  # bottom to top
 
 
 def imported(path: Path) -> set[str]:
@@ -28,15 +30,43 @@ def test_blender_is_out_of_reach() -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_core_loads_without_blender(name: str) -> None:
-    """Every file of core but blender_*.py can be imported where there is no Blender."""
+    """Every file of core can be imported where there is no Blender, but those in core/blender."""
     importlib.import_module(f"kiriko.core.{name}")
     assert "bpy" not in sys.modules
 
 
 @pytest.mark.parametrize("name", MODULES)
 def test_core_keeps_to_its_imports(name: str) -> None:
-    """Blender, OpenImageIO and ray engines are imported by blender_*.py, image_io.py and engines.py alone."""
-    packages = imported(CORE / f"{name}.py")
+    """Blender, OpenImageIO and ray engines are imported in core/blender, image_io.py and light/engines.py alone."""
+    packages = imported(PATHS[name])
     assert not packages & {"bpy", "bmesh", "gpu"}
     assert name == "image_io" or "OpenImageIO" not in packages
-    assert name == "engines" or not packages & {"embreex", "mathutils"}
+    assert name == "light.engines" or not packages & {"embreex", "mathutils"}
+
+
+def asked(name: str) -> set[str]:
+    """Files of core that a file imports from."""
+    found, package = set(), name.split(".")[:-1]
+    for node in ast.walk(ast.parse(PATHS[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [node.module])])
+            found |= {base} & PATHS.keys() or {
+                f"{base}.{alias.name}".lstrip(".") for alias in node.names
+            } & PATHS.keys()
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(PATHS))
+def test_rooms_are_in_order(name: str) -> None:
+    """A file imports from its own room or a lower one.
+
+    But the kernel, which serves all rooms, and session.py, where scripts come in.
+    """
+
+    def floor(name: str) -> int:
+        return ROOMS.index(name.rpartition(".")[0])
+
+    if name == "session" or name.startswith("kernel."):
+        return
+    asked_for = {other for other in asked(name) if not other.startswith("kernel.")}
+    assert [other for other in sorted(asked_for) if floor(other) > floor(name)] == []

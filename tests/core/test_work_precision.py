@@ -13,15 +13,15 @@ from marks import ORDER
 from reference_rigs import cube_rig
 from work import drain
 
-from kiriko.core import reference, work_precision
-from kiriko.core.cost import cost
-from kiriko.core.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
 from kiriko.core.errors import RigError
-from kiriko.core.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from kiriko.core.measure import reference, work_precision
+from kiriko.core.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
+from kiriko.core.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from kiriko.core.measure.work_precision import WorkPrecision, _splats, measure, quantisation
 from kiriko.core.rig import MirrorArray
-from kiriko.core.session import Session
 from kiriko.core.settings import LEAST_TOLERANCE, Settings
-from kiriko.core.work_precision import WorkPrecision, _splats, measure, quantisation
+from kiriko.core.solve.cost import cost
+from kiriko.core.solve.session import Session
 
 SIZE = 0.05  # m, side of the display of the reference rigs
 TOLERANCES = (1.0, 0.3, 0.1, 0.03)

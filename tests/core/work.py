@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kiriko.core.session import Session
 from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
 
 
 def drain(generator):

@@ -1,0 +1,84 @@
+"""Which other photograph would tell most of what is off?"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..glass.motion import Motion
+from ..steps import within
+from .fit import Fit, condition_of, covariance_of
+from .misalignment import FEWEST, Bench
+from .offset import moved, parameters, turned
+
+ASIDE = 10.0  # degrees from which another photograph is considered
+NEARER = 0.7  # of the distance to the glass, likewise
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """What another photograph, of the same display from another place, would tell beside the one that was fitted.
+
+    where : the place, from the viewer
+    errors : (p,) standard deviations of the amounts then
+    condition : that of both photographs' movements together
+    gain : bits that it tells of what is off, the second viewer's own place aside
+    """
+
+    where: str
+    errors: Floats
+    condition: float
+    gain: float
+
+
+def extra_photographs(
+    bench: Bench, found: Fit, tolerances: Floats, noise: float = 0.3
+) -> Generator[float, None, list[Extra]]:
+    """Other places to take a photograph from, the most telling first; yields progress.
+
+    The place of the second viewer is as uncertain as that of the first; its focal length is the same.
+    """
+    viewer, pivot = bench.rig.viewer, bench.rig.glasses[0].mesh.bounds.mean(axis=0)
+    right, up, away = viewer.axes
+    places = {
+        f"{ASIDE:g} degrees further right": turned(up, ASIDE, pivot),
+        f"{ASIDE:g} degrees further left": turned(up, -ASIDE, pivot),
+        f"{ASIDE:g} degrees higher": turned(right, -ASIDE, pivot),
+        f"{ASIDE:g} degrees lower": turned(right, ASIDE, pivot),
+        f"{NEARER:g} times the distance": Motion(np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away),
+    }
+    n = len(bench.parameters)
+    own = np.array([p.name.startswith(f"{viewer.name}: ") and p.unit in {"mm", "deg"} for p in bench.parameters])
+    shared = np.flatnonzero(~own)
+    first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
+    columns = np.arange(n)
+    columns[own] = n + np.arange(own.sum())  # of the second viewer's own place
+    # about where the points are: as far away as the glass
+    origins, directions = viewer.rays(bench.view)
+    points = origins + directions * ((pivot - origins) @ away / (directions @ away))[:, None]
+    before = covariance_of(first)[np.ix_(shared, shared)]
+    extras = []
+    for k, (where, motion) in enumerate(places.items()):
+        rig = replace(bench.rig, viewers=(moved(viewer, motion),))
+        theirs = {p.name: p for p in parameters(rig)}  # the second viewer is shifted and turned about its own axes
+        among = [theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)]
+        try:
+            there = Bench(rig, bench.settings, rig.viewer.project(points), among)
+            at = there.seen(np.zeros(n), display=bench.display)
+            there = Bench(rig, bench.settings, at, among)
+            d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
+        except RigError:  # nothing is seen from there
+            continue
+        used = np.isfinite(d).all(axis=(0, 2))
+        if used.sum() < FEWEST:
+            continue
+        second = np.zeros((2 * used.sum(), first.shape[1]))
+        second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
+        both = np.vstack([first, second])
+        covariance = covariance_of(both)
+        after = covariance[np.ix_(shared, shared)]
+        gain = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) / np.log(2)
+        extras.append(Extra(where, np.sqrt(np.diag(covariance))[:n] * tolerances, condition_of(both), float(gain)))
+    return sorted(extras, key=lambda extra: -extra.gain)

@@ -1,0 +1,172 @@
+"""What about a bench may be off, how much is to be expected, and the rig with it off."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from ..glass.motion import Motion, find_motion
+from ..products import turn
+from ..rig import WAVELENGTH, ConstantIndex, Mesh, Plate, Rig, Viewer
+
+# standard deviations to expect, in the parameters' units, of a bench that was set up with rulers and squares
+TOLERANCES = {"shift": 0.5, "turn": 0.1, "index": 0.002, "crossing": 0.02, "mirror": 0.01, "focal": 0.1}
+AXES = ("right", "up", "away")  # as the viewer of the planned rig looks
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Something about a bench that may be off.
+
+    name : part and what about it; unit : of amounts; step : amount for derivatives
+    applied : the rig with an amount of it
+    """
+
+    name: str
+    unit: str
+    step: float
+    applied: Callable[[Rig, float], Rig]
+
+    @property
+    def kind(self) -> str:
+        """A key of TOLERANCES: what about a part may be off, whichever part and axis."""
+        return self.name.rsplit(": ", 1)[-1].split()[0]
+
+
+def parameters(rig: Rig) -> list[Parameter]:
+    """All that may be off: place and angle of each part, indices of the glass, the plate's make, the camera's image."""
+    found = []
+    for kind in ("glasses", "plates", "displays", "viewers"):
+        for number, part in enumerate(getattr(rig, kind)):
+            found += _poses(rig, kind, number, part.name)
+    for number, glass in enumerate(rig.glasses):
+        found.append(Parameter(f"{glass.name}: index", "", 1e-4, _changed("glasses", number, _other_index)))
+    for number, plate in enumerate(rig.plates):
+        if plate.array is not None and plate.array.layout == "crossed":
+            change = _changed("plates", number, _crossed_wrong)
+            found.append(Parameter(f"{plate.name}: crossing angle", "deg", 1e-2, change))
+        if plate.array is not None:
+            found.append(Parameter(f"{plate.name}: mirror height", "mm", 1e-3, _changed("plates", number, _higher)))
+    found.append(Parameter(f"{rig.viewer.name}: focal length", "%", 1e-2, _changed("viewers", 0, _zoomed)))
+    return found
+
+
+def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with amounts by the names of its parameters, and those names that it does not have.
+
+    The picture goes along with the viewer: what is wanted, and measured, is wanted in the viewer's own image.
+    """
+    planned, left = rig, {name: amount for name, amount in amounts.items() if amount}
+    for parameter in parameters(rig):
+        amount = left.pop(parameter.name, 0.0)
+        if amount:
+            rig = parameter.applied(rig, amount)
+    if rig.viewer is not planned.viewer:
+        linear, shift = along_with(planned.viewer, rig.viewer)
+        pictures = tuple(
+            p if p.mesh is None else replace(p, mesh=replace(p.mesh, vertices=turn(linear, p.mesh.vertices) + shift))
+            for p in rig.pictures
+        )
+        rig = replace(rig, pictures=pictures)
+    return rig, tuple(left)
+
+
+def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, tuple[str, ...]]:
+    """The rig with several sets of amounts, one after the other, and the names that it does not have."""
+    unknown: list[str] = []
+    for amounts in offset:
+        rig, names = with_amounts(rig, amounts)
+        unknown += names
+    return rig, tuple(unknown)
+
+
+def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
+    """Where points p go, linear (3, 3) @ p + shift (3,), that are seen in the same pixels, as far away, as before."""
+    zoom = np.diag([*(np.ptp(after.window[k : k + 2]) / np.ptp(before.window[k : k + 2]) for k in (0, 2)), 1.0])
+    linear = after.axes.T @ zoom @ before.axes
+    return linear, after.position - linear @ before.position
+
+
+def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
+    """By name, how the parts moved from one rig to another that differs by amounts."""
+    found = {}
+    for kind in ("glasses", "plates", "displays"):
+        for a, b in zip(getattr(before, kind), getattr(after, kind), strict=True):
+            if a.mesh is not b.mesh:
+                found[a.name] = find_motion(a.mesh, b.mesh)
+    for a, b in zip(before.viewers, after.viewers, strict=True):
+        if a.position is not b.position:
+            rotation = b.axes.T @ a.axes
+            found[a.name] = Motion(rotation, b.position - rotation @ a.position)
+    return found
+
+
+def _poses(rig: Rig, kind: str, number: int, name: str) -> Iterator[Parameter]:
+    """Shifts of a part along the viewer's axes, in mm, and turns about these through its own middle, in degrees."""
+    part = getattr(rig, kind)[number]
+    middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
+    for word, axis in zip(AXES, rig.viewer.axes, strict=True):
+        shift = _changed(kind, number, lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)))
+        yield Parameter(f"{name}: shift {word}", "mm", 1e-2, shift)
+    for word, axis in zip(AXES, rig.viewer.axes, strict=True):
+        turn = _changed(kind, number, lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)))
+        yield Parameter(f"{name}: turn about {word}", "deg", 1e-2, turn)
+
+
+def turned(axis: Floats, degrees: float, about: Floats) -> Motion:
+    """Turn about an axis (3,), unit, through a point (3,)."""
+    # Rodrigues' formula
+    x, y, z = axis
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    a = np.radians(degrees)
+    rotation = np.eye(3) + np.sin(a) * k + (1 - np.cos(a)) * (k @ k)
+    return Motion(rotation, about - rotation @ about)
+
+
+def moved(part, motion: Motion):
+    """A glass, plate, display or viewer elsewhere."""
+    if isinstance(part, Viewer):
+        return replace(part, position=motion.points(part.position), axes=motion.directions(part.axes))
+    mesh = _moved_mesh(part.mesh, motion)
+    if not isinstance(part, Plate):
+        return replace(part, mesh=mesh)
+    side, centre = part.side, part.centre
+    return replace(
+        part,
+        mesh=mesh,
+        side=None if side is None else motion.directions(side),
+        centre=None if centre is None else motion.points(centre),
+    )
+
+
+def _moved_mesh(mesh: Mesh, motion: Motion) -> Mesh:
+    normals = None if mesh.corner_normals is None else motion.directions(mesh.corner_normals)
+    return replace(mesh, vertices=motion.points(mesh.vertices), corner_normals=normals)
+
+
+def _changed(kind: str, number: int, change: Callable) -> Callable[[Rig, float], Rig]:
+    """Of a rig, with one part changed by an amount."""
+
+    def applied(rig: Rig, amount: float) -> Rig:
+        parts = list(getattr(rig, kind))
+        parts[number] = change(parts[number], amount)
+        return replace(rig, **{kind: tuple(parts)})
+
+    return applied
+
+
+def _other_index(glass, amount: float):
+    return replace(glass, ior=ConstantIndex(glass.ior(WAVELENGTH) + amount))
+
+
+def _crossed_wrong(plate: Plate, degrees: float) -> Plate:
+    return replace(plate, array=replace(plate.array, crossing_error=plate.array.crossing_error + np.radians(degrees)))
+
+
+def _higher(plate: Plate, mm: float) -> Plate:
+    return replace(plate, array=replace(plate.array, height=plate.array.height + 1e-3 * mm))
+
+
+def _zoomed(viewer: Viewer, percent: float) -> Viewer:
+    return replace(viewer, window=tuple(x / (1 + percent / 100) for x in viewer.window))

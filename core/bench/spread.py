@@ -1,0 +1,137 @@
+"""Where does a picture's light land, and how large has a display to be for it?
+
+Points spread evenly over the picture are traced from the viewer, straight through them, to the display's plane. Each
+stands for the part of the picture around it, as the viewer sees it.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..light.landings import REASON_WORDS, Reason
+from ..light.plan import Plan
+from ..light.trace import tracing
+from ..rig import Picture
+from ..steps import at
+
+GRID = 128  # points along each edge of a triangle of the picture whose rays are followed
+CHUNK = 5000  # rays traced together
+MOST = 0.95  # share of the light without its outermost part
+THIRDS = 1 / 3, 2 / 3  # of the picture's sides
+SEVERAL = "several parts of the picture"
+MOSTLY = 0.5  # share of the outermost light that has to come from a part of the picture for that part to be named
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """The light of a picture on the plane of its display.
+
+    places : (n, 2) in the picture's UV
+    across : (n, 2) m, along the display's width and height, from its middle to the landings
+    weight : (n,) share of the picture
+    beside : (m, 2) as places, of light that lands beside the display
+    beside_weight : (m,) share of the picture
+    lost : shares of the picture that do not arrive, by reason; what is out of the viewer's sight does not count
+    leaked : share of the picture whose light goes through gaps in open glass
+    """
+
+    places: Floats
+    across: Floats
+    weight: Floats
+    beside: Floats
+    beside_weight: Floats
+    lost: dict[str, float]
+    leaked: float
+
+    def width(self, aspect: float, share: float = 1.0) -> float:
+        """Width, m, of a display, `aspect` times as wide as high, on which this share of what arrives lands."""
+        if not len(self.across):
+            return 0.0
+        half = self._half_widths(aspect)
+        order = np.argsort(half)
+        within = np.cumsum(self.weight[order])
+        last = np.searchsorted(within, share * within[-1]) if share < 1 else len(order) - 1
+        return 2 * float(half[order[last]])
+
+    def outermost(self, aspect: float) -> str:
+        """From which part of the picture the light comes that lands furthest from the display's middle, in words."""
+        is_far = 2 * self._half_widths(aspect) > self.width(aspect, MOST)
+        return part_of_picture(self.places[is_far], self.weight[is_far])
+
+    def _half_widths(self, aspect: float) -> Floats:
+        return np.maximum(np.abs(self.across[:, 0]), np.abs(self.across[:, 1]) * aspect)
+
+
+def part_of_picture(places: Floats, weight: Floats) -> str:
+    """The part of a picture in which most of these places (n, 2) lie, in its UV, by their weight (n,), in words."""
+    if not len(places):
+        return SEVERAL
+    column, row = np.digitize(places, THIRDS).T
+    of_part = np.zeros((3, 3))
+    np.add.at(of_part, (row, column), weight / weight.sum())
+
+    row, column = np.unravel_index(of_part.argmax(), (3, 3))
+    if of_part[row, column] >= MOSTLY:
+        words = [("lower", "", "upper")[row], ("left", "", "right")[column]]
+        kind = "corner" if all(words) else "side"
+        return f"the picture's {' '.join(filter(None, words))} {kind}" if any(words) else "the picture's middle"
+    sides = {"lower": of_part[0], "upper": of_part[2], "left": of_part[:, 0], "right": of_part[:, 2]}
+    side = max(sides, key=lambda word: sides[word].sum())
+    return f"the picture's {side} side" if sides[side].sum() >= MOSTLY else SEVERAL
+
+
+def points_of(picture: Picture) -> tuple[Floats, Floats, Floats]:
+    """Points (n, 3) spread evenly over the triangles of a picture, their UV (n, 2) and the area (n,) each stands for.
+
+    A triangle is divided into small ones; a third of each belongs to each of its corners.
+    """
+    a, b = (x.ravel() for x in np.meshgrid(np.arange(GRID + 1), np.arange(GRID + 1)))
+    a, b = a[a + b <= GRID], b[a + b <= GRID]
+    c = GRID - a - b
+    n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
+    area = np.array([6, 3, 1])[n_at_borders] / (3 * GRID**2)
+
+    corners = picture.mesh.corners
+    weights = np.stack([a, b, c], axis=1) / GRID
+    points, uv = (np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1]) for x in (corners, picture.mesh.uv))
+    sides = corners[:, 1:] - corners[:, :1]
+    whole = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return points, uv, (whole[:, None] * area).ravel()
+
+
+def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Spread]:
+    """Trace the light of the picture, which faces the viewer; yields progress 0..1.
+
+    Parameters
+    ----------
+    plan : of a rig whose display is as large as allowed
+    display_frame : (4, 4) of the display, m
+    """
+    viewer = plan.rig.viewer
+    points, uv, area = points_of(plan.rig.picture)
+    xy = viewer.project(points)
+    is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
+    origins, directions = viewer.rays(xy[is_seen])
+    uv, weight = uv[is_seen], area[is_seen] / max(area[is_seen].sum(), np.finfo(float).tiny)
+
+    across, reason = np.full((len(uv), 2), np.nan), np.zeros(len(uv), int)
+    has_leaked = np.zeros(len(uv), bool)
+    for first in range(0, len(uv), CHUNK):
+        some = slice(first, first + CHUNK)
+        landings = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
+        across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
+        reason[some], has_leaked[some] = landings.reason, landings.leak >= 0
+
+    lost = {word: float(weight[reason == number].sum()) for number, word in REASON_WORDS.items()}
+    arrived, beside = reason == Reason.ARRIVED, reason == Reason.MISSED_DISPLAY
+    return Spread(
+        places=uv[arrived],
+        across=across[arrived],
+        weight=weight[arrived],
+        beside=uv[beside],
+        beside_weight=weight[beside],
+        lost={word: share for word, share in lost.items() if share > 0},
+        leaked=float(weight[has_leaked].sum()),
+    )

@@ -1,0 +1,1 @@
+"""All that knows Blender: the scene is read here, and results are written."""

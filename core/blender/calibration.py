@@ -1,0 +1,178 @@
+"""Puts what a calibration found into the scene: objects moved, settings changed. All of it, or nothing."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..bench.offset import along_with, part_motions, with_offset
+from ..errors import RigError
+from ..image.picture import view_of_picture
+from ..light.display import display_pixel
+from ..rig import WAVELENGTH, Rig
+from .scene import Reading, length_of_unit, object_matrix
+
+NEAR = 0.1  # px of display and viewer: so near, in single precision, everything has to come to be as fitted
+SINGLE = 1e-6  # what single precision leaves of numbers of about 1
+PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
+
+
+@contextmanager
+def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]) -> Iterator[None]:
+    """Make the scene show the rig that a reading has with its offset; the offset goes. Undone if what is within fails.
+
+    Parameters
+    ----------
+    read : reads the scene again; what it finds has to be that rig, or nothing is changed
+
+    Raises
+    ------
+    RigError : a part is gone, or held where it is by something else: a constraint, an animation, a parent
+    """
+    _, unknown = with_offset(reading.drawn, json.loads(scene.kiriko.calibration.offset or "[]"))
+    if unknown:
+        raise RigError(
+            f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate again, or remove the"
+            " offset."
+        )
+    undo = _Undo()
+    try:
+        _move(scene, reading, undo)
+        _change(reading, undo)
+        undo.set(scene.kiriko.calibration, "offset", "")
+        _compare(read().rig, reading.rig)
+        yield
+    except BaseException:
+        undo.all()
+        bpy.context.view_layer.update()  # so that a script sees the objects where they are
+        raise
+
+
+class _Undo:
+    """Values as they were, to put back in the reverse order."""
+
+    def __init__(self) -> None:
+        self._before: list[tuple[Any, str, Any]] = []
+
+    def keep(self, owner: Any, *names: str) -> None:
+        for name in names:
+            value = getattr(owner, name)
+            self._before.append((owner, name, value[:] if hasattr(value, "__len__") else value))
+
+    def set(self, owner: Any, name: str, value: Any) -> None:
+        self.keep(owner, name)
+        setattr(owner, name, value)
+
+    def all(self) -> None:
+        for owner, name, value in reversed(self._before):
+            setattr(owner, name, value)
+
+
+def _object(name: str) -> bpy.types.Object:
+    thing = bpy.data.objects.get(name)
+    if thing is None:
+        raise RigError(f"'{name}' is an instance, and cannot be moved alone: keep the offset instead.")
+    for block in (thing, thing.data):
+        if block is not None and not block.is_editable:
+            raise RigError(f"'{name}' is linked from another file, and would not stay as it is set: keep the offset.")
+        animation = None if block is None else block.animation_data
+        if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+            raise RigError(f"'{name}' is animated, and would not stay as it is set: keep the offset instead.")
+    return thing
+
+
+def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
+    """Move objects of parts that are off, and the picture; parents first, for they take their children along."""
+    motions = part_motions(reading.drawn, reading.rig)
+    moves = {name: (motion.rotation, motion.shift) for name, motion in motions.items()}
+    for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
+        if a.mesh is not b.mesh:
+            moves[b.name] = along_with(reading.drawn.viewer, reading.rig.viewer)
+    targets = []
+    for name, (linear, shift) in moves.items():
+        thing, matrix = _object(name), object_matrix(linear, shift, length_of_unit(scene))
+        depth, parent = 0, thing.parent
+        while parent is not None:
+            depth, parent = depth + 1, parent.parent
+        targets.append((depth, name, thing, Matrix(matrix @ np.array(thing.matrix_world, float))))
+    for _, _, thing, target in sorted(targets, key=lambda entry: entry[:2]):
+        undo.keep(thing, *PLACE)
+        thing.matrix_world = target
+        bpy.context.view_layer.update()
+
+
+def _change(reading: Reading, undo: _Undo) -> None:
+    """Set indices, what plates are made of, and the focal length, where they are not as the scene has them."""
+    for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
+        if a.ior(WAVELENGTH) != b.ior(WAVELENGTH):
+            ours = _object(b.name).kiriko
+            undo.set(ours, "use_ior", True)
+            undo.set(ours, "ior", b.ior(WAVELENGTH))
+    for a, b in zip(reading.drawn.plates, reading.rig.plates, strict=True):
+        if a.array != b.array:
+            ours = _object(b.name).kiriko.plate
+            undo.set(ours, "crossing_error", b.array.crossing_error)
+            undo.set(ours, "height", b.array.height / b.array.pitch)
+    drawn, fitted = (np.ptp(rig.viewer.window[:2]) for rig in (reading.drawn, reading.rig))
+    if drawn != fitted:
+        lens = _object(reading.rig.viewer.name).data
+        if lens.type == "ORTHO":
+            undo.set(lens, "ortho_scale", lens.ortho_scale * fitted / drawn)
+        else:
+            undo.set(lens, "lens", lens.lens * drawn / fitted)
+
+
+def _compare(found: Rig, wanted: Rig) -> None:
+    """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
+    viewer, pixel = wanted.viewer, display_pixel(wanted.display)
+    for kind in ("glasses", "plates", "displays", "mirrors", "blockers"):
+        for a, b in zip(getattr(found, kind), getattr(wanted, kind), strict=True):
+            if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(a, b):
+                raise _held(b.name)
+    across = np.ptp(viewer.window[:2]) / viewer.width  # of a viewer pixel at unit distance, or of its plane
+    reach = 1.0 if viewer.projection == "perspective" else np.abs(wanted.display.mesh.vertices - viewer.position).max()
+    if (
+        np.abs(found.viewer.position - viewer.position).max() > NEAR * pixel
+        or np.abs(found.viewer.axes - viewer.axes).max() * reach > NEAR * across
+        or np.abs(np.subtract(found.viewer.window, viewer.window)).max() > NEAR * across
+    ):
+        raise _held(viewer.name)
+    uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
+    for a, b in zip(found.pictures, wanted.pictures, strict=True):
+        off = view_of_picture(a, found.viewer, uv) - view_of_picture(b, viewer, uv)
+        if np.abs(off).max() > NEAR:
+            raise _held(b.name)
+
+
+def _held(name: str) -> RigError:
+    return RigError(
+        f"'{name}' does not come to be as fitted (a constraint, a parent or shared data holds it, or takes it along):"
+        " keep the offset instead."
+    )
+
+
+def _is_made_like(a: Any, b: Any) -> bool:
+    """Have two parts the same index, or mirrors, to single precision?"""
+    if hasattr(a, "ior"):
+        return abs(a.ior(WAVELENGTH) - b.ior(WAVELENGTH)) < SINGLE
+    if getattr(a, "array", None) is not None:
+        return abs(a.array.crossing_error - b.array.crossing_error) < SINGLE and (
+            abs(a.array.height - b.array.height) < SINGLE * a.array.pitch
+        )
+    return True
+
+
+@contextmanager
+def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
+    """Keep what calibrations found, amounts by the parameters' names. Undone if what is within fails."""
+    ours = scene.kiriko.calibration
+    before, ours.offset = ours.offset, json.dumps(offset)
+    try:
+        yield
+    except BaseException:
+        ours.offset = before
+        raise

@@ -1,0 +1,164 @@
+"""Makes Image datablocks of pixels, and saves them within the file."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ImageError
+from ..image_io import encode
+
+LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")  # its names through the versions
+
+
+@contextmanager
+def or_none(image: bpy.types.Image) -> Iterator[None]:
+    """Remove a new image again if what is within, which makes it whole, goes wrong."""
+    try:
+        yield
+    except BaseException:
+        bpy.data.images.remove(image)
+        raise
+
+
+def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
+    """New float image datablock.
+
+    Parameters
+    ----------
+    name : wanted name; Blender adds a number where it is taken
+    pixels : (h, w, 3 or 4) float, linear Rec.709, row 0 at the top
+    """
+    pixels = np.asarray(pixels, np.float32)
+    height, width, channels = pixels.shape
+    image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True)
+    with or_none(image):
+        spaces = {item.identifier for item in image.colorspace_settings.bl_rna.properties["name"].enum_items}
+        linear = next((space for space in LINEAR if space in spaces), None)
+        if linear is not None:  # else a colour configuration of the user's own: a new float image is scene linear there
+            image.colorspace_settings.name = linear
+        set_pixels(image, pixels)
+    return image
+
+
+def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give a float image of the same size other pixels (h, w, 3 or 4), linear, row 0 at the top; it stays unsaved."""
+    height, width, channels = pixels.shape
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :channels] = pixels[::-1]
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+
+
+def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
+    """Pixels (h, w, 4) float32 as Blender holds them, row 0 at the top."""
+    width, height = image.size
+    rgba = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(rgba)
+    return rgba.reshape(height, width, 4)[::-1].copy()
+
+
+def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
+    """New packed 8-bit sRGB image of linear pixels (h, w, 3), row 0 at the top: small in the file, for pictures."""
+    encoded = encode(pixels)[::-1]
+    height, width, _ = encoded.shape
+    rgba = np.concatenate([encoded, np.ones((height, width, 1))], axis=2).astype(np.float32)
+    image = bpy.data.images.new(name, width, height, alpha=False)
+    with or_none(image):
+        image.pixels.foreach_set(rgba.ravel())
+        image.update()
+        image.pack()
+    return image
+
+
+def pack(image: bpy.types.Image, name: str) -> None:
+    """Save a float image within the file as `name`.exr, every number exact.
+
+    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in each undo step. But it
+    needs no file: it is what is left where there is no room for one.
+    """
+    try:
+        data = _compressed(image)
+    except (OSError, RuntimeError):  # the second is how Blender says the same
+        image.pack()
+    else:
+        image.pack(data=data, data_len=len(data))
+        image.source = "FILE"  # from now on the packed file is what the image is read from
+    image.filepath_raw = f"//{name}.exr"
+
+
+def _compressed(image: bpy.types.Image) -> bytes:
+    """An OpenEXR file of an image."""
+    scene = bpy.data.scenes.new("Kiriko Packing")  # save_render takes the format from a scene
+    try:
+        form = scene.render.image_settings
+        form.file_format = "OPEN_EXR"
+        form.color_mode, form.color_depth, form.exr_codec = "RGBA" if image.depth == 128 else "RGB", "32", "ZIP"
+        with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
+            path = Path(folder) / "packed.exr"
+            image.save_render(str(path), scene=scene)
+            return path.read_bytes()
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
+    """Write whole numbers (h, w, 1, 3 or 4) of 8 or 16 bit as they are to a PNG file, by Blender's own means.
+
+    Raises
+    ------
+    ImageError
+        The file cannot be written, or is not whole after it.
+    """
+    height, width, channels = numbers.shape
+    top = np.iinfo(numbers.dtype).max
+    rgba = np.full((height, width, 4), top, numbers.dtype)
+    rgba[..., :channels] = numbers[::-1] if channels != 1 else np.repeat(numbers[::-1], 4, axis=2)
+    # without a colour space, so that nothing is converted
+    image = bpy.data.images.new("Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True)
+    try:
+        image.pixels.foreach_set((rgba / np.float32(top)).astype(np.float32).ravel())
+        image.update()
+        _save_as_it_is(image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8")
+    except RuntimeError as reason:
+        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.") from None
+    finally:
+        bpy.data.images.remove(image)
+    if not _holds(path, rgba):
+        raise ImageError(f"The file '{path}' is not whole after writing: check the disk.")
+
+
+def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:
+    """Write an image's numbers to a PNG file, by the settings of a scene of its own."""
+    scene = bpy.data.scenes.new("Kiriko PNG")
+    try:
+        form = scene.render.image_settings
+        form.file_format, form.color_mode, form.color_depth = "PNG", mode, depth
+        form.color_management = "OVERRIDE"
+        form.view_settings.view_transform = "Raw"
+        scene.render.dither_intensity = 0.0
+        image.save_render(str(path), scene=scene)
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def _holds(path: Path, rgba: NDArray[np.integer]) -> bool:
+    """Does a file hold these numbers (h, w, 4), row 0 at the bottom?"""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError:
+        return False
+    try:
+        image.colorspace_settings.is_data = True
+        if tuple(image.size) != rgba.shape[1::-1]:
+            return False
+        found = np.empty(rgba.size, np.float32)
+        image.pixels.foreach_get(found)
+        return np.array_equal(np.rint(found * np.float32(np.iinfo(rgba.dtype).max)), rgba.ravel())
+    finally:
+        bpy.data.images.remove(image)

@@ -1,0 +1,229 @@
+"""A new rig in Blender: what stands on the bench before, and the objects that are made. All of them, or none."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..bench.placement import Proposal, lattice
+from ..errors import RigError
+from ..rig import Blocker, ConstantIndex, Glass, Mirror, Rig
+from . import shaders
+from .bodies import bodiless
+from .image import encoded_image
+from .mesh import in_world, read_local
+from .objects import Workbench, ball_mesh
+from .scene import DEFAULT_IOR, Kept, Part, read_glass, read_parts, read_plate, role_label
+from .units import length_of_unit
+from .visibility import Shown
+
+BALL = "Kiriko Ball"
+BALL_RADIUS = 0.025  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What a new rig is built around.
+
+    glasses : objects that are to be glass; none: a ball is made
+    rig : all the glass, and the plates, mirrors and blockers that are there
+    bounds : (2, 3) of those glasses, world, m
+    opaque : those of them whose material does not refract
+    """
+
+    glasses: tuple[bpy.types.Object, ...]
+    rig: Rig
+    bounds: Floats
+    opaque: tuple[bpy.types.Object, ...]
+
+
+def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
+    """Those of the selected objects that can be glass.
+
+    Raises RigError where there are some, but none that can.
+    """
+    reasons = {thing: bodiless(thing) for thing in things}
+    for thing in things:
+        if thing.kiriko.role not in {"NONE", "GLASS"}:
+            reasons[thing] = f"it has the role {role_label(thing)}"
+    found = tuple(thing for thing, why in reasons.items() if not why)
+    if things and not found:
+        thing, why = next(iter(reasons.items()))
+        raise RigError(f"'{thing.name}' cannot be glass, for {why}: select your glass, or nothing for a ball.")
+    return found
+
+
+def read_bench(context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> Bench:
+    """Read what stands there, with these objects as glass; nothing is changed.
+
+    Raises
+    ------
+    RigError : one of them encloses nothing, or is not shown
+    """
+    metres = length_of_unit(scene)
+    with _as_glass(glasses):
+        context.view_layer.update()
+        parts, _ = read_parts(context.evaluated_depsgraph_get(), scene, metres, Kept())
+    by_role: dict[str, list[Part]] = {}
+    for part in parts:
+        by_role.setdefault("GLASS" if part.owner in glasses else part.role, []).append(part)
+
+    solids = [part for part in by_role.get("GLASS", []) if len(part.mesh.triangles)]
+    read = [read_glass(part) for part in solids]
+    found = [glass for glass, _, _ in read]
+    opaque = {m.object_name for _, materials, _ in read for m in materials if m.source == "default"}
+    if glasses:
+        chosen = [part for part in solids if part.owner in glasses]
+        _check_bodies(glasses, chosen, Shown(scene, context.view_layer))
+        meshes = [part.mesh for part in chosen]
+    else:
+        found.append(_ball(scene, metres))
+        meshes = [found[-1].mesh]
+    corners = np.stack([mesh.bounds for mesh in meshes])
+    rig = Rig(
+        viewers=(),
+        glasses=tuple(found),
+        plates=tuple(read_plate(part) for part in by_role.get("PLATE", [])),
+        displays=(),
+        mirrors=tuple(Mirror(part.name, part.mesh) for part in by_role.get("MIRROR", [])),
+        blockers=tuple(Blocker(part.name, part.mesh) for part in by_role.get("BLOCKER", [])),
+    )
+    bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+    return Bench(glasses, rig, bounds, tuple(thing for thing in glasses if thing.name in opaque))
+
+
+@contextmanager
+def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
+    """Objects have the role Glass within, and what they had before afterwards."""
+    before = [(thing.kiriko, thing.kiriko.role) for thing in things]
+    try:
+        for ours, _ in before:
+            ours.role = "GLASS"
+        yield
+    finally:
+        for ours, role in before:
+            ours.role = role
+
+
+def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown: Shown) -> None:
+    """Raise RigError for what cannot be glass as it stands. The parts are those with faces."""
+    met = {part.owner for part in parts}
+    for thing in things:
+        if by := shown.hidden_by(thing):
+            raise RigError(f"'{thing.name}' is hidden{by} and cannot be glass: show it, or deselect it.")
+        # the surface of a family of metaballs is that of one of them
+        if thing not in met and (thing.type != "META" or not met):
+            raise RigError(f"'{thing.name}' has no faces and cannot be glass: give it some, or deselect it.")
+    for part in parts:
+        name = f"'{part.owner.name}'" if part.name == part.owner.name else f"'{part.name}' of '{part.owner.name}'"
+        part.mesh.check(f"The glass {name}")
+        if part.mesh.is_flat:
+            raise RigError(
+                f"{name} is no closed body, but flat: give it a thickness, as by a Solidify modifier, or deselect it."
+            )
+
+
+def _ball_frame(scene: bpy.types.Scene) -> Floats:
+    """Where a ball is made: at the 3D cursor, Blender units."""
+    at = np.eye(4)
+    at[:3, 3] = scene.cursor.location
+    return at
+
+
+def _ball(scene: bpy.types.Scene, metres: float) -> Glass:
+    """The ball that is made where no glass is selected, as it will be read."""
+    mesh = ball_mesh(BALL, BALL_RADIUS / metres)
+    try:
+        local = read_local(mesh, has_normals=True)
+    finally:
+        bpy.data.meshes.remove(mesh)
+    world = np.diag([metres, metres, metres, 1.0]) @ _ball_frame(scene)
+    return Glass(BALL, in_world(local, world)[0], ConstantIndex(DEFAULT_IOR))
+
+
+def make_rig(
+    scene: bpy.types.Scene,
+    bench: Bench,
+    proposal: Proposal,
+    viewer_resolution: tuple[int, int] | None,
+    display_resolution: tuple[int, int],
+) -> None:
+    """Make the proposal's objects, and give the glasses their role.
+
+    Parameters
+    ----------
+    viewer_resolution : None: the viewer has the pixels of the scene's render
+    """
+    before = _values(scene, bench.glasses)
+    made = Workbench(scene, "Kiriko Rig")
+    try:
+        for thing in bench.glasses or (_make_ball(scene, made),):
+            thing.kiriko.role = "GLASS"
+        _make_parts(scene, made, proposal, display_resolution)
+        _make_viewer(scene, made, proposal, viewer_resolution)
+    except BaseException:
+        made.clear()
+        for owner, name, value in before:
+            setattr(owner, name, value)
+        raise
+
+
+def _values(scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> list[tuple[Any, str, Any]]:
+    """All that is changed of what is there already: owner, name, value."""
+    names = (
+        (scene, ("camera",)),
+        (scene.kiriko, ("viewer", "picture_source")),
+        *((thing.kiriko, ("role",)) for thing in glasses),
+    )
+    return [(owner, name, getattr(owner, name)) for owner, group in names for name in group]
+
+
+def _make_ball(scene: bpy.types.Scene, made: Workbench) -> bpy.types.Object:
+    ball = made.ball(BALL, _ball_frame(scene), BALL_RADIUS / length_of_unit(scene))
+    ball.data.materials.append(made.material("Kiriko Glass", lambda m: shaders.be_glass(m, DEFAULT_IOR, True)))
+    return ball
+
+
+def _make_parts(scene: bpy.types.Scene, made: Workbench, proposal: Proposal, pixels: tuple[int, int]) -> None:
+    """Plate, picture and display."""
+    metres, where, (columns, rows) = length_of_unit(scene), proposal.placement, pixels
+    side = proposal.plate / metres
+    plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
+    plate.kiriko.role, plate.display_type = "PLATE", "WIRE"
+    plate.data.materials.append(made.material("Kiriko Ideal Plate", shaders.be_plate))
+
+    side = proposal.picture / metres
+    picture = made.rectangle("Kiriko Picture", _in_units(where.picture, metres), side, side)
+    picture.kiriko.role, scene.kiriko.picture_source = "PICTURE", "PLANE"
+    image = made.keep(encoded_image("Kiriko Lattice", lattice()))
+    picture.data.materials.append(made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image)))
+    for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(picture, f"visible_{kind}", False)  # a guide: in the artist's own renders the light itself is there
+
+    width = proposal.display / metres
+    display = made.rectangle("Kiriko Display", _in_units(where.display, metres), width, width * rows / columns)
+    display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
+
+
+def _make_viewer(
+    scene: bpy.types.Scene, made: Workbench, proposal: Proposal, resolution: tuple[int, int] | None
+) -> None:
+    """The viewer's camera. It becomes the scene's only where there is none: an artist's own goes on being rendered."""
+    metres = length_of_unit(scene)
+    frame = _in_units(proposal.placement.viewer, metres)
+    viewer = made.camera("Kiriko Viewer", frame, proposal.viewer_distance / metres, proposal.field / metres)
+    if resolution is not None:
+        viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
+    scene.kiriko.viewer = viewer
+    scene.camera = scene.camera or viewer
+
+
+def _in_units(frame: Floats, metres: float) -> Floats:
+    """A frame (4, 4), m, in Blender units."""
+    scaled = frame.copy()
+    scaled[:3, 3] /= metres
+    return scaled

@@ -1,0 +1,121 @@
+"""Makes objects: those of a new rig, all of them or none, and what shows a result in the scene."""
+
+from collections.abc import Callable
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..arrays import Bools, Floats
+
+OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
+
+
+class Workbench:
+    """A new collection and what is made in it. Frames (4, 4) and lengths are in Blender units."""
+
+    def __init__(self, scene: bpy.types.Scene, name: str) -> None:
+        self._made: list[bpy.types.ID] = []
+        self.collection = self.keep(bpy.data.collections.new(name))
+        scene.collection.children.link(self.collection)
+
+    def keep(self, block: bpy.types.ID) -> bpy.types.ID:
+        """Count a datablock among those made here."""
+        self._made.append(block)
+        return block
+
+    def clear(self) -> None:
+        """Remove everything made so far."""
+        bpy.data.batch_remove(self._made)
+
+    def _object(self, name: str, data: bpy.types.ID, frame: Floats) -> bpy.types.Object:
+        thing = self.keep(bpy.data.objects.new(name, data))
+        thing.matrix_world = Matrix(np.asarray(frame).tolist())
+        self.collection.objects.link(thing)
+        return thing
+
+    def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
+        """A plane whose front is the frame's third axis, with UV from its lower left to its upper right corner."""
+        mesh = self.keep(bpy.data.meshes.new(name))
+        x, y = width / 2, height / 2
+        mesh.from_pydata([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)])
+        mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
+        return self._object(name, mesh, frame)
+
+    def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
+        """A smooth-shaded icosphere of 20480 triangles."""
+        return self._object(name, self.keep(ball_mesh(name, radius)), frame)
+
+    def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
+        """A perspective camera that sees a square `field` wide at a distance, and is drawn half as large."""
+        camera = self.keep(bpy.data.cameras.new(name))
+        camera.sensor_fit = "AUTO"
+        camera.angle = 2 * np.arctan(field / (2 * distance))
+        camera.clip_start, camera.clip_end = 1e-3 * distance, 1e3 * distance
+        camera.display_size = 0.5 * field
+        return self._object(name, camera, frame)
+
+    def material(self, name: str, build: Callable[[bpy.types.Material], None]) -> bpy.types.Material:
+        """A material whose nodes are made by `build`."""
+        material = self.keep(bpy.data.materials.new(name))
+        build(material)
+        return material
+
+
+def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
+    """A smooth-shaded icosphere of 20480 triangles."""
+    shape = bmesh.new()
+    bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
+    mesh = bpy.data.meshes.new(name)
+    shape.to_mesh(mesh)
+    shape.free()
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
+    mesh.update()
+    return mesh
+
+
+def grid_object(
+    scene: bpy.types.Scene, name: str, positions: Floats, is_shown: Bools, values: Floats
+) -> bpy.types.Object:
+    """An object, seen in the viewport only, of a grid's squares whose corners are all shown; it replaces one before.
+
+    Parameters
+    ----------
+    positions : (m, n, 3) world, Blender units
+    is_shown : (m, n)
+    values : (m, n) kept as the point attribute `brightness`, and as grey in `Brightness`, brightest white
+    """
+    index = np.arange(is_shown.size).reshape(is_shown.shape)
+    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    quads = quads[is_shown.ravel()[quads].all(axis=1)]
+    used, corners = np.unique(quads, return_inverse=True)
+    points = positions.reshape(-1, 3)[used]
+    centre = points.mean(axis=0)
+    shown = values.ravel()[used].astype(np.float32)
+    grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
+    grey[:, 3] = 1.0
+    mesh = bpy.data.meshes.new(name)
+    try:
+        mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
+        mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
+        colours = mesh.color_attributes.new("Brightness", "FLOAT_COLOR", "POINT")
+        colours.data.foreach_set("color", grey.ravel())
+        mesh.color_attributes.active_color = colours
+        mesh.update()
+    except BaseException:
+        bpy.data.meshes.remove(mesh)
+        raise
+    thing = next((o for o in scene.objects if o.get(OURS) == name), None)
+    if thing is None:
+        thing = bpy.data.objects.new(name, mesh)
+        thing[OURS] = name
+        thing.hide_render, thing.show_wire = True, True
+        scene.collection.objects.link(thing)
+    else:
+        old, thing.data = thing.data, mesh
+        if old.users == 0:
+            bpy.data.meshes.remove(old)
+        mesh.name = name
+    thing.matrix_world = Matrix.Translation(centre)
+    return thing

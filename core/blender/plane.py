@@ -1,0 +1,211 @@
+"""A picture's plane: the image that it shows, which is the one that is solved, and its shape beside that image's."""
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..words import percent
+from . import shaders
+from .material import Texture, find_texture, read_texture
+from .mesh import column, sides, used_slots, uv_axes, uv_layer
+from .picture import UNREADABLE, check_readable
+from .resize import NEAR, refuse_held, rescale
+
+MATERIAL = "Kiriko Picture"
+UNSEEN = 0.005  # share of a side: what is squeezed by less looks as it should
+ALONG = 1e-5  # of its length: how far a direction may be off an axis that it goes along
+FIT_BUTTON = "press Fit to Image in the Kiriko tab"
+
+
+def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
+    """The materials in an object's own slots that are on its faces, those on most faces first."""
+    slots = thing.material_slots
+    order = used_slots(thing.data) if thing.type == "MESH" else range(len(slots))
+    materials = dict.fromkeys(slots[min(k, len(slots) - 1)].material for k in order) if slots else {}
+    return [material for material in materials if material is not None]
+
+
+def own_texture(thing: bpy.types.Object) -> Texture | None:
+    """The image texture of an object's own materials; None if there is none."""
+    textures = map(read_texture, own_materials(thing))
+    return next((texture for texture in textures if texture is not None), None)
+
+
+def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
+    """The image that was chosen for a plane; None where none was, so that its material alone tells the picture.
+
+    Once the plane's own material shows what was chosen, the material is the only truth: who changes the image there,
+    changes the picture.
+    """
+    texture = own_texture(thing) if thing.kiriko.is_image_shown else None
+    return thing.kiriko.image if texture is None else texture.image
+
+
+def image_of(thing: bpy.types.Object) -> bpy.types.Image | None:
+    """The picture of a plane, as far as the object itself tells it."""
+    image, texture = chosen_image(thing), own_texture(thing)
+    return texture.image if image is None and texture is not None else image
+
+
+def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
+    """Make an object's own material show an image; returns whether it can.
+
+    What others use, too, is copied before it is changed, and the copy linked to the object, so that they keep theirs.
+    """
+    data = thing.data
+    if image.type in UNREADABLE or not thing.is_editable or not hasattr(data, "materials"):
+        return False
+    if not thing.material_slots:
+        if not data.is_editable:
+            return False
+        data.materials.append(None)
+    for is_empty in (False, True):
+        for material in own_materials(thing):
+            if find_texture(material, is_empty=is_empty) is not None:
+                node = _own_node(thing, material, is_empty)
+                old, node.image = node.image, image
+                _keep(old)
+                return True
+    _give_material(thing, image)
+    return True
+
+
+def _own_node(thing: bpy.types.Object, material: bpy.types.Material, is_empty: bool) -> bpy.types.Node:
+    """The image texture of a material of an object, in a material and in node groups that no one else uses."""
+    own = {thing, thing.data} if thing.data.users == 1 else {thing}
+    if not material.is_editable or bpy.data.user_map(subset=[material])[material] - own:
+        shared, material = material, material.copy()
+        for slot in thing.material_slots:
+            if slot.material == shared:
+                slot.link = "OBJECT"
+                slot.material = material
+    while True:
+        node, groups, _ = find_texture(material, is_empty=is_empty)
+        shared = next((g for g in groups if g.node_tree.users > 1 or not g.node_tree.is_editable), None)
+        if shared is None:
+            return node
+        shared.node_tree = shared.node_tree.copy()
+
+
+def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
+    """Give an object whose materials show no image one that does; its own stay in the mesh and in the file."""
+    material = bpy.data.materials.new(MATERIAL)
+    try:
+        shaders.show_picture(material, image)
+    except BaseException:
+        bpy.data.materials.remove(material)
+        raise
+    for slot in thing.material_slots:
+        if slot.material is not None:
+            slot.material.use_fake_user = True
+        slot.link = "OBJECT"
+        slot.material = material
+
+
+def _keep(image: bpy.types.Image | None) -> None:
+    """Have an image that nothing shows any more saved with the file where there is no other file of it."""
+    if image is not None and not image.users and (image.packed_file or image.is_dirty or not image.filepath):
+        image.use_fake_user = True
+
+
+def squeeze(size: tuple[float, float] | None, image: bpy.types.Image) -> float:
+    """How wide an image is shown on a plane beside how wide it is, of the same height: 1 is as it is, or not known.
+
+    size : width and height at which the plane shows the whole image
+    """
+    width, height = image.size
+    return 1.0 if size is None or not min(width, height, *size) else size[0] / size[1] * height / width
+
+
+def squeezed_words(factor: float) -> str:
+    """By how much an image is squeezed, to follow 'is'; '' where no one would see it."""
+    if abs(factor - 1) <= UNSEEN:
+        return ""
+    side, share = ("width", factor) if factor < 1 else ("height", 1 / factor)
+    return f"squeezed to {percent(share)} of its {side}"
+
+
+def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
+    """Give a picture's plane the shape of its image by the object's scale, its area kept; returns how wide it was.
+
+    Raises
+    ------
+    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    ImageError : the image has no pixels, a whole sentence
+    """
+    image = _readable(thing)
+    points, axes = _laid_out(context, thing)
+
+    def factor(matrix: Floats) -> float:
+        return squeeze(sides(axes @ matrix[:3, :3].T), image)
+
+    before = factor(np.array(thing.matrix_world, float))
+    if squeezed_words(before):
+        refuse_held(thing)
+        factors = _factors(axes, np.sqrt(before))
+        rescale(context, thing, points, factors, lambda after: abs(factor(after) - 1) <= NEAR)
+    return before
+
+
+def shown_as(context: bpy.types.Context, thing: bpy.types.Object) -> float:
+    """How wide a picture's plane shows its image, as by `squeeze`; raises as `fit` does."""
+    image = _readable(thing)
+    return squeeze(plane_size(context, thing), image)
+
+
+def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[float, float]:
+    """Width and height in the world at which a plane shows a whole image; raises RigError, a clause for a sentence."""
+    _, axes = _laid_out(context, thing)
+    return sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
+
+
+def _readable(thing: bpy.types.Object) -> bpy.types.Image:
+    image = image_of(thing)
+    if image is None:
+        raise RigError("it shows no image")
+    check_readable(image, f"the picture '{thing.name}'")
+    return image
+
+
+def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floats, Floats]:
+    """Vertices (n, 3) of a plane as shown, and the ways (2, 3) that a whole u and v go, in its own coordinates."""
+    if thing.type == "EMPTY":
+        raise RigError("it is an instance")
+    texture = own_texture(thing)
+    uv_map = texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
+    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
+    mesh = shown.to_mesh()
+    try:
+        layer = uv_layer(mesh, uv_map)
+        if layer is None:
+            raise RigError("it has no UV map")
+        points = column(mesh.vertices, "co", 3, np.float32).astype(float)
+        corners = points[column(mesh.loops, "vertex_index", 1, np.int32)]
+        axes = uv_axes(corners, column(layer.uv, "vector", 2, np.float32).astype(float))
+    finally:
+        shown.to_mesh_clear()
+    size = None if axes is None else sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
+    if size is None:
+        raise RigError("its UV map does not lay the image out as one rectangle")
+    if not min(size):
+        raise RigError("it has no size")
+    return points, axes
+
+
+def _factors(axes: Floats, factor: float) -> Floats:
+    """Factors (3,) for an object's axes that divide one way (2, 3) by a factor, and multiply the other by it."""
+    lengths = np.linalg.norm(axes, axis=1)
+    off = np.sqrt(np.maximum(lengths[:, None] ** 2 - axes**2, 0))
+    along = [
+        int(row.argmin()) if row.min() <= ALONG * length else None for row, length in zip(off, lengths, strict=True)
+    ]
+    if along == [None, None]:
+        raise RigError("its mesh is turned within the object: scale it by hand in Edit Mode")
+    factors = np.ones(3)
+    if None in along:  # the other way is across the axis of this one: scaled evenly, it keeps its direction
+        factors[:] = factor if along[1] is None else 1 / factor
+    for axis, value in zip(along, (1 / factor, factor), strict=True):
+        if axis is not None:
+            factors[axis] = value
+    return factors

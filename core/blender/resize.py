@@ -1,0 +1,128 @@
+"""Gives a flat object another size, by its own scale: its mesh may be others', too, and have modifiers."""
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..arrays import Floats
+from ..errors import RigError
+from .mesh import column
+
+FLAT = 1e-5  # of its size: what is no thicker along an axis of its own is perpendicular to that axis
+NEAR = 1e-4  # of a side: so near an object has to come to its size and stay in its place
+SINGLE = 2.0**-22  # of its place: what single precision leaves open of a sum of two or three numbers
+SQUARE = 1e-3  # of a side, by which the other may differ
+
+
+def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> None:
+    """Make a flat object this long and wide, Blender units, about its middle; what hangs on it stays as it is.
+
+    Raises
+    ------
+    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    """
+    refuse_held(thing)
+    context.view_layer.update()
+    points = _points(context, thing)
+    factors = _factors(np.array(thing.matrix_world, float), points, side)
+    rescale(context, thing, points, factors, lambda after: np.abs(_factors(after, points, side) - 1).max() <= NEAR)
+
+
+def rescale(
+    context: bpy.types.Context, thing: bpy.types.Object, points: Floats, factors: Floats, is_right: Callable
+) -> None:
+    """Scale an object along its own axes, about its middle; what hangs on it stays as it is.
+
+    Parameters
+    ----------
+    points : (n, 3) of it as shown, in its own coordinates
+    factors : (3,)
+    is_right : of the matrix (4, 4) that it then has in the world: is it as it was meant to be?
+
+    Raises
+    ------
+    RigError : it does not keep scale or place, a clause for a sentence; everything is as it was
+    """
+    middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
+    before, basis = np.array(thing.matrix_world, float), np.array(thing.matrix_basis, float)[:3, :3]
+    children = [child for child in thing.children if child.parent_type == "OBJECT"]
+    kept = [(thing, "scale", thing.scale.copy()), (thing, "location", thing.location.copy())]
+    kept += [(child, "matrix_parent_inverse", child.matrix_parent_inverse.copy()) for child in children]
+
+    try:
+        thing.scale = (np.array(thing.scale) * factors).tolist()
+        thing.location = (np.array(thing.location) + basis @ (middle * (1 - factors))).tolist()
+        context.view_layer.update()
+        after = np.array(thing.matrix_world, float)
+        for child in children:
+            child.matrix_parent_inverse = (
+                Matrix(after.tolist()).inverted_safe() @ Matrix(before.tolist()) @ child.matrix_parent_inverse
+            )
+        context.view_layer.update()
+        moved = (after - before)[:3, :3] @ middle + (after - before)[:3, 3]
+        rounding = SINGLE * np.abs(after[:3, 3]).max()
+        size = np.ptp(points @ after[:3, :3].T, axis=0).max()
+        if not is_right(after) or np.abs(moved).max() > NEAR * size + rounding:
+            raise RigError("a constraint or a driver holds it")
+    except BaseException:
+        for owner, name, value in kept:
+            setattr(owner, name, value)
+        context.view_layer.update()
+        raise
+
+
+def refuse_held(thing: bpy.types.Object) -> None:
+    """Raise RigError where a scale would not stay as it is set, or is not meant to be set."""
+    animation = thing.animation_data
+    if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+        raise RigError("it is animated")
+    if any(thing.lock_scale):
+        raise RigError("its scale is locked")
+
+
+def _points(context: bpy.types.Context, thing: bpy.types.Object) -> Floats:
+    """Vertices (n, 3) of an object as it is shown, in its own coordinates."""
+    if thing.type == "EMPTY":
+        raise RigError("it is an instance")
+    evaluated = thing.evaluated_get(context.evaluated_depsgraph_get())
+    try:
+        points = column(evaluated.to_mesh().vertices, "co", 3, np.float32).astype(float)
+    finally:
+        evaluated.to_mesh_clear()
+    if not len(points) or not np.isfinite(points).all():
+        raise RigError("it has no size")
+    return points
+
+
+def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
+    """By how much each of an object's axes has to be scaled for its sides to be as long.
+
+    Parameters
+    ----------
+    matrix : (4, 4) of the object in the world
+    points : (n, 3) in its own coordinates
+    """
+    extent = np.ptp(points, axis=0)
+    thin = int(extent.argmin())
+    if extent[thin] <= FLAT * extent.max():
+        lengths = np.delete(np.linalg.norm(matrix[:3, :3], axis=0) * extent, thin)
+        if not lengths.all():
+            raise RigError("it has no size")
+        # what has no thickness may be scaled along it, too, so that the scale stays even where it is
+        return np.insert(side / lengths, thin, side / np.sqrt(lengths.prod()))
+
+    # the plane lies askew to the object's axes: one factor for all of them keeps its angle
+    world = points @ matrix[:3, :3].T
+    _, axes = np.linalg.eigh(np.cov(world.T))
+    normal = axes[:, 0]
+    along = matrix[:3, :2].T - np.outer(matrix[:3, :2].T @ normal, normal)
+    along = along[np.linalg.norm(along, axis=1).argmax()]
+    along /= np.linalg.norm(along)
+    thick, width, height = (np.ptp(world @ axis) for axis in (normal, along, np.cross(normal, along)))
+    if thick > SQUARE * width:
+        raise RigError("it is not flat")
+    if abs(width - height) > SQUARE * width:
+        raise RigError("its mesh is turned within the object and no square")
+    return np.full(3, side / width)

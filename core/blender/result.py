@@ -1,0 +1,268 @@
+"""Writes a solution to Blender: the image, the display's material, the numbers. All of it, or nothing."""
+
+import json
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..errors import one_line
+from ..solve.cost import cost
+from ..solve.solution import Solution
+from ..words import summary
+from . import shaders
+from .image import image_from_pixels, or_none, pack, set_pixels
+from .preview import render_map, render_preview
+from .scene import Reading
+from .units import length_text
+
+__all__ = [
+    "pack_source",
+    "put_on_display",
+    "render_map",
+    "render_preview",
+    "summary",
+    "update_solution",
+    "update_source",
+    "write_coarse",
+    "write_ladder",
+    "write_solution",
+]
+
+SOURCE = "Kiriko Source"
+OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
+
+
+def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed float image with these pixels (linear, row 0 at the top) that takes the place and name of an old one."""
+    return _take_place(_packed(name, pixels), old, name)
+
+
+def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed float image with these pixels that does not have its name yet."""
+    image = image_from_pixels(f"{name} (new)", pixels)
+    with or_none(image):
+        pack(image, name)
+    return image
+
+
+def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) -> bpy.types.Image:
+    """Give an image the place and name of an old one, which goes."""
+    if old is not None:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = name
+    return image
+
+
+def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
+    """Show other pixels (h, w, 3; linear, row 0 at the top) as the scene's source image, without packing it.
+
+    For pictures that follow each other fast: where the image has their size it stays the same datablock, so that no
+    material is built again. What is packed is out of date from then on; `pack_source` puts that right.
+    """
+    image = scene.kiriko.result.source
+    scene.kiriko.result.seen_summary = ""  # what was simulated is of another one
+    if _has_size_of(image, pixels):
+        set_pixels(image, pixels)
+    else:
+        image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
+        scene.kiriko.result.source = image
+    image.update_tag()  # for renderers in the viewport, which keep a copy
+    return image
+
+
+def _has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
+    """Can an image take these pixels as it is?"""
+    return image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
+
+
+def pack_source(scene: bpy.types.Scene) -> None:
+    """Save the source image within the file after `update_source`."""
+    image = scene.kiriko.result.source
+    if image is not None:
+        pack(image, SOURCE)
+        image.buffers_free()  # read from what was packed when next asked for, it does not count as unsaved
+
+
+def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
+    """Does a display show an image by materials of ours on all its slots?"""
+    materials = [slot.material for slot in display.material_slots]
+    return bool(materials) and all(
+        m is not None
+        and m.get(OURS)
+        and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
+        for m in materials
+    )
+
+
+def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
+    """Make a display emit an image, by a material of its own in place of the user's.
+
+    The material is linked to the object, so that other users of the mesh keep theirs; the user's own material stays
+    in the mesh and in the file. Returns one sentence for each material that gave way.
+    """
+    if display.data is None or not hasattr(display.data, "materials"):
+        return [f"The display '{display.name}' has no material: give the image '{SOURCE}' to what it shows."]
+    if not display.is_editable:
+        return [f"The display '{display.name}' is linked from another file: give it the image '{SOURCE}' there."]
+    old = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
+    ours = bpy.data.materials.new(f"{display.name} Source")
+    try:
+        ours[OURS] = True
+        shaders.show_image(ours, image)
+    except BaseException:
+        bpy.data.materials.remove(ours)
+        raise
+    if not display.material_slots:
+        display.data.materials.append(None)
+    if old is not None and old.users <= len(display.material_slots):  # else others show it, too
+        name = old.name
+        old.user_remap(ours)
+        bpy.data.materials.remove(old)
+        ours.name = name
+    notes = []
+    for slot in display.material_slots:
+        theirs = slot.material
+        if theirs is not None and not theirs.get(OURS):
+            theirs.use_fake_user = True
+            notes.append(f"The material '{theirs.name}' of the display '{display.name}' gave way to '{ours.name}'.")
+        slot.link = "OBJECT"
+        slot.material = ours
+    return notes
+
+
+def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
+    """Write a solution to the scene's result, image and display, and return it in one sentence.
+
+    Parameters
+    ----------
+    reading : what `scene.read` made of the scene: materials, notes, display size
+    solution : core.solve.solution.Solution
+    """
+    numbers = _numbers(scene, reading, solution)
+    remarks = _put_in_place(scene, reading, _packed(SOURCE, solution.source))
+    return _write_numbers(scene, reading, solution, numbers, remarks)
+
+
+def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
+    """The same, fast, for one of many solutions: see `update_source`; the display's material stays if it is right."""
+    numbers, image = _numbers(scene, reading, solution), scene.kiriko.result.source
+    if _has_size_of(image, solution.source):
+        display = bpy.data.objects.get(reading.display_object)
+        is_shown = display is None or is_on_display(display, image)
+        remarks = [] if is_shown else put_on_display(display, image)
+        update_source(scene, solution.source)
+    else:
+        remarks = _put_in_place(scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source))
+    return _write_numbers(scene, reading, solution, numbers, remarks)
+
+
+def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
+    """Show pixels (h, w, 3; linear, row 0 at the top) as a coarse source image, whole as a result without numbers.
+
+    Returns the reading from which the final result is to be written: it knows which materials have given way.
+    """
+    remarks = _put_in_place(scene, reading, _packed(SOURCE, pixels))
+    notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
+    reading, result = replace(reading, notes=notes), scene.kiriko.result
+    result.is_coarse, result.coverage = True, 0.0
+    result.summary = result.details = result.seen_summary = ""  # what was there is of another one
+    result.notes = "\n".join(map(one_line, reading.notes))
+    result.solved_for = reading.solved_for
+    return reading
+
+
+def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
+    """Give a new image the place of the scene's source image, on the display, too; it goes again where that fails."""
+    old, display = scene.kiriko.result.source, bpy.data.objects.get(reading.display_object)
+    try:
+        remarks = [] if display is None else put_on_display(display, image)
+    except BaseException:
+        if old is not None:
+            image.user_remap(old)
+        bpy.data.images.remove(image)
+        raise
+    scene.kiriko.result.source = _take_place(image, old, SOURCE)
+    return remarks
+
+
+def _write_numbers(
+    scene: bpy.types.Scene,
+    reading: Reading,
+    solution: Solution,
+    numbers: tuple[dict[str, Any], list[str]],
+    remarks: list[str],
+) -> str:
+    """Write what the panel shows of a solution, and return it in one sentence."""
+    result, (details, notes) = scene.kiriko.result, numbers
+    result.coverage, result.details = details["picture_coverage"], json.dumps(details)
+    result.summary = summary(details["picture_coverage"], solution.misses)
+    result.notes, result.is_coarse = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks]))), False
+    result.seen_summary = ""  # what was simulated is of another one
+    result.solved_for = reading.solved_for
+    return result.summary
+
+
+def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tuple[dict[str, Any], list[str]]:
+    """What is kept of a solution, and what the user should know of it: made before anything is written."""
+    tolerance, in_units = scene.kiriko.tolerance, partial(length_text, scene)
+    notes = [
+        *reading.notes,
+        *(
+            f"Not followed of the material '{read.material_name}' of '{read.object_name}': {', '.join(read.ignored)}."
+            for read in reading.materials
+            if read.ignored
+        ),
+        *(remark.told(in_units) for remark in solution.remarks),
+    ]
+    details = {
+        "warnings": [one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning],
+        "materials": [asdict(material) for material in reading.materials],
+        "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
+        "misses": solution.misses,
+        "view_coverage": float(solution.view_coverage.mean()),
+        "display_coverage": float(solution.display_coverage.mean()),
+        "seconds": solution.seconds,
+        "rays": solution.n_rays,
+        "tessellation_error": solution.tessellation_error,
+        "plate": None if solution.plate is None else asdict(solution.plate),
+        "glare": None if solution.glare is None else solution.glare._asdict(),
+        "tolerance": tolerance,
+        "map_error": asdict(solution.map_error),
+        "total_seconds": sum(solution.seconds.values()),
+        "cost": costs(scene, solution.seconds, tolerance),
+        "used": list(solution.used),
+        "left_out": list(solution.left_out),
+        "display_size_m": None if reading.display_size is None else list(reading.display_size),
+        "resolution": [reading.rig.display.width, reading.rig.display.height],
+    }
+    return details, notes
+
+
+def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:
+    """What a solve, of these seconds by part, would have cost at half and twice the tolerance (display px).
+
+    After one that traced nothing it is the costs of the solve before, whose cells it used.
+    """
+    before = json.loads(scene.kiriko.result.details or "{}")
+    if "tracing" not in seconds:
+        return before.get("cost", {})
+    ladder = json.loads(scene.kiriko.result.ladder or "[]")
+    others = {
+        name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}
+        for name, other in (("half", tolerance / 2), ("twice", tolerance * 2))
+    }
+    return {"is_measured": bool(ladder), **{k: v for k, v in others.items() if v["seconds"] is not None}}
+
+
+def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
+    """Keep what a report measured, tolerances (display px) and seconds, and tell the last result's costs by it."""
+    result = scene.kiriko.result
+    result.ladder = json.dumps(ladder)
+    if result.details:
+        details = json.loads(result.details)
+        details["cost"] = costs(scene, details["seconds"], details["tolerance"])
+        result.details = json.dumps(details)

@@ -1,0 +1,77 @@
+"""What the scene would be solved for as it stands now, read without putting any mesh into the world."""
+
+from collections.abc import Container
+from dataclasses import replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..rig import Mesh, Rig
+from ..settings import Settings
+from ..solve.solved_for import SolvedFor, solved_for
+from .scene import Kept, Shape, read_drawn
+
+
+class _Unplaced:
+    """Takes the place of Kept in a reading: meshes stay as their objects have them, their places are noted beside."""
+
+    def __init__(self, kept: Kept) -> None:
+        self.end, self.pixels = kept.end, kept.pixels
+        self._kept = kept
+        self.drawn: dict[int, tuple[Mesh, Shape, Floats]] = {}
+
+    def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Any:
+        return _Unmoved(self._kept.shape(instance, owner), self)
+
+
+class _Unmoved:
+    """Takes the place of a Shape."""
+
+    def __init__(self, shape: Shape, notes: _Unplaced) -> None:
+        self.slots, self.texture = shape.slots, shape.texture
+        self._shape, self._notes = shape, notes
+
+    def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
+        local = self._shape.local
+        mesh = Mesh(local.vertices, local.triangles, None, None, local.uv, surface.lower())
+        self._notes.drawn[id(mesh)] = mesh, self._shape, matrix  # the mesh, so that no other gets its id
+        return mesh, 0
+
+
+def scene_now(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, settings: Settings, kept: Kept | None = None
+) -> SolvedFor:
+    """What a solve of the scene as it stands would be for; raises what `scene.read` does."""
+    kept = kept or Kept()
+    notes = _Unplaced(kept)
+    drawn = read_drawn(depsgraph, scene, notes)
+    things = [_thing(part, notes, kept) for part in _parts(drawn.rig)]
+    return solved_for(things, (settings, scene.kiriko.calibration.offset))
+
+
+def _parts(rig: Rig) -> list[Any]:
+    groups = rig.viewers, rig.glasses, rig.plates, rig.displays, rig.pictures, rig.mirrors, rig.blockers
+    return [part for group in groups for part in group]
+
+
+def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
+    """A part's content, in which short fingerprints stand for what is large, and its place (3, 4)."""
+    if hasattr(part, "axes"):  # a viewer
+        content = fields_of(part, {"name", "axes", "position"})
+        return content, np.column_stack([part.axes.T, part.position])
+    if hasattr(part, "image"):
+        part = replace(part, image=kept.fingerprint_of(part.image))
+    if part.mesh is None or id(part.mesh) not in notes.drawn:  # a picture in the viewer's pixels, or nothing to see
+        return part, np.eye(3, 4)
+    mesh, shape, matrix = notes.drawn[id(part.mesh)]
+    # what else stands in a plate is its place once more
+    content = fields_of(part, {"name", "mesh", "side", "centre"})
+    return (content, shape.fingerprint, mesh.surface), matrix[:3]
+
+
+def fields_of(part: Any, without: Container[str]) -> tuple[object, ...]:
+    """The fields of a part but for some, with their names."""
+    fields = ((name, value) for name, value in vars(part).items() if name not in without)
+    return (type(part).__name__, *fields)

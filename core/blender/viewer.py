@@ -1,0 +1,120 @@
+"""Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..rig import Viewer
+
+SHEARED = 1e-4  # axes further from perpendicular than this are no float32 noise
+SAME_SHAPE = 1e-3  # of width to height: nobody sees less
+PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
+
+
+class Frame(NamedTuple):
+    """Pixels of a viewer's image, as a render has them: the whole, the percentage of it that is seen, their aspect."""
+
+    width: int
+    height: int
+    percentage: int = 100
+    aspect_x: float = 1.0
+    aspect_y: float = 1.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels; Blender cuts the percentage down to whole ones."""
+        return max(self.width * self.percentage // 100, 1), max(self.height * self.percentage // 100, 1)
+
+    def has_shape_of(self, other: "Frame") -> bool:
+        """Is the image as wide for its height as another?"""
+        own, its = (f.width * f.aspect_x / (f.height * f.aspect_y) for f in (self, other))
+        return abs(own - its) < SAME_SHAPE * its
+
+
+def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
+    """The pixels a camera has of its own, which are square, or those of the scene's render."""
+    ours = camera.original.kiriko
+    if ours.use_resolution:
+        return Frame(*ours.resolution)
+    return frame_of_render(render)
+
+
+def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
+    """The pixels of a scene's render."""
+    return Frame(
+        render.resolution_x,
+        render.resolution_y,
+        render.resolution_percentage,
+        render.pixel_aspect_x,
+        render.pixel_aspect_y,
+    )
+
+
+def image_window(lens: bpy.types.Camera, frame: Frame, metres: float) -> tuple[float, float, float, float]:
+    """Left, right, bottom, top of the image as `Viewer.window` wants them.
+
+    Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the length of a Blender
+    unit. An AUTO fit lays the sensor's *width* along the longer side of the image, only VERTICAL uses its height.
+    """
+    width, height = frame.size
+    across, along = width * frame.aspect_x, height * frame.aspect_y
+    is_horizontal = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and across >= along)
+    if lens.type == "ORTHO":
+        size = lens.ortho_scale * metres
+    else:
+        size = (lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width) / lens.lens
+    pixel = size / (across if is_horizontal else along)
+    half_x, half_y = 0.5 * across * pixel, 0.5 * along * pixel
+    x, y = lens.shift_x * size, lens.shift_y * size
+    return x - half_x, x + half_x, y - half_y, y + half_y
+
+
+def orthonormal_axes(matrix: Floats, name: str) -> Floats:
+    """Rows right, up, forward of a camera with this world matrix (4, 4); its scale is ignored, as Blender does.
+
+    The nearest orthonormal frame (polar decomposition), so that float32 noise is shared out evenly.
+    """
+    columns = matrix[:3, :3] / np.maximum(np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny)
+    if not np.abs(columns.T @ columns - np.eye(3)).max() < SHEARED:
+        raise RigError(f"The viewer '{name}' is sheared or has no size: undo the uneven scale of it or of its parents.")
+    left, _, right = np.linalg.svd(columns)
+    return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
+
+
+def read_viewer(
+    camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, render: bpy.types.RenderSettings, metres: float
+) -> Viewer:
+    """Read the viewer from an evaluated camera.
+
+    Parameters
+    ----------
+    camera : the camera object; parents, constraints and animation count
+    render : of the scene, whose pixels count where the camera has none of its own
+    metres : length of a Blender unit in m
+
+    Raises
+    ------
+    RigError : it is no camera, or a panoramic or sheared one
+    """
+    if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
+        raise RigError(f"The viewer '{camera.name}' is no camera: choose one.")
+    evaluated = camera.evaluated_get(depsgraph)
+    lens = evaluated.data
+    if lens.type not in PROJECTIONS:
+        raise RigError(
+            f"The viewer '{camera.name}' is a panoramic or custom camera, whose image is no flat window: "
+            "make it perspective or orthographic."
+        )
+    matrix = np.array(evaluated.matrix_world, dtype=float)
+    frame = frame_of(camera, render)
+    return Viewer(
+        camera.name,
+        PROJECTIONS[lens.type],
+        matrix[:3, 3] * metres,
+        orthonormal_axes(matrix, camera.name),
+        image_window(lens, frame, metres),
+        *frame.size,
+    )

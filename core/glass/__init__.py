@@ -1,0 +1,1 @@
+"""Surfaces: what a mesh stands for, and which solids it encloses."""

@@ -1,0 +1,137 @@
+"""Triangles and their neighbours: edges, connected components, patches."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..vectors import dot, normalise
+
+SAME_NORMAL = 1e-5  # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
+
+
+def components(n: int, a: Ints, b: Ints) -> Ints:
+    """Smallest node label (n,) in each connected component of n nodes with edges a[i] - b[i]."""
+    parent = np.arange(n)
+    while len(a):
+        low, high = np.minimum(a, b), np.maximum(a, b)
+        parent[high] = low  # any one writer wins; the other edges come round again
+        while True:
+            jumped = parent[parent]
+            if np.array_equal(jumped, parent):
+                break
+            parent = jumped
+        a, b = parent[a], parent[b]
+        differs = a != b
+        a, b = a[differs], b[differs]
+    return parent
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Pairs of triangles that share an edge, and whether the mesh is closed and wound one way.
+
+    first, second : (e,) triangle indices; corner_first, corner_second : (e,) corner at which the edge starts in each
+    is_same_way : (e,) both run along the edge in the same direction, so one of them is wound the wrong way
+    n_open : edges with one triangle or more than two
+    """
+
+    first: Ints
+    second: Ints
+    corner_first: Ints
+    corner_second: Ints
+    is_same_way: Bools
+    n_open: int
+
+
+def find_edges(triangles: Ints) -> Edges:
+    """Match the edges of triangles (t, 3) by their vertex indices. Edges of more than two triangles join none."""
+    start = triangles.astype(np.int64).ravel()
+    end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
+    key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
+    order = np.argsort(key, kind="stable")
+    ordered = key[order]
+    begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
+    counts = np.diff(np.r_[begins, len(ordered)])
+    pairs = begins[counts == 2]
+    i, j = order[pairs], order[pairs + 1]
+    return Edges(i // 3, j // 3, i % 3, j % 3, start[i] == start[j], int((counts != 2).sum()))
+
+
+def box_of(corners: Floats) -> Floats:
+    """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
+    x_y_z = np.ascontiguousarray(corners.reshape(-1, 3).T)  # five times as fast as along the rows
+    return np.stack([x_y_z.min(axis=1), x_y_z.max(axis=1)])
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Triangles as planes with barycentric axes: u = (p - corner) . axis_u, v likewise, p a point of the plane.
+
+    corner, normal, axis_u, axis_v : (t, 3); the normal is not unit; NaN axes for a triangle without area
+    """
+
+    corner: Floats
+    normal: Floats
+    axis_u: Floats
+    axis_v: Floats
+
+    @classmethod
+    def of(cls, corners: Floats) -> "Frames":
+        """Frames of triangles with corners (t, 3, 3)."""
+        e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(e1, e2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            area = 1.0 / dot(normal, normal)[:, None]
+            return cls(corners[:, 0], normal, np.cross(e2, normal) * area, np.cross(normal, e1) * area)
+
+    def distance(self, k: Ints | int, origins: Floats, directions: Floats) -> Floats:
+        """Distance of rays (n, 3) to the *planes* of triangles k; not finite where they are parallel."""
+        normal = self.normal[k]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return dot(self.corner[k] - origins, normal) / dot(directions, normal)
+
+    def barycentric(self, k: Ints | int, points: Floats) -> tuple[Floats, Floats]:
+        """Barycentric u, v of points (n, 3) in the planes of triangles k."""
+        inside = points - self.corner[k]
+        return dot(inside, self.axis_u[k]), dot(inside, self.axis_v[k])
+
+
+def geometric_normals(corners: Floats) -> Floats:
+    """Unit normals (t, 3) of triangles with corners (t, 3, 3); zero for a triangle without area."""
+    return normalise(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
+def areas_of(corners: Floats) -> Floats:
+    """Areas (t,) of triangles with corners (t, 3, 3)."""
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
+def volume_of(corners: Floats) -> float:
+    """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
+    a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
+    return float(dot(a, np.cross(b, c)).sum() / 6)
+
+
+def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
+    """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its second triangle."""
+    i, j = edges.corner_first, edges.corner_second
+    next_i, next_j = (i + 1) % 3, (j + 1) % 3
+    # the second triangle runs along the edge the other way, if both are wound alike
+    start, end = np.where(edges.is_same_way, j, next_j), np.where(edges.is_same_way, next_j, j)
+    first = np.stack([values[edges.first, i], values[edges.first, next_i]], axis=1)
+    return first, np.stack([values[edges.second, start], values[edges.second, end]], axis=1)
+
+
+def find_joined(normals: Floats, edges: Edges) -> Bools:
+    """Which edges (e,) join two faces to one patch: those at both of whose ends the corner normals agree.
+
+    normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
+    """
+    first, second = edge_corners(normals, edges)
+    return np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL
+
+
+def interpolate(values: Floats, u: Floats, v: Floats) -> Floats:
+    """Corner values (n, 3, c) at barycentric u, v (n,)."""
+    return (1 - u - v)[:, None] * values[:, 0] + u[:, None] * values[:, 1] + v[:, None] * values[:, 2]

@@ -1,0 +1,68 @@
+"""Rigid motion: what has only been moved or turned need not be made again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..products import turn
+from ..rig import Mesh
+
+FITTED = 64  # vertices from which a motion is found; all others have to follow it
+ROUNDING = 1e-13  # of the distances: what products of doubles lose
+SAME_NORMAL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Points p go to rotation p + shift. rotation (3, 3) orthonormal, not mirroring; shift (3,) m."""
+
+    rotation: Floats
+    shift: Floats
+
+    def points(self, at: Floats) -> Floats:
+        """Where points (..., 3) go."""
+        return turn(self.rotation, at) + self.shift
+
+    def directions(self, directions: Floats) -> Floats:
+        """Where directions (..., 3) turn."""
+        return turn(self.rotation, directions)
+
+    def back(self, at: Floats, directions: Floats) -> tuple[Floats, Floats]:
+        """Where points and directions (..., 3) have come from."""
+        back = self.rotation.T
+        return turn(back, at - self.shift), turn(back, directions)
+
+
+def find_motion(before: Mesh, after: Mesh) -> Motion | None:
+    """The motion from one mesh to another; None where they differ by more than one and the vertices' rounding."""
+    if any(getattr(before, name) != getattr(after, name) for name in ("surface", "has_mean_normals")) or not all(
+        _is_same(getattr(before, name), getattr(after, name)) for name in ("triangles", "is_smooth")
+    ):
+        return None
+    a, b = before.vertices, after.vertices
+    if a.shape != b.shape or (before.corner_normals is None) != (after.corner_normals is None):
+        return None
+    some = np.linspace(0, len(a) - 1, min(len(a), FITTED)).astype(int)
+    from_middle, to_middle = a[some].mean(axis=0), b[some].mean(axis=0)
+    # Kabsch, A solution for the best rotation to relate two sets of vectors (Acta Crystallographica A 32, 1976)
+    u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
+    if np.linalg.det(u) * np.linalg.det(v) < 0:
+        u[:, 2] *= -1  # of what is flat the mirror image is the same; of what is not, it will not fit
+    rotation = u @ v
+    if np.abs(rotation - np.eye(3)).max() < ROUNDING:
+        rotation = np.eye(3)  # so that what was only moved is not turned by rounding
+    motion = Motion(rotation, to_middle - rotation @ from_middle)
+    scale = max(np.abs(a).max(), np.abs(b).max())
+    allowed = ROUNDING * scale + 4 * max(before.rounding, after.rounding)
+    if np.abs(motion.points(a) - b).max() > allowed:
+        return None
+    if after.corner_normals is not None:
+        turned = motion.directions(before.corner_normals)
+        if not np.abs(turned - after.corner_normals).max() < SAME_NORMAL:
+            return None
+    return motion
+
+
+def _is_same(a: np.ndarray | None, b: np.ndarray | None) -> bool:
+    return a is b or (a is not None and b is not None and np.array_equal(a, b))

@@ -1,0 +1,76 @@
+"""Glare: light for the glass that reaches the viewer beside it, by way of the plate alone."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Ints
+from ..light.plan import Plan
+from ..light.trace import tracing
+from ..steps import Pauses
+from ..vectors import dot
+from .simulation import LUMINANCE
+
+SIDE = 64  # rays along each side of the viewer's image: a share of a tenth is known to a hundredth
+SIDES = 0.5  # times the spread of the light through the glass: so far off its middle light is to one side of it
+
+
+class Glare(NamedTuple):
+    """How much of the light that the viewer gets comes beside the glass, 0..1, and where: a phrase."""
+
+    share: float
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
+class LightBeside:
+    """Rays of a sample that come from the display, by way of the glass and beside it.
+
+    view : (n, 2) viewer px; pixel : (n,) of the display, row by row; throughput (n,); is_beside (n,)
+    """
+
+    view: Floats
+    pixel: Ints
+    throughput: Floats
+    is_beside: NDArray[np.bool_]
+
+    def seen_of(self, source: NDArray[np.float32]) -> Glare:
+        """The glare of a source image (H, W, 3), linear."""
+        light = dot(source.reshape(-1, 3)[self.pixel].astype(float), LUMINANCE) * self.throughput
+        beside = light * self.is_beside
+        total = light.sum()
+        if not total or not beside.sum():
+            return Glare(0.0, "")
+        return Glare(float(beside.sum() / total), self._where(light - beside, beside))
+
+    def _where(self, through: Floats, beside: Floats) -> str:
+        """On which side of the glass most of the light beside it is."""
+        if not through.sum():
+            return "all around it"
+        middle, off = (np.average(self.view, axis=0, weights=light) for light in (through, beside))
+        spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
+        x, y = (off - middle) / max(spread, 1.0)
+        words = [word for word, is_there in (
+            ("above", y < -SIDES), ("below", y > SIDES), ("left of", x < -SIDES), ("right of", x > SIDES)
+        ) if is_there]  # fmt: skip
+        return f"most of it {' and '.join(words)} it" if words else "all around it"
+
+
+def looking_beside(plan: Plan) -> Plan:
+    """The same plan, in which light beside the glass is followed to the display, too."""
+    return replace(plan, settings=replace(plan.settings, suppress_glare=1.0))
+
+
+def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
+    """Follow a sample of the viewer's rays, spread evenly over its image."""
+    viewer, display = plan.rig.viewer, plan.rig.display
+    place = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
+    view = (place + np.random.default_rng(seed).random(place.shape)) / SIDE * (viewer.width, viewer.height)
+    landings = yield from tracing(looking_beside(plan), *viewer.rays(view))
+
+    size = display.width, display.height
+    (is_through, pixel), (is_beside, beside) = landings.pixels(*size), landings.pixels_beside(*size)
+    is_seen = is_through | is_beside
+    return LightBeside(view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen])

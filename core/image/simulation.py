@@ -1,0 +1,171 @@
+"""What the viewer sees through the mirrors of a real plate: stray light, dimness and blur; by samples."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Ints
+from ..light.plan import Plan
+from ..light.plate import PlatePath
+from ..light.rays import PlateLight
+from ..light.trace import CHUNK, trace
+from ..vectors import dot
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
+SAMPLED = 4096  # rays from which brightness and blur are told
+STEP = 0.05  # viewer px, for derivatives of the view map
+SPREAD = np.array([0.7548776662466927, 0.5698402909980532])  # powers of the plastic number's inverse: even in a square
+SELDOM = 8  # one in so many rays is followed by the plate's faces where two for each pixel showed nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """The seen image by way of a plate's mirrors.
+
+    Parameters
+    ----------
+    image : (h, w, 3) linear, row 0 at the top
+    error : standard error of a pixel's luminance, rms over the image
+    luminance : mean over the image, for each PlatePath by which light came; luminance_error : its standard errors
+    spp : rays a viewer pixel, an even number
+    """
+
+    image: NDArray[np.float32]
+    error: float
+    luminance: dict[PlatePath, float]
+    luminance_error: dict[PlatePath, float]
+    spp: int
+
+
+def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -> Generator[float, None, Simulation]:
+    """Follow rays from everywhere in the viewer's image the way that the plate's mirrors send them.
+
+    All light of the display counts, that which comes past glass and plate too, with what they leave of it. What is
+    reflected by the face of the first plate that light comes to is a ray of its own.
+
+    Parameters
+    ----------
+    source : (H, W, 3 or 4) what the display shows, linear, row 0 at the top
+    spp : rays a viewer pixel; one more where that is odd, for each of two halves is an image by itself, and their
+        difference tells the error
+    """
+    viewer, display = plan.rig.viewer, plan.rig.display
+    plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
+    has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
+    texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
+    n, passes = viewer.width * viewer.height, 2 * ((max(spp, 1) + 1) // 2)
+    halves = np.zeros((2, 3, n))
+    by_pass = np.zeros((passes, len(PlatePath)))
+    random = np.random.default_rng(seed)
+    start = random.random((2, n, 2))
+    for k in range(passes):
+        has_shown = by_pass[:, PlatePath.REFLECTED].any()
+        for first in range(0, n, CHUNK):
+            pixels = np.arange(first, min(first + CHUNK, n))
+            inside = (start[k % 2, pixels] + (k // 2) * SPREAD) % 1.0
+            xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
+            ways: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
+            if has_faces:
+                share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
+                ways.append(("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share))
+            for light, some, weight in ways:
+                landings = trace(plan, *viewer.rays(xy[some]), light=light)
+                is_seen, index = landings.pixels(display.width, display.height)
+                if light == "reflected":  # by ideal plates nothing is
+                    is_seen &= landings.plate_path == PlatePath.REFLECTED
+                colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
+                halves[k % 2][:, pixels[some[is_seen]]] += colours.T
+                bright = np.bincount(landings.plate_path[is_seen], dot(colours, LUMINANCE), len(PlatePath))
+                by_pass[k] += bright / n
+            yield (k * n + first + len(pixels)) / (passes * n)
+    halves *= 2.0 / passes
+    image = halves.mean(axis=0).T.reshape(viewer.height, viewer.width, 3).astype(np.float32)
+    apart = LUMINANCE @ (halves[0] - halves[1])
+    # passes of one half keep clear of each other: as if they were independent is on the safe side
+    spread = by_pass.std(axis=0, ddof=1) / np.sqrt(passes)
+    return Simulation(
+        image,
+        float(np.sqrt((apart**2).mean()) / 2),
+        dict(zip(PlatePath, by_pass.mean(axis=0).tolist(), strict=True)),
+        dict(zip(PlatePath, spread.tolist(), strict=True)),
+        passes,
+    )
+
+
+@dataclass(frozen=True)
+class PlateView:
+    """What mirrors make of the picture's light, over what is seen of the display.
+
+    Parameters
+    ----------
+    brightness : mean share of the light that images, 0..1; least and most of it
+    blur : rms by which the mirrors' pitch moves what is seen, viewer px; None where it is not known
+    brightness_error, blur_error : standard errors of the two, from a sample of rays
+    """
+
+    brightness: float
+    least: float
+    most: float
+    blur: float | None
+    brightness_error: float
+    blur_error: float | None
+
+
+def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
+    """Brightness and blur, from a sample of the viewer's rays; None where the plates are ideal or nothing is seen.
+
+    Yields progress 0..1, so that what shows it is not held up by all of the rays.
+    """
+    if not plan.arrays:
+        return None
+    viewer, size = plan.rig.viewer, (plan.rig.display.width, plan.rig.display.height)
+    bright = replace(plan, settings=replace(plan.settings, brightness=True))
+    view = np.random.default_rng(seed).uniform(0, (viewer.width, viewer.height), (SAMPLED, 2))
+    here = trace(bright, *viewer.rays(view))
+    is_seen, _ = here.pixels(*size)
+    if not is_seen.any():
+        return None
+    yield 0.2
+    view, xy, branch = view[is_seen], here.xy[is_seen], here.branch[is_seen]
+    # what the plate leaves of the light: all that is left, by what is left of it with an ideal plate
+    without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
+    share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
+    yield 0.3
+    back = yield from _moved(plan, view, xy, branch)
+    square = (back**2).sum(axis=1)
+    blur = float(np.sqrt(square.mean())) if len(square) else None
+    return PlateView(
+        brightness=float(share.mean()),
+        least=float(share.min()),
+        most=float(share.max()),
+        blur=blur,
+        brightness_error=float(share.std() / np.sqrt(len(share))),
+        blur_error=float(square.std() / np.sqrt(len(square)) / (2 * blur)) if blur else None,
+    )
+
+
+def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generator[float, None, Floats]:
+    """By how much (m, 2), viewer px, mirrors move what is seen at viewer px (n, 2), which lands at xy (n, 2).
+
+    Of those that the mirrors image, by the view map's derivatives, where these are known. Yields progress 0.3..1.
+    """
+    viewer = plan.rig.viewer
+    steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
+    around = []
+    for step in steps:
+        around.append(trace(plan, *viewer.rays(view + step)))
+        yield 0.3 + 0.15 * len(around)
+    real = trace(plan, *viewer.rays(view), light="folded")
+    j = np.stack([around[0].xy - around[1].xy, around[2].xy - around[3].xy], axis=2) / STEP
+    is_known = real.plate_path == PlatePath.IMAGED
+    for other in (real, *around):
+        is_known &= other.branch == branch
+    determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+    is_known &= np.abs(determinant) > 0
+
+    # the inverse of j times the way on the display
+    j, (dx, dy) = j[is_known], (real.xy - xy)[is_known].T
+    back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)
+    return back / determinant[is_known, None]

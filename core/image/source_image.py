@@ -1,0 +1,125 @@
+"""Paints the source image: least squares through the shares. The brute-force splat stands beside it as reference."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import kernel
+from ..arrays import Bools, Floats
+from ..light.plan import Plan
+from ..light.rays import PlateLight
+from ..light.trace import CHUNK, trace
+from ..map.shares import Shares, add_at
+from ..rig import Picture, Viewer
+from .picture import flat_way, picture_from_view
+from .pyramid import Pyramid, Taps, find_taps
+
+Strokes = Taps | kernel.FlatStrokes
+
+
+class Painting:
+    """A source image in the making: the x that minimises the sum over shares of area (T x - colour)^2.
+
+    Shares are added some at a time; how their colours are read can be kept for the next picture of the same size.
+    """
+
+    def __init__(self, display_size: tuple[int, int]) -> None:
+        width, height = display_size
+        self._total = np.zeros((3, height, width))
+
+    def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
+        """Add shares by what `find_strokes` found of them."""
+        if isinstance(strokes, kernel.FlatStrokes):
+            kernel.paint(self._total, pyramid.levels, strokes)
+            return
+        for total, values in zip(self._total, pyramid.read(strokes), strict=True):
+            add_at(total, strokes.point, values)
+
+    def finished(self, weight: Floats, margin: int = 0, beside: Floats | None = None) -> NDArray[np.float32]:
+        """Source image (H, W, 3), linear; nothing can be added any more.
+
+        Parameters
+        ----------
+        weight : (H, W), sum of area * T^2 over the shares of each display pixel
+        margin : px by which the covered area is grown outward
+        beside : (H, W), the same sum over light that shall be dark, which comes beside the glass
+        """
+        covered, is_free = weight > 0, True
+        if beside is not None:
+            weight, is_free = weight + beside, beside == 0
+
+        image = np.empty((*weight.shape, 3), np.float32)
+        for channel, total in enumerate(self._total):
+            np.divide(total, weight, out=total, where=covered)
+            image[..., channel] = total
+
+        return grow(image, covered, margin, is_free)
+
+
+def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
+    """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
+
+    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly. For a flat
+    picture the compiled kernel takes the shares as they are, and finds where they are read whenever it paints.
+    """
+    way = flat_way(picture, viewer) if kernel.library() is not None else None
+    if way is not None:
+        return kernel.FlatStrokes(shares, way, picture.image.shape[1::-1])
+    points = picture_from_view(picture, viewer, shares.view_xy, shares.covariance)
+    weight = np.where(points.cover >= 0.5, shares.area, 0.0)
+    if shares.throughput is not None:
+        weight *= shares.throughput
+    taps = find_taps(points, weight, picture.image.shape[1::-1])
+    return replace(taps, point=shares.display_index[taps.point])
+
+
+def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | bool = True) -> NDArray[np.float32]:
+    """Fill free pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
+    for _ in range(margin):
+        padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
+        mask = np.pad(covered.astype(np.float32), 1)
+        h, w = covered.shape
+        around = [(dy, dx) for dy in range(3) for dx in range(3)]
+        count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
+        total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
+        new = (count > 0) & ~covered & is_free
+        image = image.copy()
+        image[new] = total[new] / count[new, None]
+        covered = covered | new
+    return image
+
+
+def splat(
+    plan: Plan, spp: int, seed: int = 0, light: PlateLight = "imaged"
+) -> Generator[float, None, NDArray[np.float32]]:
+    """Source image by brute force: `spp` random samples a viewer pixel, averaged on each display pixel.
+
+    Pixels that no sample met are black. Imaged light carries the same values as `Painting` and converges to the same
+    image. Of other light, stray light among it, a pixel shows the mean colour weighed by throughput, which the plan's
+    settings have to ask for (`brightness`): white stays white.
+    """
+    viewer, display, picture = plan.rig.viewer, plan.rig.display, plan.rig.picture
+    pyramid = Pyramid(picture.image)
+    random = np.random.default_rng(seed)
+    shape = display.height, display.width
+    n = shape[0] * shape[1]
+    total, norm = np.zeros((3, n)), np.zeros(n)
+    pixels = np.arange(viewer.width * viewer.height)
+    starts = range(0, len(pixels), CHUNK)
+    for k in range(spp):
+        for first in starts:
+            some = pixels[first : first + CHUNK]
+            xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random((len(some), 2))
+            landings = trace(plan, *viewer.rays(xy), light=light)
+            inside, index = landings.pixels(display.width, display.height)
+            index = index[inside]
+            colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside]))
+            weight = landings.throughput[inside]
+            norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
+            for channel in range(3):
+                total[channel] += np.bincount(index, weight * colours[:, channel], n)
+            yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))
+    image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
+    return image.reshape(*shape, 3).astype(np.float32)

@@ -1,0 +1,1 @@
+"""Rays: the laws, what is met where, and where light ends."""

@@ -1,0 +1,95 @@
+"""Ray engines, which tell in float32 what a ray meets first: Embree, and Blender's own BVH where there is no Embree.
+
+Both are made of triangles with corners (t, 3, 3) float32, of about unit size, and are imported when one is made. Rays
+have origins and unit directions (n, 3) float32, and meet triangles from either side.
+"""
+
+from importlib import import_module
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Ints
+from ..glass.meshes import Frames
+
+ALONG_AXIS = 1.01 * 2.0**-23  # components of a direction up to here are 0 to the boxes of Blender's BVH
+
+
+class Found(NamedTuple):
+    """What n rays meet first.
+
+    triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,); u, v (n,) barycentric; normal
+    (n, 3) of the triangle, not unit
+    """
+
+    triangle: Ints
+    distance: NDArray[np.floating]
+    u: NDArray[np.floating]
+    v: NDArray[np.floating]
+    normal: NDArray[np.floating]
+
+
+class Embree:
+    """Intel's Embree, all rays in one call."""
+
+    name = "Embree"
+    modules = "embreex", "embreex.rtcore_scene", "embreex.mesh_construction"
+
+    def __init__(self, corners: NDArray[np.float32]) -> None:
+        from embreex import rtcore_scene
+        from embreex.mesh_construction import TriangleMesh
+
+        self._scene = rtcore_scene.EmbreeScene()
+        TriangleMesh(self._scene, corners)
+
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+        found = self._scene.run(origins, directions, output=True)
+        return Found(*(found[name] for name in ("primID", "tfar", "u", "v", "Ng")))
+
+
+class BlenderBvh:
+    """Blender's tree of boxes, each a float32 step larger than what is in it: one ray a call."""
+
+    name = "Blender's BVH"
+    modules = ("mathutils.bvhtree",)
+
+    def __init__(self, corners: NDArray[np.float32]) -> None:
+        from mathutils.bvhtree import BVHTree
+
+        self._corners = corners
+        triangles = np.arange(3 * len(corners)).reshape(-1, 3)
+        self._tree = BVHTree.FromPolygons(corners.reshape(-1, 3).tolist(), triangles.tolist(), all_triangles=True)
+
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+        cast = self._tree.ray_cast
+        # or its triangles would be asked along another way than its boxes, and edges where boxes end be missed
+        directions = np.where(np.abs(directions) < ALONG_AXIS, np.float32(0), directions)
+        rays = zip(origins.tolist(), directions.tolist(), strict=True)
+        met = np.array([cast(*ray)[2:] for ray in rays], float).reshape(-1, 2)  # NaN for its None
+        is_met = np.isfinite(met[:, 0])
+        triangle, distance = np.where(is_met[:, None], met, (-1, 0)).T
+        triangle = triangle.astype(np.int64)
+        frames = Frames.of(self._corners[triangle].astype(float))
+        u, v = frames.barycentric(slice(None), origins + distance[:, None] * directions)
+        return Found(triangle, distance, u, v, frames.normal)
+
+
+Engine = Embree | BlenderBvh
+
+
+def engine_kind() -> type[Engine]:
+    """Embree if it can be imported, else Blender's BVH; where there is neither, it is Embree that is missed."""
+    for kind in (Embree, BlenderBvh):
+        try:
+            for module in kind.modules:
+                import_module(module)
+        except ImportError:
+            continue
+        return kind
+    return Embree
+
+
+def make_engine(corners: NDArray[np.float32]) -> Engine:
+    """An engine for triangles with corners (t, 3, 3); ImportError where there is none."""
+    return engine_kind()(corners)

@@ -1,0 +1,76 @@
+"""Where rays meet surfaces."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..glass.curved import CurvedFaces
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """First hits of n rays.
+
+    distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,) the ray comes from the
+    front; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal to the face, and normal (n, 3), by which it
+    refracts; None where nothing is curved, and where no face refracts by another normal than its own
+    """
+
+    distance: Floats
+    triangle: Ints
+    u: Floats
+    v: Floats
+    enters: Bools
+    facing: Floats | None = None
+    normal: Floats | None = None
+
+    @classmethod
+    def none(cls, n: int, curved: CurvedFaces | None) -> "Hits":
+        """No hit for any of n rays on a surface with or without curved faces."""
+        facing = None if curved is None else np.zeros((n, 3))
+        normal = np.zeros((n, 3)) if curved is not None and curved.has_given_normals else None
+        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), facing, normal)
+
+    def put(self, rays: Ints, hits: "Hits") -> None:
+        """Set the hits of some rays."""
+        for mine, theirs in zip(self._columns(), hits._columns(), strict=True):
+            if mine is not None:
+                mine[rays] = 0.0 if theirs is None else theirs
+
+    def at(self, rays: Ints | Bools | slice) -> "Hits":
+        """The hits of some rays."""
+        return Hits(*(None if column is None else column[rays] for column in self._columns()))
+
+    def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
+        """These hits, and others where chosen (n,)."""
+        return Hits(*(_either(chosen, *pair) for pair in zip(self._columns(), others._columns(), strict=True)))
+
+    def _columns(self) -> tuple[np.ndarray | None, ...]:
+        return self.distance, self.triangle, self.u, self.v, self.enters, self.facing, self.normal
+
+
+def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
+    """The one column, and the other where chosen; what is None counts as 0."""
+    if mine is None and theirs is None:
+        return None
+    mine, theirs = (np.zeros((1, 3)) if column is None else column for column in (mine, theirs))
+    return np.where(chosen if mine.ndim == 1 else chosen[:, None], theirs, mine)
+
+
+def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
+    """Distances (n,) at which rays enter and leave an axis-aligned box (2, 3); enter > leave is a miss."""
+    enter, leave = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in range(3):  # one axis at a time: three times as fast as reductions over rows of three
+            inverse = 1.0 / directions[:, axis]
+            low = (bounds[0, axis] - origins[:, axis]) * inverse
+            high = (bounds[1, axis] - origins[:, axis]) * inverse
+            # fmax and fmin pass over the NaN of a ray that runs within a face of the box
+            enter = np.fmax(enter, np.fmin(low, high))
+            leave = np.fmin(leave, np.fmax(low, high))
+    return enter, leave
+
+
+Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]

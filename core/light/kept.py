@@ -1,0 +1,47 @@
+"""What is used again from one plan to the next."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from ..fingerprint import fingerprint
+from ..glass.motion import Motion, find_motion
+from ..glass.solids import making_solids
+from ..glass.surfaces import Surface
+from ..rig import Mesh
+from ..steps import Pauses
+
+Thing = TypeVar("Thing")
+
+
+class Kept:
+    """What can be used again from one plan to the next, by fingerprint of what it was made from.
+
+    What is asked for between two calls of `forget` stays; the rest is dropped.
+    """
+
+    def __init__(self) -> None:
+        self._old: dict[str, Any] = {}
+        self._now: dict[str, Any] = {}
+
+    def get(self, key: str, make: Callable[[], Thing]) -> Thing:
+        """What was made before under this key, else what is made now."""
+        if key not in self._now:
+            self._now[key] = self._old[key] if key in self._old else make()
+        return self._now[key]
+
+    def get_solids(self, mesh: Mesh) -> Pauses[tuple[str, list[Surface], Motion | None]]:
+        """Key and solids of a mesh, or those of an earlier one, and the motion that takes them to this one's place."""
+        key = fingerprint(mesh)
+        if key not in self._old and key not in self._now:
+            for other, made in self._old.items():
+                motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None
+                if motion is not None:
+                    self._now[other] = made
+                    return other, made[1], motion
+            self._now[key] = mesh, (yield from making_solids(mesh))
+        _, solids = self._now.setdefault(key, self._old.get(key))
+        return key, solids, None
+
+    def forget(self) -> None:
+        """Drop what was not asked for since the last call."""
+        self._old, self._now = self._now, {}

@@ -1,0 +1,87 @@
+"""Where rays ended, and why not on the display."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Floats, Ints
+
+Words = NDArray[np.uint64]
+
+
+class Reason(IntEnum):
+    """Why a ray has no landing; 0 when it has one."""
+
+    ARRIVED = 0
+    MISSED_GLASS = 1
+    LOST_INSIDE = 2
+    MISSED_PLATE = 3
+    BLOCKED = 4
+    MISSED_DISPLAY = 5
+    CUT_OFF = 6
+
+
+REASON_WORDS = {
+    Reason.MISSED_GLASS: "missed the glass",
+    Reason.LOST_INSIDE: "lost inside the glass",
+    Reason.MISSED_PLATE: "missed the plate",
+    Reason.BLOCKED: "blocked",
+    Reason.MISSED_DISPLAY: "missed the display",
+    Reason.CUT_OFF: "cut off by Max Events",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Landings:
+    """Where and how the rays end.
+
+    sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there is no landing;
+    xy (n, 2) display pixels, x right and y down from the top left corner, NaN without a landing; positions and
+    directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,); plate_path (n,) of
+    PlatePath; leak (n,) the part through whose gap a ray went in or out, -1 for none
+
+    A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
+    display's border can then be cut there exactly. So has one that came to the display beside the glass, where the
+    settings look beside it.
+    """
+
+    sample: Ints
+    reason: np.ndarray
+    branch: np.ndarray
+    xy: Floats
+    positions: Floats
+    directions: Floats
+    throughput: Floats
+    n_events: Ints
+    plate_path: np.ndarray
+    leak: Ints
+
+    @property
+    def has_arrived(self) -> Bools:
+        return self.reason == Reason.ARRIVED
+
+    @property
+    def is_beside_glass(self) -> Bools:
+        """Did light come by way of the plate, beside the glass? None did where the settings do not look beside it."""
+        return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
+
+    def pixels(self, width: int, height: int) -> tuple[Bools, Ints]:
+        """Which (n,) are on the display's image of a size, and at which of its pixels, row by row; 0 for the others."""
+        return self._pixels_of(self.has_arrived, width, height)
+
+    def pixels_beside(self, width: int, height: int) -> tuple[Bools, Ints]:
+        """The same of light beside the glass."""
+        return self._pixels_of(self.is_beside_glass, width, height)
+
+    def _pixels_of(self, some: Bools, width: int, height: int) -> tuple[Bools, Ints]:
+        with np.errstate(invalid="ignore"):
+            is_seen = some & (self.xy >= 0).all(axis=1) & (self.xy < (width, height)).all(axis=1)
+        column, row = np.where(is_seen[:, None], self.xy, 0).astype(np.int64).T
+        return is_seen, row * width + column
+
+
+def join(parts: list[Landings]) -> Landings:
+    """Landings of consecutive chunks as one."""
+    return Landings(*(np.concatenate([getattr(p, name) for p in parts]) for name in Landings.__dataclass_fields__))

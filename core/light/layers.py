@@ -1,0 +1,64 @@
+"""Which solids are asked for hits together, and how far they reach."""
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..glass.curved import CurvedFaces
+from ..glass.surfaces import Surface
+from .media import boxes_touch
+from .ray_engine import FEW_TRIANGLES, Layer
+
+BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
+MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
+
+
+def colour(touch: np.ndarray) -> Ints:
+    """Greedy colours (n,) such that parts that touch differ."""
+    colours = np.full(len(touch), -1)
+    for i in range(len(touch)):
+        taken = set(colours[touch[i] & (np.arange(len(touch)) != i)].tolist())
+        colours[i] = next(c for c in range(len(touch) + 1) if c not in taken)
+    return colours
+
+
+def are_unlike(boxes: Floats) -> Bools:
+    """Which of boxes (n, 2, 3) are too large together for float32 to resolve the smaller one? (n, n)."""
+    together = np.maximum(boxes[:, None, 1], boxes[None, :, 1]) - np.minimum(boxes[:, None, 0], boxes[None, :, 0])
+    size = np.ptp(boxes, axis=1).max(axis=1)
+    return together.max(axis=2) > MOST_UNLIKE * np.minimum(size[:, None], size[None])
+
+
+def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
+    """Which parts share a layer: each of few faces is its own, the others by colour so that none touch."""
+    small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
+    if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
+        small = []
+    rest = [i for i in range(len(surfaces)) if i not in small]
+    groups = [[i] for i in small]
+    if rest:
+        boxes = np.stack([surfaces[i].bounds for i in rest])
+        colours = colour(boxes_touch(boxes, slack) | are_unlike(boxes))
+        groups += [[rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)]
+    return groups
+
+
+def make_layer(surfaces: list[Surface]) -> Layer:
+    """The layer of several surfaces."""
+    if len(surfaces) == 1:
+        return Layer(surfaces[0].corners, surfaces[0].curved)
+    corners = [surface.corners for surface in surfaces]
+    return Layer(np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners))
+
+
+def grown(boxes: Floats) -> Floats:
+    """Boxes (..., 2, 3) that curved surfaces stay within, however far they bulge out of the boxes of their facets."""
+    return boxes + BULGE * (boxes[..., 1:, :] - boxes[..., :1, :]) * np.array([[-1.0], [1.0]])
+
+
+def triangles_of_boxes(boxes: Floats) -> Floats:
+    """Triangles (12 b, 3, 3) of boxes (b, 2, 3)."""
+    corner = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = np.array([half for a, b, c, d in quads for half in ((a, b, c), (a, c, d))])
+    corners = np.where(corner[None], boxes[:, 1:], boxes[:, :1])
+    return corners[:, triangles].reshape(-1, 3, 3)

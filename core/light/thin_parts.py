@@ -1,0 +1,226 @@
+"""What a bundle of rays may have passed by: parts of the rig, near to it, that none of its rays met."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Bools, Floats, Ints
+from ..glass.meshes import Frames
+from ..steps import Pauses
+
+MOST_PATCHES = 4096  # with more patches whole parts are looked for
+CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
+PAIRS_AT_ONCE, BOXES_AT_ONCE = 1 << 18, 1 << 13
+MANY, TURNS = 4096, 2  # pairs of a bundle and a box, from which on they are looked into in so many turns
+WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
+DIGITS = 10  # binary, of each coordinate by which triangles are sorted
+
+
+@dataclass(frozen=True, eq=False)
+class _Bundles:
+    """Rays between two of their events, k at a time: ends (n, 2, k, 3); owner (n,), the path that they belong to.
+
+    A cone around all of them has its axis along the ray in the middle.
+    """
+
+    ends: Floats
+    owner: Ints
+
+    @cached_property
+    def outer(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+        """Along each axis, the upper and the lower line of cones: where each begins, and its way to the end, (3, n).
+
+        No way is -0.0.
+        """
+        middle = self.ends.shape[2] // 2
+        off = self.ends - self.ends[:, :, middle : middle + 1]
+        radius = np.sqrt((off * off).sum(axis=3).max(axis=2)).T
+        start, end = np.moveaxis(self.ends[:, :, middle], 0, 2)
+        return tuple(
+            (np.ascontiguousarray(start + sign * radius[0]), end - start + sign * (radius[1] - radius[0]) + 0.0)
+            for sign in (1, -1)
+        )
+
+
+class ThinParts:
+    """Triangles in boxes, to be asked which bundles of rays come near a patch that none of the rays met.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) m
+    patch, part : (t,) of each triangle
+    """
+
+    def __init__(self, corners: Floats, patch: Ints, part: Ints) -> None:
+        n = len(patch)
+        _, unit = np.unique(patch, return_inverse=True)
+        unit = unit.ravel() if unit.max() < MOST_PATCHES else part
+        self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
+        self._unit_of_patch[patch] = unit
+        order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
+        self._corners, unit = corners[order], unit[order]
+        self.n_units = int(unit[-1]) + 1
+        first = np.flatnonzero(np.diff(unit, prepend=-1))
+        within = np.arange(n) - first[unit]
+        self._starts = [np.append(first, n), *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS)]
+        low, high = self._corners.min(axis=1).T.copy(), self._corners.max(axis=1).T.copy()
+        self._boxes = [
+            (np.minimum.reduceat(low, s[:-1], axis=1), np.maximum.reduceat(high, s[:-1], axis=1)) for s in self._starts
+        ]  # fmt: skip
+
+    @cached_property
+    def box(self) -> Floats:
+        """Lower and upper corner (2, 3), m, of the box around all triangles."""
+        low, high = self._boxes[0]
+        return np.stack([low.min(axis=1), high.max(axis=1)])
+
+    @cached_property
+    def _frames(self) -> Frames:
+        return Frames.of(self._corners)
+
+    @cached_property
+    def _of_kernel(self) -> kernel.Boxes:
+        boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
+        return kernel.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
+
+    def touch(self, places: Floats, met: Ints) -> Pauses[Bools]:
+        """Which bundles (s,) of k rays come near a patch that none of them met? Pauses now and then.
+
+        Parameters
+        ----------
+        places : (s, k, m + 1, 3) m, where the rays began and where their events were; NaN after the last
+        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge;
+            where they do so before they meet anything they count as near to everything
+        """
+        low, high = self.box
+        widest = WIDEST * float(np.linalg.norm(high - low))
+        if kernel.library() is not None and self._of_kernel.knows(places):
+            return (yield from self._of_kernel.touch(places, met, widest))
+
+        is_met = np.zeros((len(places), self.n_units), bool)
+        is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
+        bundles, touched = _bundles(places, met, widest)
+        at_once = max(1, PAIRS_AT_ONCE // self.n_units)
+        for first in range(0, len(bundles.owner), at_once):
+            i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
+            yield from self._look_into(0, bundles, i + first, node, touched)
+        return touched
+
+    def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> Pauses[None]:
+        """Mark the owners of bundles i (n,) that come near a triangle in boxes `node` (n,) of a level.
+
+        One triangle is enough for an owner: many boxes are looked into in turns, and those of marked owners left out.
+        """
+        turns = TURNS if len(i) > MANY else 1
+        for turn in range(turns):
+            some = np.arange(turn, len(i), turns)
+            some = some[~touched[bundles.owner[i[some]]]]
+
+            for first in range(0, len(some), BOXES_AT_ONCE):
+                chosen = some[first : first + BOXES_AT_ONCE]
+                boxes = (np.take(side, node[chosen], axis=1) for side in self._boxes[level])
+                near = chosen[_is_in_boxes(bundles, i[chosen], *boxes)]
+
+                if level + 1 < len(self._boxes):
+                    pairs = self._within(level + 1, i[near], node[near])
+                    yield from self._look_into(level + 1, bundles, *pairs, touched)
+                else:
+                    is_near = self._is_near(bundles.ends[i[near]], node[near])
+                    touched[bundles.owner[i[near[is_near]]]] = True
+                    yield 0
+
+    def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
+        """Pairs of bundles and boxes of a level, from those of the level above."""
+        low, high = (np.searchsorted(self._starts[level], self._starts[level - 1][node + k]) for k in (0, 1))
+        owner = np.repeat(np.arange(len(i)), high - low)
+        return i[owner], np.arange(len(owner)) - (np.cumsum(high - low) - high)[owner]
+
+    def _is_near(self, ends: Floats, k: Ints) -> Bools:
+        """Is any of triangles k (n,) touched by the hull of rays with ends (n, 2, r, 3)?
+
+        Not when all rays stay on one side of its plane, or pass it beyond the same of its edges.
+        """
+        frames = self._frames
+        inside = (ends - frames.corner[k][:, None, None]).reshape(len(k), 2 * ends.shape[2], 3)
+        axes = np.stack([frames.normal[k], frames.axis_u[k], frames.axis_v[k]], axis=2)
+        # heights over the planes, and barycentric coordinates of what is below, (n, 2, r) each
+        height, u, v = np.moveaxis(np.matmul(inside, axes), 2, 0).reshape(3, *ends.shape[:3])
+        near = np.flatnonzero((height.min(axis=(1, 2)) <= 0) & (height.max(axis=(1, 2)) >= 0))
+        before, after = np.moveaxis(height[near], 1, 0)
+        (u, by_u), (v, by_v) = ((x[near, 0], x[near, 1] - x[near, 0]) for x in (u, v))
+        crosses = before * after <= 0
+        with np.errstate(invalid="ignore", divide="ignore"):
+            t = np.nan_to_num(before / (before - after))
+            # The hull meets the plane where rays cross it, and between those and the others on the way from the first
+            # crossing on, or up to the last where the others begin behind the plane.
+            first = np.where(crosses, t, 1.0).min(axis=1, keepdims=True)
+            last = np.where(crosses, t, 0.0).max(axis=1, keepdims=True)
+            ahead = np.sign(before) == np.sign(np.where(crosses, before, 0.0).sum(axis=1, keepdims=True))
+            low, high = (
+                np.where(crosses, t, np.where(ahead, first, 0.0)),
+                np.where(crosses, t, np.where(ahead, 1.0, last)),
+            )
+            beyond = np.ones((3, len(near)), bool)
+            for place in (low, high):
+                x, y = u + place * by_u, v + place * by_v
+                beyond &= np.stack([np.fmax.reduce(side, axis=1) < 0 for side in (x, y, 1 - x - y)])
+        touched = np.zeros(len(ends), bool)
+        touched[near] = ~beyond.any(axis=0)
+        return touched
+
+
+def _along_curve(points: Floats) -> Ints:
+    """Place (n,) of points (n, 3) along a curve that fills space (Morton's): neighbours on it are near each other."""
+    low = points.min(axis=0)
+    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(np.int64)
+    place = np.zeros(len(points), np.int64)
+    for digit in range(DIGITS):
+        for axis in range(3):
+            place |= (steps[:, axis] >> digit & 1) << (3 * digit + axis)
+    return place
+
+
+def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
+    """The rays of bundles between their events, as far as they stay together; and which (s,) are wide from the first.
+
+    widest : m, between rays
+    """
+    parted = np.zeros(len(places), bool)
+    ends, owner = [np.empty((0, 2, places.shape[1], 3))], [np.empty(0, np.int64)]
+    for k in range(met.shape[2]):
+        with np.errstate(invalid="ignore"):
+            off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1]).max(axis=(1, 2), initial=0.0)
+        # a ray that leaves the rig is followed far beyond it: there its bundle may be as wide as the rig
+        leaves = (met[:, :, k] < 0).any(axis=1)
+        is_wide = off > np.where(leaves, widest / WIDEST, widest)
+        parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
+        if k == 0:
+            first = is_wide & ~parts
+        parted |= is_wide | np.isnan(off)
+        chosen = np.flatnonzero(~parted)
+        ends.append(np.moveaxis(places[chosen, :, k : k + 2], 2, 1))
+        owner.append(chosen)
+        parted |= parts
+        if parted.all():
+            break
+    return _Bundles(np.concatenate(ends), np.concatenate(owner)), first
+
+
+def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
+    """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?
+
+    Along each axis a cone reaches, at a part 0..1 of its way, from one line to another: from when to when is it above
+    the box's lower side, and below its upper one?
+    """
+    enter, leave = np.zeros(len(i)), np.ones(len(i))
+    for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
+        way = np.take(way, i, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (side - np.take(start, i, axis=1)) / way  # inf where it always is, or never
+        comes = (way >= 0) == is_lower
+        # reductions along the first axis: along rows of three they are several times slower
+        enter = np.fmax(enter, np.fmax.reduce(np.where(comes, at, -np.inf), axis=0))
+        leave = np.fmin(leave, np.fmin.reduce(np.where(comes, np.inf, at), axis=0))
+    return enter <= leave

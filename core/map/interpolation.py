@@ -1,0 +1,103 @@
+"""Cells of the viewer's image on which the view map is smooth: biquartic through 5 x 5 traced nodes.
+
+Nodes are numbered row by row from the upper left corner, a quarter of the cell's side apart.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+
+SIDE = 5  # nodes along a side: quartics
+PARTS = SIDE - 1  # a cell's side in steps between nodes
+COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(SIDE), np.arange(SIDE)))
+# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The first two places
+# differ in x only, in which the error is odd: errors along x and y do not cancel at both. The others are for what is
+# not smooth within a cell, most often the edges of the mesh's faces: anywhere between the nodes that the first leave.
+_WORST = 0.3555671 / PARTS
+CHECKS = np.array([[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]])
+# The error of a quartic is that largest value, 3.63, times the fifth derivative / 5!. Of the fifth differences nothing
+# is known: where the map is steep, beside grazing rays, they were found to be up to three times the fourth.
+QUARTIC = 3 * 3.6314 / 120
+DIFFERENCE_2, DIFFERENCE_4 = np.array([1.0, -2.0, 1.0]), np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+def weights(t: Floats) -> Floats:
+    """Lagrange's weights (..., 5) of five nodes along a side at places t (...) in 0..1."""
+    x = PARTS * np.asarray(t, float)[..., None]
+    k = np.arange(SIDE)
+    found = np.ones((*x.shape[:-1], SIDE))
+    for j in range(SIDE):
+        others = k != j
+        found[..., others] *= (x - j) / (k[others] - j)
+    return found
+
+
+@cache
+def _to_grid(m: int) -> Floats:
+    return weights(np.arange(m + 1) / m)
+
+
+def at_places(nodes: Floats, places: Floats) -> Floats:
+    """Values (n, c) at places (n, 2), x and y in 0..1, of cells with values (n, 25, c) at their nodes."""
+    n, _, c = nodes.shape
+    along_x = np.einsum("ni,njic->njc", weights(places[:, 0]), nodes.reshape(n, SIDE, SIDE, c))
+    return np.einsum("nj,njc->nc", weights(places[:, 1]), along_x)
+
+
+def on_grid(nodes: Floats, m: int) -> Floats:
+    """Values (n, m + 1, m + 1, c) on a grid of m parts a side, rows first, of cells with values (n, 25, c)."""
+    n, _, c = nodes.shape
+    if m == PARTS:
+        return nodes.reshape(n, SIDE, SIDE, c)
+    matrix = _to_grid(m)
+    rows = np.matmul(matrix, nodes.reshape(n, SIDE, SIDE * c))
+    return np.matmul(matrix, rows.reshape(n * (m + 1), SIDE, c)).reshape(n, m + 1, m + 1, c)
+
+
+def _differences(nodes: Floats, stencil: Floats) -> Floats:
+    """Largest length (n,) of differences along rows and columns of values (n, 25, 2)."""
+    grid = nodes.reshape(len(nodes), SIDE, SIDE, 2)
+    last = SIDE - len(stencil) + 1
+    along_x = sum(weight * grid[:, :, k : k + last] for k, weight in enumerate(stencil))
+    along_y = sum(weight * grid[:, k : k + last] for k, weight in enumerate(stencil))
+    squares = [(d * d).sum(axis=-1).max(axis=(1, 2)) for d in (along_x, along_y)]
+    return np.sqrt(np.maximum(*squares))
+
+
+def expected_error(nodes: Floats) -> Floats:
+    """About how far (n,) the biquartic through nodes (n, 25, 2) is off, in their unit."""
+    return QUARTIC * _differences(nodes, DIFFERENCE_4)
+
+
+def sag(nodes: Floats) -> Floats:
+    """About how far (n,) bilinear cells between the nodes (n, 25, 2) are off, in their unit."""
+    return _differences(nodes, DIFFERENCE_2) / 8
+
+
+def parts_for(nodes: Floats, allowed: float, most: int) -> Ints:
+    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off by less."""
+    parts = PARTS * np.sqrt(sag(nodes) / allowed)
+    return 2 ** np.ceil(np.log2(np.clip(parts, 1, most))).astype(np.int64)
+
+
+def is_folded(nodes: Floats) -> np.ndarray:
+    """Does det J of cells (n,) with nodes (n, 25, 2) change its sign, or come near to it?"""
+    grid = nodes.reshape(len(nodes), SIDE, SIDE, 2)
+    by_x = np.diff(grid, axis=2)
+    by_y = np.diff(grid, axis=1)
+    turn = [
+        a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+        for a in (by_x[:, :-1], by_x[:, 1:])
+        for b in (by_y[:, :, :-1], by_y[:, :, 1:])
+    ]
+    area = np.stack(turn, axis=1)
+    return np.sign(area.min(axis=(1, 2, 3))) * np.sign(area.max(axis=(1, 2, 3))) <= 0
+
+
+def bilinear(corners: Floats, place: Floats) -> Floats:
+    """Points (n, 2) at places (n, 2), in 0..1, of quads (n, 4, 2)."""
+    x, y = place[:, :1], place[:, 1:]
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)

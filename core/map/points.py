@@ -1,0 +1,144 @@
+"""Places of the viewer's image that have been traced, and the paths of their rays."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints, taken
+from ..light.landings import Words
+from ..light.plan import Plan
+from ..light.trace import Step, tracing
+
+CHUNK = 1 << 14  # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
+EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
+OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
+MOST_EVENTS = 12  # of a path that are kept
+ROOM = 1.5  # times as many paths as before, when there is no more room for others
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Traced points: viewer px (n, 2), landings on the display (n, 2), branch, reason, throughput (n,)."""
+
+    view: Floats
+    xy: Floats
+    branch: np.ndarray
+    reason: np.ndarray
+    throughput: Floats
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    @classmethod
+    def none(cls) -> "Points":
+        """No points."""
+        two = np.empty((0, 2))
+        return cls(two, two, np.empty(0, np.uint64), np.empty(0, np.uint8), np.empty(0))
+
+    def at(self, which: Ints) -> "Points":
+        """Some of these points."""
+        return Points(*(taken(getattr(self, f.name), which) for f in fields(Points)))
+
+    def and_more(self, others: "Points") -> "Points":
+        """These points, followed by others."""
+        return Points(*(np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(Points)))
+
+
+class Paths:
+    """Where traced rays went, up to the twelfth event, in the order of the points.
+
+    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the last, as many as the
+    longest path needs. A ray that leaves the rig goes on for `reach`, m.
+    """
+
+    def __init__(self, reach: float) -> None:
+        self.reach = reach
+        self._n = 0
+        self._make_room(0, 1)
+
+    @property
+    def places(self) -> Floats:
+        return self._places[: self._n]
+
+    @property
+    def met(self) -> Ints:
+        return self._met[: self._n]
+
+    def add(self, origins: Floats, steps: list[Step]) -> None:
+        """Take up the paths of rays from origins (n, 3)."""
+        steps, first = steps[:MOST_EVENTS], self._n
+        self._n += len(origins)
+        room, width = self._met.shape
+        if self._n > room or len(steps) > width:
+            larger = max(self._n, int(ROOM * room))
+            self._make_room(larger if self._n > room else room, max(len(steps), width))
+
+        places, met = self.places[first:], self.met[first:]
+        places[:, 0] = origins
+        for k, step in enumerate(steps):
+            places[step.left, k + 1] = step.start + self.reach * step.direction
+            places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
+
+    def _make_room(self, n: int, m: int) -> None:
+        """Make room for n rays and m events."""
+        places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
+        if n:
+            places[: len(self._places), : self._places.shape[1]] = self._places
+            met[: len(self._met), : self._met.shape[1]] = self._met
+        self._places, self._met = places, met
+
+
+def trace_points(
+    plan: Plan, view: Floats, course: Words | None = None, paths: Paths | None = None
+) -> Generator[int, None, Points]:
+    """Trace viewer points (n, 2), on their courses; yields the number of rays after each chunk of them.
+
+    paths : take up where the rays went
+    """
+    n = len(view)
+    points = Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
+    for first in range(0, n, CHUNK):
+        some = slice(first, first + CHUNK)
+        origins, directions = plan.rig.viewer.rays(view[some])
+        steps = None if paths is None else []
+        landings = yield from tracing(plan, origins, directions, None if course is None else course[some], steps)
+        if paths is not None:
+            paths.add(origins, steps)
+        for name in ("xy", "branch", "reason", "throughput"):
+            getattr(points, name)[some] = getattr(landings, name)
+        yield len(landings.xy)
+    return points
+
+
+def areas(points: Floats, triangles: Ints) -> Floats:
+    """Areas (t,) of triangles (t, 3) between points (n, 2)."""
+    (ax, ay), (bx, by), (cx, cy) = (taken(points, corner).T for corner in triangles.T)
+    return 0.5 * np.abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+
+
+def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
+    """Are points (n, 2) in triangles (n, 3, 2) of the viewer's image, and where (n, 2) does the display show them?"""
+    a, b = view[:, 1] - view[:, 0], view[:, 2] - view[:, 0]
+    p = at - view[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
+        v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
+        inside = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
+        return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (xy[:, 2] - xy[:, 0])
+
+
+def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
+    """Are display pixels (n, 2) in the image? Not so where there is no landing."""
+    return ((xy >= 0) & (xy <= display_size)).all(axis=1)
+
+
+def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
+    """Is either of display pixels a and b (n, 2) in the image? What is beside it by both accounts matters to nobody."""
+    return is_in_image(a, display_size) | is_in_image(b, display_size)
+
+
+def bounds_of(xy: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
+    return np.fmin.reduce(xy, axis=1), np.fmax.reduce(xy, axis=1)

@@ -1,0 +1,1 @@
+"""Error against time, and what a result is compared with."""

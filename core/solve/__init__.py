@@ -1,0 +1,1 @@
+"""From a rig to its source image, and what is told of it."""

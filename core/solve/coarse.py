@@ -1,0 +1,102 @@
+"""First pictures: a rig seen by a viewer of few pixels is solved in a fraction of the time."""
+
+from collections.abc import Callable, Generator
+from contextlib import closing
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import KirikoError
+from ..rig import Rig
+from ..settings import Settings
+from ..steps import at
+from .session import Session
+from .solution import Solution
+
+# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
+# once; a display of half the resolution is off by 0.03. So the viewer is what a first picture saves on.
+COARSE_VIEWER, FINER = 64, 4  # px of the longer side; how much finer each picture is than the one before
+COARSE_DISPLAY = 512  # px of the longer side
+COARSE_TOLERANCE = 1.0  # display px
+
+# s of work after the build that the rig itself gets before its first picture is made, while it traces and while it
+# paints images larger than coarse ones. What is done by then needs none: the ball rig is, of which it takes a seventh.
+TRACING, PAINTING = 0.2, 0.4
+
+
+def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
+    """The rig seen by a viewer of about `side` pixels, for a first picture."""
+    viewer, display = rig.viewer, rig.display
+    n = -(-max(viewer.width, viewer.height) // side)
+    m = -(-max(display.width, display.height) // COARSE_DISPLAY)
+    return (
+        replace(
+            rig,
+            viewers=(replace(viewer, width=-(-viewer.width // n), height=-(-viewer.height // n)),),
+            displays=(replace(display, width=-(-display.width // m), height=-(-display.height // m)),),
+        ),
+        replace(settings, tolerance=max(settings.tolerance, COARSE_TOLERANCE), margin=-(-settings.margin // m)),
+    )
+
+
+def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
+    """What to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
+    rungs, side = [], COARSE_VIEWER
+    while 2 * side < max(rig.viewer.width, rig.viewer.height):
+        rungs.append(coarser(rig, settings, side))
+        side *= FINER
+    return [*rungs, (rig, settings)]
+
+
+def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """An image (h, w, c) with as many pixels as the display: each is that of the coarse one it lies in."""
+    rows = np.arange(height) * pixels.shape[0] // height
+    columns = np.arange(width) * pixels.shape[1] // width
+    return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
+
+
+def solve_in_sight(
+    session: Session, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None]
+) -> Generator[float, None, Solution]:
+    """What `session.solve` does, for somebody who waits: `show` gets coarse source images of the display's size.
+
+    The rig itself is begun first, so that what cannot be solved is refused with nothing shown; it rests while a coarse
+    picture is made. The next one, which takes FINER^2 times as long, comes after as many times the work. None is made
+    where nothing has to be traced, since nothing coarse is faster.
+    """
+    is_large = max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height) > COARSE_DISPLAY
+    worked, patience = 0.0, 1
+    with closing(session.solve(rig, settings)) as solving:
+        progress = next(solving)  # the glass is made ready
+        rungs = ladder(rig, settings)[:-1] if session.is_tracing else []
+        try:
+            while True:
+                yield progress
+                is_tracing = session.is_tracing
+                if rungs and (is_tracing or is_large) and worked >= patience * (TRACING if is_tracing else PAINTING):
+                    patience *= FINER**2
+                    yield from _shown(session, *rungs.pop(0), rig, show, progress)
+                started = perf_counter()
+                progress = next(solving)
+                worked += perf_counter() - started
+        except StopIteration as done:
+            return done.value
+
+
+def _shown(
+    session: Session,
+    rig: Rig,
+    settings: Settings,
+    whole: Rig,
+    show: Callable[[NDArray[np.float32]], None],
+    progress: float,
+) -> Generator[float, None, None]:
+    """Show a coarse picture of the whole rig, unless it fails, as where its viewer misses what the whole one's sees."""
+    try:
+        source = yield from at(progress, session.glance(rig, settings))
+    except (KirikoError, MemoryError):
+        return
+    show(enlarged(source, whole.display.width, whole.display.height))
+    yield progress

@@ -1,0 +1,93 @@
+"""How much memory a solve takes, told before it is taken.
+
+The amounts are those that `dev.py bench` measures beside this estimate: within a factor of 2 from 100 MB on, with the
+compiled kernel and without it.
+"""
+
+import numpy as np
+
+from ..free_memory import check_free
+from ..glass.meshes import SAME_NORMAL
+from ..kernel import library
+from ..map.points import OF_POINT
+from ..map.share_batches import MOST_KEPT
+from ..map.view_map import ViewMap
+from ..rig import Mesh, Rig
+from ..settings import Settings
+
+ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; what batches of rays take more without the kernel
+# bytes for each pixel, share, triangle, traced ray that is kept
+OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 120
+OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
+QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
+CELLS, RAYS, MOST_RAYS = 5, 40, 1.5  # times the 2/5th power of the same; for a cell, for a viewer pixel
+
+
+def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
+    """Bytes that a solve is about to take beside what is there already, by what they are taken for.
+
+    Where borders run, and how many shares come of the pixels that are cut there, is known only from the view map:
+    without one they count for nothing.
+
+    Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off by h^2 of it, so
+    that the tolerance asks for 1 / h^2 of them, in proportion to the display's side in tolerances. Cells are off by
+    h^5, which asks for its 2/5th power. That holds within a triangle of the mesh; the map has kinks of a higher order
+    between them: where cells would be smaller, any viewer pixel that needs several quads may be cut.
+    """
+    image = rig.picture.image
+    display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
+    meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
+    n_curved = sum(_n_curved(mesh) for mesh in meshes)
+    sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
+    n_quads = min(QUADS * sides, MOST_QUADS * viewer)
+    n_cells = CELLS * sides**0.4
+    n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)
+    n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
+    n_kept, n_more = min(n_shares, MOST_KEPT), min(n_quads, max(MOST_KEPT - n_shares, 0.0))
+    n_cut, n_points = (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
+    return {
+        "display": OF_DISPLAY * display + OF_SHARE * n_kept,
+        "viewer": OF_VIEWER * viewer,
+        "picture": OF_PICTURE * float(image.shape[0]) * image.shape[1],
+        "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
+        "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
+        "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
+        "always": ALWAYS + BY_NUMPY * (library() is None),
+    }
+
+
+def _n_curved(mesh: Mesh) -> int:
+    """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
+    if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface == "facets":
+        return 0
+    first, *others = mesh.corner_normals[mesh.is_smooth].swapaxes(0, 1)
+    is_bent = [(np.abs(normal - first) > SAME_NORMAL).any(axis=1) for normal in others]
+    return int(np.logical_or(*is_bent).sum())
+
+
+def check_memory(rig: Rig, settings: Settings) -> None:
+    """Raise RigError when a solve would take more memory than is free."""
+    parts = estimated(rig, settings)
+    display, viewer, picture = rig.display, rig.viewer, rig.picture
+    height, width = picture.image.shape[:2]
+    remedies = {
+        "display": f"lower the resolution of the display '{display.name}' ({display.width} x {display.height})",
+        "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+        "picture": f"choose a smaller image for the picture '{picture.name}' ({width} x {height})",
+        "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
+        "glass": "give the glass fewer triangles",
+        "always": "close other programs",
+    }
+    check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
+
+
+def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
+    """Raise RigError when the shares of the pixels that borders run through would take more memory than is free."""
+    viewer = rig.viewer
+    resolution = f"the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})"
+    is_sampled = len(view_map.samples) > len(view_map.points) / 2
+    check_free(
+        estimated(rig, settings, view_map)["borders"],
+        "Painting what the borders in the glass cut to pieces",
+        f"lower Effort ({settings.effort}), or {resolution}" if is_sampled else f"lower {resolution}",
+    )

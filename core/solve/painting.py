@@ -1,0 +1,157 @@
+"""A source image from the shares of a map, for a picture in its place."""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..image.ghosts import Paths
+from ..image.outline import cut_along_outline
+from ..image.pyramid import Pyramid
+from ..image.source_image import Painting, Strokes, find_strokes
+from ..map.share_batches import ShareBatches
+from ..map.shares import Coverage, Shares, add_at
+from ..map.view_map import Piece, ViewMap
+from ..rig import Rig
+from ..settings import Settings
+from ..steps import Pauses, at
+from .reach import times_slower
+from .solution import shares_of
+
+# seconds, about, that painting takes for each display pixel, cell and share, where `reach.times_slower` is 1
+PAINTING = 0.48e-6, 0.67e-6, 0.14e-6
+MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
+
+
+@dataclass(eq=False)
+class Placed:
+    """What of a solve depends on the picture's place and size, but not on its colours.
+
+    seconds_to_paint : about, with all that comes with it
+    cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
+    coverage : complete when all shares were made once
+    strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
+    """
+
+    key: str
+    shares: ShareBatches
+    seconds_to_paint: float
+    cells: Floats
+    part: Floats
+    coverage: Coverage
+    strongest: NDArray[np.uint64] | None = None
+    view_coverage: Floats | None = None
+    strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
+    covered: tuple[float, dict[str, float]] | None = None
+
+    def let_go(self) -> None:
+        """Keep no shares: they are made again when they are asked for."""
+        self.shares.let_go()
+        self.strokes.clear()
+
+    def shown(self, shares: Shares) -> Shares:
+        """Those of some shares that display pixels show."""
+        if self.strongest is None:
+            return shares
+        return shares.at(np.flatnonzero(self.strongest[shares.display_index] == shares.path))
+
+    def view_coverage_in(self, view_map: ViewMap) -> Floats:
+        """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
+        return np.where(view_map.is_whole, 1.0, self.coverage.of_view)
+
+
+class Clock:
+    """Seconds by part of the work."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, part: str) -> None:
+        """What has passed since the last lap was this part's."""
+        now = perf_counter()
+        self.seconds[part] = self.seconds.get(part, 0.0) + now - self._last
+        self._last = now
+
+
+def paint(rig: Rig, placed: Placed, pyramid: Pyramid, clock: Clock) -> Generator[float, None, Painting]:
+    """Add all shares to a painting, and to the sums over them where these are new; yields progress 0..1."""
+    painting, is_new = Painting(placed.shares.display_size), placed.covered is None
+    n_painted, told = 0, 0.0
+    clock.lap("painting")
+    if is_new and placed.shares.has_path:
+        placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
+        clock.lap("ghosts")
+
+    for n, shares in enumerate(placed.shares):
+        clock.lap("shares")
+        is_known = n < len(placed.strokes)
+        shown = None if is_known and not is_new else placed.shown(shares)
+        if is_new:
+            placed.coverage.add(shares, shown)
+            clock.lap("coverage")
+
+        strokes = placed.strokes[n] if is_known else find_strokes(rig.picture, rig.viewer, shown)
+        if n == len(placed.strokes) and n_painted < MOST_PLACED:  # another solve may have let some go meanwhile
+            placed.strokes.append(strokes)
+        painting.add(pyramid, strokes)
+        clock.lap("painting")
+
+        n_painted += len(shares)
+        batches = placed.shares
+        part = n_painted / len(batches) if batches.are_kept else np.interp(batches.n_divided, placed.cells, placed.part)
+        told = max(told, float(part))  # another solve may be half way through the same batches
+        yield told
+    if not placed.shares.are_kept:
+        placed.strokes.clear()  # next to all that has to be made again they would save little
+    return painting
+
+
+def place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> Placed:
+    """The shares of a map as a picture's place has them, none of which are made yet."""
+    shares = _shares_to_paint(view_map, rig, settings)
+    width, height = shares.display_size
+    cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
+    seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
+    part = n_shares / max(n_shares[-1], 1)
+    return Placed(key, shares, seconds, cells, part, Coverage(shares.display_size, shares.view_size))
+
+
+def finished(painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:
+    """The source image of a painting to which all shares were added."""
+    held_back = None if beside is None else settings.suppress_glare * beside
+    return painting.finished(coverage.weight, settings.margin, held_back)
+
+
+def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
+    paths = Paths(batches.display_size)
+    for shares in batches:
+        paths.add(shares)
+        yield 0
+    return paths.strongest()
+
+
+def _shares_to_paint(view_map: ViewMap, rig: Rig, settings: Settings) -> ShareBatches:
+    """The shares of a map's cells, which are cut along the picture's outline."""
+
+    def pieces() -> Iterator[Piece]:
+        return cut_along_outline(view_map.pieces(), rig.picture, rig.viewer)
+
+    return shares_of(view_map, settings.brightness, pieces, has_path=settings.ghosts == "strongest")
+
+
+def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
+    """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass, if asked for."""
+    if not settings.looks_beside:
+        return None
+
+    width, height = view_map.display_size
+    weight = np.zeros((height, width))
+    for shares in shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
+        add_at(weight, shares.display_index, shares.weight)
+        yield 0
+    return weight

@@ -1,0 +1,66 @@
+"""How much of the picture is seen, and why the rest is not."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..image.picture import cover_in_view, why_unseen
+from ..light.landings import REASON_WORDS, Reason
+from ..map.view_map import ViewMap
+from ..rig import Rig
+
+UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
+TOO_FINE = "finer than a viewer pixel"
+
+ROUNDING = 1e-12  # of the picture: less is no light
+
+PIXELS_AT_ONCE = 1 << 18
+
+
+def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[float, dict[str, float]]:
+    """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses: 1 in all.
+
+    What is missing in a pixel is put down to the reasons of the rays at its corners and within. Where all of these have
+    landed, it is beyond the display's edge, if one cell maps the pixel; else between branches finer than a pixel.
+    """
+    w, h = view_map.view_size
+    unseen, lost = 0.0, np.zeros(len(Reason))
+    within = _reasons_within(view_map)
+    cover_of_view = cover_in_view(rig.picture, rig.viewer)
+    shown = float(cover_of_view.sum())
+    rows = max(1, PIXELS_AT_ONCE // w)
+    for first in range(0, h, rows):
+        cover = cover_of_view[first : first + rows].ravel()
+        missing = np.clip(cover - view_coverage[first : first + rows].ravel(), 0, 1)
+        unseen += missing.sum()
+        some = np.flatnonzero(missing)
+        top = view_map.reason[first : first + rows + 1]
+        by_corner = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]]).reshape(4, -1)[:, some]
+        of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
+        votes = of_reason.sum(axis=1) + within[:, first * w + some]
+        votes[Reason.ARRIVED] = 0
+        at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (votes.sum(axis=0) == 0)
+        votes[Reason.MISSED_DISPLAY, at_edge] = 1
+        lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
+    if shown < UNSEEN:
+        raise RigError(
+            f"The viewer '{rig.viewer.name}' does not see the picture '{rig.picture.name}',"
+            f" {why_unseen(rig.picture, rig.viewer)}."
+        )
+    misses = {REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0}
+    between = float((unseen - lost.sum()) / shown)
+    if between > ROUNDING:
+        misses[TOO_FINE] = between
+    return float(1 - unseen / shown), misses
+
+
+def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
+    """How many rays within each viewer pixel, not on its edges, ended for each reason: (reasons, pixels)."""
+    w, h = view_map.view_size
+    view = view_map.points.view
+    column, row = np.floor(view).astype(np.int64).T
+    is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
+    counts = np.zeros((len(Reason), w * h), np.uint16)
+    np.add.at(counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1)
+    return counts

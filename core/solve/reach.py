@@ -1,0 +1,93 @@
+"""Which glass does light come near? What stands aside is not made ready to be traced until a ray comes by."""
+
+import timeit
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from ..light.kept import Kept
+from ..light.plan import Plan, planning
+from ..light.rays import ReachedError
+from ..map.sampling import Sampling
+from ..map.view_map import ViewMap
+from ..rig import Rig
+from ..settings import Settings
+from ..steps import at
+
+MOST_STARTS = 3  # the last of them with everything
+DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
+
+# Seconds, for the progress alone, of a machine on which the norms of PROBE take OF_PROBE seconds.
+OF_PROBE, PROBE = 370e-6, np.ones((1 << 14, 3))
+SECONDS_A_PIXEL = 8e-6  # that a view map takes
+AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that what comes after it takes
+
+
+def out_of_sight(rig: Rig) -> tuple[int, ...]:
+    """Glasses, by their number, that the viewer does not look at: light may come to them by way of the others only."""
+    if len(rig.glasses) == 1:
+        return ()
+    viewer = rig.viewer
+    aside = []
+    for number, glass in enumerate(rig.glasses):
+        low, high = glass.mesh.bounds
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        xy = viewer.project(corners)
+        is_before = np.isfinite(xy).all(axis=1)
+        if not is_before.any():
+            aside.append(number)
+        elif is_before.all():
+            left, top = xy.min(axis=0)
+            right, bottom = xy.max(axis=0)
+            if right < 0 or bottom < 0 or left > viewer.width or top > viewer.height:
+                aside.append(number)
+    return tuple(aside) if len(aside) < len(rig.glasses) else ()
+
+
+def times_slower() -> float:
+    """How many times slower this machine is now than the one of the seconds above."""
+    return min(timeit.repeat(lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3)) / OF_PROBE
+
+
+def sample_reached(
+    rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
+) -> Generator[float, None, tuple[Plan, ViewMap]]:
+    """Plan and view map of a rig without the glass that no light comes near; yields progress of a whole solve, 0..1.
+
+    It ends where as much time has passed as it should have of a solve in which what comes after takes its time, too.
+    Where a ray comes near such a glass after all, or a bundle of rays does, it begins again with it.
+
+    Parameters
+    ----------
+    lap : called with the name of what has just been done
+
+    Raises
+    ------
+    RigError, MeshError : as by make_plan
+    """
+    aside, told, slower = out_of_sight(rig), 0.0, times_slower()
+    for start in range(MOST_STARTS):
+        started = perf_counter()
+        plan = yield from at(told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ()))
+        lap("plan")
+        began, sampling = perf_counter(), Sampling(plan)
+        of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height
+        steps, share, guess = sampling.sample(), 0.0, DOUBT * slower * SECONDS_A_PIXEL * n_pixels
+        try:
+            while True:
+                so_far = perf_counter() - began
+                in_all = max(so_far, (so_far + guess) / (share + DOUBT))
+                n_rays = max(sampling.expected, sampling.n_done)
+                after = slower * (AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * n_rays)
+                # what begins again has come no further
+                told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
+                yield told
+                share = next(steps)
+        except StopIteration as end:
+            return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), end.value
+        except ReachedError as found:
+            aside = tuple(number for k, number in enumerate(plan.aside) if k not in found.boxes)
+            lap("tracing")
+    raise AssertionError("with everything in the plan nothing else can be reached")

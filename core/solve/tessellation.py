@@ -1,0 +1,297 @@
+"""How far off is the surface that is followed from the one that was meant?"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Bools, Floats, Ints
+from ..glass.curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
+from ..kinds import Kind
+from ..light.display import display_pixel
+from ..light.landings import Landings
+from ..light.plan import Plan, planning
+from ..light.ray_engine import Layer
+from ..light.trace import Step, tracing
+from ..rig import Glass, Mirror, Rig, Viewer
+from ..steps import Pauses, at, within
+from ..vectors import dot
+
+SAMPLES = 32  # rays along each side of the viewer's image
+TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
+COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
+IRREGULAR = 3.0  # times the error of the order: noisy balls have 7 and more of it by jumps, an icosahedron once cut 1
+WORSE = 2.0  # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
+NEAR = 1e-3  # of the glass's size
+WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
+
+
+class Tessellation(NamedTuple):
+    """About how far landings are from those of the surface that was meant, display px rms; all 0 where all is flat.
+
+    Parameters
+    ----------
+    drawn : because facets with bent normals are no curved faces
+    order : because curved faces are of degree 4
+    straight : because edges next to flat faces and sharp edges are straight
+    jumps : because the normals of curved faces do not agree at their edges: the mesh is irregular or noisy
+    uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
+    as_drawn : what the first would be if all were followed as drawn, asked only where jumps matter; else 0
+    undecided : share of the light, 0..1, that passes two solids so near each other that it arrives elsewhere, or does
+        not, where the curved faces are of degree 3 instead of 4: the solids have other triangles there
+    """
+
+    drawn: float = 0.0
+    order: float = 0.0
+    straight: float = 0.0
+    jumps: float = 0.0
+    uneven: int = -1
+    as_drawn: float = 0.0
+    undecided: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """All of it, display px rms."""
+        return float(np.linalg.norm(self[:4]))
+
+    @property
+    def cause(self) -> str:
+        """What most of it is due to: 'drawn', 'order', 'straight' or 'jumps'.
+
+        On a mesh that is merely coarse normals jump as well: by no more than a few times what the order leaves open, or
+        than its facets would be off.
+        """
+        is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
+        return max(
+            ("drawn", "order", "straight") if is_coarse else self._fields[:4], key=lambda name: getattr(self, name)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Parabolic(CurvedFaces):
+    """Curved faces, and beside them paraboloids over flat triangles, with about their bent normals (t, 3, 3).
+
+    Rows from `first` on are paraboloids.
+    """
+
+    corner_normals: Floats | None = None
+    first: int = 0
+
+    def _is_within(self, least: Floats, row: Ints) -> Bools:
+        # paraboloids have no neighbours to go on to
+        return least >= np.where(row >= self.first, -WIDE, -EDGE)
+
+    def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
+        return super()._is_in_box(k, origins, directions) | (self.row[k] >= self.first)
+
+    @cached_property
+    def _spheres(self) -> tuple[Floats, Floats]:
+        centre = self.corners.mean(axis=1)
+        return centre, (1 + MOST_OFFSET) * np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+
+    def _load(self, k: Ints) -> Floats:
+        c = np.zeros((N_TERMS, 3, len(k)))
+        old = np.flatnonzero(self.row[k] < self.first)
+        if len(old):
+            c[..., old] = super()._load(k[old])
+        new = np.flatnonzero(self.row[k] >= self.first)
+        c[..., new] = self._paraboloids(k[new])
+        return c
+
+    def _paraboloids(self, k: Ints) -> Floats:
+        corners, normals = self.corners[k], self.corner_normals[k]
+        c = np.zeros((N_TERMS, 3, len(k)))
+        by_power = {power: c[i] for i, power in enumerate(POWERS)}
+        by_power[1, 0][:], by_power[0, 1][:] = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+        middle = normals.mean(axis=1)
+        # sag of an edge whose normals turn: its height is that of a parabola
+        high = [
+            0.5 * dot(normals[:, j] - normals[:, i], corners[:, j] - corners[:, i]) * middle.T
+            for i, j in ((0, 1), (0, 2), (1, 2))
+        ]
+        # (1 - u - v) u, (1 - u - v) v and u v
+        by_power[1, 0][:] += high[0]
+        by_power[2, 0][:] -= high[0]
+        by_power[0, 1][:] += high[1]
+        by_power[0, 2][:] -= high[1]
+        by_power[1, 1][:] += high[2] - high[0] - high[1]
+        return c
+
+
+def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
+    """A layer whose flat triangles with bent normals are paraboloids instead."""
+    is_bent = plan.is_bent[triangles]
+    n = int(is_bent.sum())
+    old = layer.curved
+    if old is None:
+        old = CurvedFaces.none(layer.corners)
+    first = len(old.coefficients)
+    row = old.row.copy()
+    row[is_bent] = first + np.arange(n)
+    none = np.full((n, 3), -1)
+    columns = {f.name: getattr(old, f.name) for f in fields(CurvedFaces)}
+    columns |= {
+        "row": row,
+        "neighbour": np.concatenate([old.neighbour, none]),
+        "normal_row": np.concatenate([old.normal_row, none[:, 0]]),
+        "bent_row": np.concatenate([old.bent_row, none[:, 0]]),
+    }
+    normals = plan.corner_normals[triangles]
+    if layer.motion is not None:
+        normals = normals @ layer.motion.rotation
+    bent = layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
+    if kernel.library() is not None:
+        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))  # made sooner than Embree's
+    return bent
+
+
+def _difference(one: Landings, other: Landings) -> float:
+    """Distance of landings on the same branch, rms in display px; 0 where there are none."""
+    same = one.has_arrived & other.has_arrived & (one.branch == other.branch)
+    return float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
+
+
+def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
+    """What the mesh leaves open of the surface that was meant.
+
+    It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
+    are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
+    faces are of degree 4; what degree 5 would change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a
+    geometric sequence. Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
+    of that. Yields progress 0..1.
+    """
+    pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
+    has_curved = any(layer.curved is not None for layer in plan.layers)
+    if not (has_curved or plan.is_bent.any()):
+        return Tessellation()
+    every = _sample(plan.rig.viewer, SAMPLES)
+    ways: tuple[list[Step], list[Step]] = [], []
+    whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
+    here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
+    rays = [values[here.sample] for values in every]  # with the others nothing is compared
+    is_met = np.zeros(len(plan.part), bool)
+    for step in ways[0]:
+        is_met[step.triangle] = True
+    is_drawn = [bool((plan.is_bent & is_met)[numbers].any()) and layer.has_engine for layer, numbers in pairs]
+    yield 0.2
+
+    def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
+        return tracing(replace(plan, layers=tuple(layers)), *rays, steps=steps)
+
+    def changed(change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None) -> Pauses[Landings]:
+        curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
+        return landings(curved, steps)
+
+    found = Tessellation()
+    if any(is_drawn):
+        drawn = zip(pairs, is_drawn, strict=True)
+        layers = [_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn]
+        found = found._replace(drawn=_difference(here, (yield from at(0.2, landings(layers)))))
+    if has_curved:
+        square = yield from at(0.4, changed(lambda curved: curved.lowered(2)))
+        cubic = yield from at(0.6, changed(lambda curved: curved.lowered(3), ways[1]))
+        yield 0.8
+        last, before = _difference(here, cubic), _difference(cubic, square)
+        found = found._replace(
+            order=last * min(1.0, last / before) if before else last,
+            undecided=_undecided(plan, (here, cubic), (every[0], rays[0]), ways),
+        )
+        jumps, uneven = _turned_by_jumps(plan, ways[0], here.sample)
+        found = found._replace(jumps=jumps, uneven=uneven)
+    if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
+        found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
+    if found.cause == "jumps" and found.jumps > COARSE:
+        plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
+        drawn = yield from within(tessellation(plan_as_drawn), 0.9, 1.0)
+        found = found._replace(as_drawn=drawn.drawn)
+    return found
+
+
+def _drawn(rig: Rig) -> Rig:
+    """A rig whose glass and mirrors are followed as drawn."""
+    glasses, mirrors = (
+        tuple(replace(part, mesh=replace(part.mesh, surface="facets")) for part in group)
+        for group in (rig.glasses, rig.mirrors)
+    )
+    return replace(rig, glasses=glasses, mirrors=mirrors)
+
+
+def _sample(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
+    """Origins and directions (side^2, 3) of rays spread evenly over the viewer's image."""
+    x, y = ((np.arange(side) + 0.5) / side * size for size in (viewer.width, viewer.height))
+    return viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+
+
+def _undecided(
+    plan: Plan,
+    landings: tuple[Landings, Landings],
+    origins: tuple[Floats, Floats],
+    ways: tuple[list[Step], list[Step]],
+) -> float:
+    """Share of the light that arrives elsewhere by another degree, having passed near two solids on either way."""
+    here, other = landings
+    is_changed = other.branch != here.branch
+    if not is_changed.any():
+        return 0.0
+    with np.errstate(invalid="ignore"):
+        off = np.abs(other.xy - here.xy).max(axis=1)
+        is_changed &= ~(other.has_arrived & (off <= plan.settings.tolerance))
+    is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(plan, origins[1], ways[1])
+    return float((is_changed & is_near).mean())
+
+
+def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
+    """By how much, display px rms, jumping normals move the landings of rays that arrived, and most by which part.
+
+    Normals are off by about what they jump by at the edges of a face.
+    """
+    parts = (*plan.rig.glasses, *plan.rig.mirrors)
+    ways = np.array([way_from(plan.rig, part) for part in parts])
+    n_rays = int(arrived.max(initial=-1)) + 1
+    squares = np.zeros((len(parts), n_rays))
+
+    for layer, triangles in zip(plan.layers, plan.layer_triangles, strict=True):
+        if layer.curved is None:
+            continue
+        place = np.full(len(plan.part), -1)
+        place[triangles] = np.arange(len(triangles))
+        for step in steps:
+            some = (place[step.triangle] >= 0) & (step.rays < n_rays)
+            rays, met = step.rays[some], step.triangle[some]
+            owner = plan.owner[plan.part[met]]
+            np.add.at(squares, (owner, rays), (TILTED * ways[owner] * layer.curved.jumps(place[met])) ** 2)
+
+    if not len(arrived):
+        return 0.0, -1
+    by_part = np.sqrt(squares[:, arrived].mean(axis=1)) / display_pixel(plan.rig.display)
+    return float(np.linalg.norm(by_part)), int(np.argmax(by_part))
+
+
+def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
+    """Which rays (n,) meet two solids one after the other within NEAR of the glass's size of each other?"""
+    size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
+    last, solid, is_near = origins.copy(), np.full(len(origins), -1), np.zeros(len(origins), bool)
+    for step in steps:
+        part = plan.part[step.patch]  # a patch has the number of one of its triangles
+        part = np.where(plan.kind[part] == Kind.GLASS, part, -1)
+        is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
+        is_near[step.rays] |= is_other & (np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size)
+        last[step.rays], solid[step.rays] = step.place, part
+    return is_near
+
+
+def _let_go(curved: CurvedFaces) -> CurvedFaces:
+    """Curved faces whose straight edges are not held straight."""
+    coefficients = curved.coefficients.copy()
+    held = np.flatnonzero(curved.bent_row >= 0)
+    coefficients[held] = curved.bent[curved.bent_row[held]]
+    return replace(curved, coefficients=coefficients)
+
+
+def way_from(rig: Rig, part: Glass | Mirror) -> float:
+    """Length, m, of the way of light from a part of the rig over the plate to the display."""
+    plate, display = (other.mesh.bounds.mean(axis=0) for other in (rig.plates[0], rig.display))
+    return float(np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display))
