@@ -24,10 +24,11 @@ from pathlib import Path
 import numpy as np
 from dataclasses import replace
 from reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
-from kiriko.core import memory
-from kiriko.core.light.plan import Settings
-from kiriko.core.solve.session import Session, finish
-from kiriko.core.map.view_map import sample
+from kiriko.core.solve import memory
+from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.steps import finish
+from kiriko.core.map.sampling import sample
 def status(key):  # what getrusage tells begins with what the process had that started this one
     lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return 1024 * int(lines[key].split()[0])

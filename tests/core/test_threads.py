@@ -23,11 +23,14 @@ import json, time
 from dataclasses import replace
 import numpy as np
 from reference_rigs import ball_rig, bottle, mean_normals, rig, torus
-from kiriko.core import kernel, simulation
-from kiriko.core.bench.misalignment import moved, turned
-from kiriko.core.light.plan import Settings, make_plan
+from kiriko.core import kernel
+from kiriko.core.image import simulation
+from kiriko.core.bench.offset import moved, turned
+from kiriko.core.light.plan import make_plan
+from kiriko.core.settings import Settings
 from kiriko.core.rig import MirrorArray
-from kiriko.core.solve.session import Session, finish
+from kiriko.core.solve.session import Session
+from kiriko.core.steps import finish
 
 def with_mirrors(a_rig):
     return replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))
