@@ -4,8 +4,9 @@
 def register() -> None:
     """Called by Blender when the extension is enabled."""
     from . import operators, panels
+    from .core.blender import properties
 
-    panels.settings.register()  # operators and panels ask for the settings
+    properties.register()  # operators and panels ask for them
     operators.register()
     panels.register()
 
@@ -13,7 +14,8 @@ def register() -> None:
 def unregister() -> None:
     """Called by Blender when the extension is disabled: everything goes, in reverse."""
     from . import operators, panels
+    from .core.blender import properties
 
     panels.unregister()
     operators.unregister()
-    panels.settings.unregister()
+    properties.unregister()

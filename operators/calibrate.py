@@ -21,13 +21,14 @@ from ..core.bench.lattice.photograph import find_points
 from ..core.bench.misalignment import FEWEST, Bench
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
+from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
 from ..core.image.picture import view_of_picture
 from ..core.rig import Rig
 from ..core.steps import within
 from . import work
-from .export import RELATIVE_PATH, absolute, use_bundled_modules
+from .export import use_bundled_modules
 
 TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
 TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others are images

@@ -6,10 +6,10 @@ import bpy
 
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
+from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.picture import check_readable
 from ..core.errors import ImageError, RigError
 from . import work
-from .export import RELATIVE_PATH, absolute
 
 
 def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:

@@ -7,11 +7,10 @@ import bpy
 
 from ..core import image_io
 from ..core.blender.image import pixels_from_image, save_png
+from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
 from . import watch, work
 
-# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
-RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
 OLD, ALL_THE_SAME = "Export the old image?", "Export All the Same"
 
@@ -20,15 +19,6 @@ def use_bundled_modules() -> None:
     """Let Python import the modules that Blender ships (needed from 5.0 in the bpy module)."""
     if hasattr(bpy.utils, "expose_bundled_modules"):
         bpy.utils.expose_bundled_modules()
-
-
-def absolute(path: str) -> Path:
-    """The place that a path from the interface means; ImageError when it is relative to a .blend never saved."""
-    if path.startswith("//") and not bpy.data.filepath:
-        raise ImageError(
-            f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
-        )
-    return Path(bpy.path.abspath(path))
 
 
 def target(path: str, form: str) -> Path:

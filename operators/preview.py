@@ -6,11 +6,12 @@ import bpy
 
 from ..core import image_io
 from ..core.blender.image import save_png
+from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
 from ..core.errors import ImageError, RigError
 from . import watch, work
-from .export import RELATIVE_PATH, target, use_bundled_modules
+from .export import target, use_bundled_modules
 
 NAME = "Kiriko Preview"
 

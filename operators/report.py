@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core import image_io
+from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_ladder
 from ..core.errors import ImageError
 from ..core.image.simulation import plate_view
@@ -19,7 +20,7 @@ from ..core.rig import Plate, Rig
 from ..core.settings import Settings
 from ..core.steps import finish
 from . import folder, work
-from .export import RELATIVE_PATH, absolute, use_bundled_modules
+from .export import use_bundled_modules
 
 __all__ = ["measured", "names", "table", "write"]
 

@@ -2,9 +2,7 @@
 
 import bpy
 
-from . import add_menu, calibration, export, preferences, result, rig, settings, solve
-
-__all__ = ["settings"]
+from . import add_menu, calibration, export, preferences, result, rig, solve
 
 CLASSES = (
     rig.VIEW3D_MT_kiriko_images,

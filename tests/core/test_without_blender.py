@@ -11,7 +11,19 @@ import kiriko.core
 CORE = Path(kiriko.core.__file__).parent
 PATHS = {".".join(path.relative_to(CORE).with_suffix("").parts): path for path in CORE.rglob("*.py")}
 MODULES = sorted(name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__"))
-ROOMS = ("", "glass", "light", "map", "image", "solve", "bench.lattice", "bench", "measure", "blender")  # bottom to top
+ROOMS = (
+    "",
+    "glass",
+    "light",
+    "map",
+    "image",
+    "solve",
+    "bench.lattice",
+    "bench",
+    "measure",
+    "blender",
+    "blender.properties",
+)  # bottom to top
 
 
 def imported(path: Path) -> set[str]:

@@ -1,0 +1,19 @@
+"""Paths as the interface has them, relative to the .blend or not."""
+
+from pathlib import Path
+
+import bpy
+
+from ..errors import ImageError
+
+# Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
+RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
+
+def absolute(path: str) -> Path:
+    """The place that a path from the interface means; ImageError when it is relative to a .blend never saved."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise ImageError(
+            f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
+        )
+    return Path(bpy.path.abspath(path))

@@ -1,0 +1,47 @@
+"""What the user sets: roles on objects, settings and the last result on the scene."""
+
+import bpy
+from bpy.props import PointerProperty
+
+from .calibration import KirikoCalibration
+from .objects import KirikoObject, KirikoPlate, show_image
+from .result import KirikoResult
+from .scene import KirikoScene, is_camera
+
+classes = (KirikoPlate, KirikoObject, KirikoResult, KirikoCalibration, KirikoScene)
+
+
+def register() -> None:
+    """Give objects and scenes their Kiriko settings."""
+    for cls in classes:
+        bpy.utils.register_class(cls)
+    # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has been unregistered;
+    # a property that is added and taken away by hand does not.
+    KirikoObject.image = PointerProperty(
+        name="Image",
+        description="The picture, which the plane's material shows, too",
+        type=bpy.types.Image,
+        update=show_image,
+    )
+    KirikoScene.viewer = PointerProperty(
+        name="Viewer",
+        description="Camera from which the picture shall look undistorted; the scene's camera when empty",
+        type=bpy.types.Object,
+        poll=is_camera,
+    )
+    bpy.types.Object.kiriko = PointerProperty(
+        name="Kiriko", description="What this object is in the rig", type=KirikoObject
+    )
+    bpy.types.Scene.kiriko = PointerProperty(
+        name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene
+    )
+
+
+def unregister() -> None:
+    """Take the settings away again."""
+    del bpy.types.Scene.kiriko
+    del bpy.types.Object.kiriko
+    del KirikoScene.viewer
+    del KirikoObject.image
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,125 @@
+"""What is measured of a real bench."""
+
+from math import radians
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, IntVectorProperty, StringProperty
+
+from ...bench.offset import TOLERANCES
+from ..paths import RELATIVE_PATH
+
+LATTICES = (
+    ("DOTS", "Dots", "Bright dots on black"),
+    ("GRID", "Grid", "Bright lines on black; where they cross is measured"),
+)
+KEPT = (
+    ("OFFSET", "As Offset", "Solve for the fitted rig from now on; the objects stay where they are"),
+    ("SCENE", "In the Scene", "Move the objects, and set what they are made of, as fitted"),
+    ("NONE", "Not at All", "Only tell what was found"),
+)
+
+
+class KirikoCalibration(bpy.types.PropertyGroup):
+    """What is measured of a real bench, what may be off, and what was found."""
+
+    columns: IntProperty(name="Columns", description="Points of the lattice across", default=7, min=2, max=99)
+    rows: IntProperty(name="Rows", description="Points of the lattice down", default=7, min=2, max=99)
+    margin: FloatProperty(
+        name="Margin",
+        description="From the picture's borders to the first and last points, as a share of its width and height",
+        default=1 / 14,  # as in the picture of Add Rig
+        min=0.0,
+        max=0.45,
+        subtype="FACTOR",
+    )
+    style: EnumProperty(name="Style", description="What the lattice's picture shows", items=LATTICES, default="DOTS")
+    filepath: StringProperty(
+        name="Measured",
+        description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y, or only x, y",
+        default="",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    size: IntVectorProperty(
+        name="Pixels",
+        description="Width and height of the photograph that a CSV's positions are of; 0: the viewer's own pixels",
+        size=2,
+        default=(0, 0),
+        min=0,
+        max=1 << 16,
+    )
+    noise: FloatProperty(
+        name="Noise",
+        description="By how many pixels of the photograph a measured position is likely to be off",
+        default=0.3,
+        min=1e-3,
+        soft_max=5.0,
+        max=1000.0,
+        precision=2,
+        subtype="PIXEL",
+    )
+    shift: FloatProperty(
+        name="Shift",
+        description="By how many millimetres a part is likely to stand elsewhere; 0: none does",
+        default=TOLERANCES["shift"],
+        min=0.0,
+        soft_max=10.0,
+        max=1e4,
+        precision=3,
+        step=10,
+        unit="CAMERA",
+    )
+    turn: FloatProperty(
+        name="Turn",
+        description="By how much a part is likely to be turned; 0: none is",
+        default=radians(TOLERANCES["turn"]),
+        min=0.0,
+        max=radians(30.0),
+        precision=3,
+        step=10,
+        subtype="ANGLE",
+    )
+    index: FloatProperty(
+        name="Index",
+        description="By how much a glass's index of refraction is likely to be another; 0: it is known",
+        default=TOLERANCES["index"],
+        min=0.0,
+        max=0.5,
+        precision=4,
+        step=0.1,
+    )
+    focal: FloatProperty(
+        name="Focal Length",
+        description="By how many per cent the camera's focal length is likely to be another; 0: it is known",
+        default=TOLERANCES["focal"],
+        min=0.0,
+        max=20.0,
+        precision=2,
+        step=10,
+        subtype="PERCENTAGE",
+    )
+    crossing: FloatProperty(
+        name="Crossing",
+        description="By how much a plate's layers are likely to be crossed wrong; 0: they are not",
+        default=radians(TOLERANCES["crossing"]),
+        min=0.0,
+        max=radians(5.0),
+        precision=3,
+        step=1,
+        subtype="ANGLE",
+    )
+    mirror: FloatProperty(
+        name="Mirror Height",
+        description="By how many millimetres a plate's mirrors are likely to be higher or lower; 0: they are not",
+        default=TOLERANCES["mirror"],
+        min=0.0,
+        max=10.0,
+        precision=3,
+        step=1,
+        unit="CAMERA",
+    )
+    keep: EnumProperty(name="Keep", description="What becomes of the fitted rig", items=KEPT, default="OFFSET")
+    found: StringProperty(name="Found", description="What the last calibration found, as JSON")
+    offset: StringProperty(
+        name="Offset", description="Amounts by which the rig is off, by name, one set for each calibration, as JSON"
+    )

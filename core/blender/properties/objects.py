@@ -1,0 +1,198 @@
+"""What an object is in the rig."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    IntVectorProperty,
+    PointerProperty,
+)
+
+from ...rig import MOST_CROSSING_ERROR, PRESETS
+from ..plane import show
+
+ROLES = (
+    ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
+    ("GLASS", "Glass", "Bends the light; closed surfaces, an inner one is a cavity", "MATSPHERE", 1),
+    ("PLATE", "Plate", "Flat imaging plate: sends light to the mirror image of where it came from", "MESH_GRID", 2),
+    ("MIRROR", "Mirror", "Reflects light on both sides", "MOD_MIRROR", 3),
+    ("DISPLAY", "Display", "Shows the source image on its front, laid out by its UV map", "RESTRICT_VIEW_OFF", 4),
+    ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
+    ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
+)
+PLATE_MODELS = (
+    ("IDEAL", "Ideal", "A law without mirrors: every ray goes to the mirror image of where it came from"),
+    ("CROSSED", "Two Layers (MMAP)", "Two layers of mirrors, crossed at right angles, as in ASKA3D plates"),
+    ("HOLES", "Square Holes (DCRA)", "Holes with mirrors in both directions on their walls, in one layer"),
+    ("RADIAL", "Radial Holes (DCRA)", "Such holes, turned with the azimuth about the plate's origin"),
+)
+SURFACES = (
+    (
+        "AUTOMATIC",
+        "Automatic",
+        "Smooth where the mesh is regular enough to tell the curved surface, as drawn elsewhere, face by face",
+        "NONE",
+        2,
+    ),
+    (
+        "SMOOTH",
+        "Smooth",
+        "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn",
+        "NONE",
+        0,
+    ),
+    (
+        "FACETS",
+        "As Drawn",
+        "The facets of the mesh as they are: smooth shading only interpolates their normals",
+        "NONE",
+        1,
+    ),
+)
+
+
+def show_image(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    """What is chosen as the picture is shown by the plane, too. The plane's size is left to whoever chooses."""
+    ours.is_image_shown = False
+    if ours.image is not None and ours.role == "PICTURE":
+        ours.is_image_shown = show(ours.id_data, ours.image)
+
+
+class KirikoPlate(bpy.types.PropertyGroup):
+    """What a plate is made of."""
+
+    model: EnumProperty(
+        name="Model",
+        description="What the plate is made of: mirrors bring stray light, dimness and blur",
+        items=PLATE_MODELS,
+        default="IDEAL",
+    )
+    pitch: FloatProperty(
+        name="Pitch",
+        description="From mirror to mirror, in millimetres whatever the scene's unit",
+        default=1e3 * PRESETS["ASKA3D-488"].pitch,
+        min=1e-3,
+        soft_min=0.1,
+        soft_max=5.0,
+        precision=3,
+        step=1,
+        unit="CAMERA",
+    )
+    height: FloatProperty(
+        name="Height",
+        description="Of the mirrors of one layer, in pitches: it sets the angle at which the plate is brightest",
+        default=2.5,
+        min=0.01,
+        soft_max=10.0,
+        max=1000.0,
+        precision=2,
+        step=1,
+    )
+    ior: FloatProperty(
+        name="IOR",
+        description="Index of refraction of the glass between the mirrors",
+        default=1.52,
+        min=1.0,
+        soft_max=2.5,
+        max=10.0,
+        precision=3,
+        step=1,
+    )
+    reflectance: FloatProperty(
+        name="Reflectance",
+        description="Share of light that a mirror reflects",
+        default=0.87,
+        min=0.001,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    crossing_error: FloatProperty(
+        name="Crossing Error",
+        description="By how much the second layer is turned further than 90 degrees; the image turns by twice as much",
+        default=0.0,
+        min=-MOST_CROSSING_ERROR,
+        max=MOST_CROSSING_ERROR,
+        precision=4,
+        step=1,
+        subtype="ANGLE",
+    )
+    fresnel: BoolProperty(
+        name="Glass Reflections",
+        description="The plate's two faces reflect a part of the light",
+        default=True,
+    )
+    phase: FloatVectorProperty(
+        name="Phase",
+        description="By how many pitches the mirrors of each direction stand beside the object's origin",
+        size=2,
+        default=(0.0, 0.0),
+        soft_min=0.0,
+        soft_max=1.0,
+    )
+
+
+class KirikoObject(bpy.types.PropertyGroup):
+    """What an object is in the rig."""
+
+    role: EnumProperty(
+        name="Role",
+        description="What this object is in the rig",
+        items=ROLES,
+        default="NONE",
+    )
+    use_ior: BoolProperty(
+        name="Override IOR",
+        description="Bend light by the index below instead of the one in the material",
+        default=False,
+    )
+    ior: FloatProperty(
+        name="IOR",
+        description="Index of refraction: the higher, the more the glass bends the picture (acrylic 1.49, N-BK7 1.517)",
+        default=1.49,
+        min=0.1,
+        soft_min=1.0,
+        soft_max=2.5,
+        max=10.0,
+        precision=4,
+        step=1,
+    )
+    priority: IntProperty(
+        name="Priority",
+        description="Where two glass objects overlap, the higher number is the glass that is there; among equals the "
+        "smaller object",
+        default=0,
+        min=-1000,
+        max=1000,
+        soft_min=-10,
+        soft_max=10,
+    )
+    plate: PointerProperty(name="Plate", description="What the plate is made of", type=KirikoPlate)
+    surface: EnumProperty(
+        name="Surface",
+        description="What smooth-shaded faces stand for; facets bend the picture where a curved surface was meant",
+        items=SURFACES,
+        default="AUTOMATIC",
+    )
+    use_resolution: BoolProperty(
+        name="Own Resolution",
+        description="The viewer has these pixels, which are square, and not those of the scene's render, whose shape"
+        " the camera's frame in the viewport keeps",
+        default=False,
+    )
+    resolution: IntVectorProperty(
+        name="Resolution",
+        description="Width and height in pixels: of the display, and so of the source image, or of the viewer's image",
+        size=2,
+        default=(1024, 1024),
+        min=1,
+        max=32768,
+    )
+    # image: see `register`
+    is_image_shown: BoolProperty(
+        name="Image Is Shown",
+        description="The plane's own material shows the image that was chosen, and tells the picture from then on",
+        options={"HIDDEN"},
+    )

@@ -1,0 +1,138 @@
+"""How a scene's rig is solved and exported."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..paths import RELATIVE_PATH
+from .calibration import KirikoCalibration
+from .result import KirikoResult
+
+PICTURE_SOURCES = (
+    ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
+    ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
+)
+GHOSTS = (
+    ("MEAN", "Mean", "The mean of what these places ask for: each shows a ghost of the others"),
+    ("STRONGEST", "Strongest Path", "What the place asks for that sees most of it: sharp there, wrong in the others"),
+)
+EXPORT_FORMATS = (
+    ("PNG8", "PNG 8 bit", "Encoded for an sRGB display, 256 steps a channel"),
+    ("PNG16", "PNG 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
+    ("TIFF16", "TIFF 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
+    ("EXR_HALF", "OpenEXR half", "Linear light, 16-bit floating point"),
+    ("EXR_FLOAT", "OpenEXR float", "Linear light, 32-bit floating point"),
+)
+
+
+def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -> bool:
+    """Only cameras can be the viewer."""
+    return candidate.type == "CAMERA"
+
+
+class KirikoScene(bpy.types.PropertyGroup):
+    """How the scene's rig is solved and exported."""
+
+    # viewer: see `register`
+    picture_source: EnumProperty(
+        name="Picture",
+        description="Where the picture comes from that the viewer shall see",
+        items=PICTURE_SOURCES,
+        default="PLANE",
+    )
+    picture_image: PointerProperty(
+        name="Picture Image",
+        description="Picture in the viewer's own pixels: what the viewer shall see, over the whole camera frame",
+        type=bpy.types.Image,
+    )
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="By how many display pixels the result may be off: smaller takes longer",
+        default=0.1,
+        min=1e-6,
+        soft_min=1e-3,
+        soft_max=2.0,
+        max=100.0,
+        precision=3,
+        step=1,
+        subtype="PIXEL",
+    )
+    max_events: IntProperty(
+        name="Max Events",
+        description="Surfaces a ray may meet before it counts as lost: more follow longer paths of total reflection",
+        default=32,
+        min=1,
+        max=10000,
+        soft_max=256,
+    )
+    effort: IntProperty(
+        name="Effort",
+        description="Most rays for a viewer pixel where light is chaotic, a square number: four times as many halve the"
+        " noise there, and take up to four times as long",
+        default=16,
+        min=1,
+        max=4096,
+        soft_max=256,
+    )
+    only_through_glass: BoolProperty(
+        name="Only Through Glass",
+        description="Only rays that went through glass carry the picture: those beside it would draw ghost lines",
+        default=True,
+    )
+    suppress_glare: FloatProperty(
+        name="Suppress Glare",
+        description="How much it counts that light beside the glass shall be dark: at 1 as much as the picture does."
+        " Pixels of the display that are seen both ways get darker",
+        default=0.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    ghosts: EnumProperty(
+        name="Ghosts",
+        description="What a pixel of the display shows where the viewer sees it in several places",
+        items=GHOSTS,
+        default="MEAN",
+    )
+    brightness: BoolProperty(
+        name="Brightness",
+        description="Weigh light by what each surface lets through, so that dim parts of the picture are made brighter",
+        default=False,
+    )
+    margin: IntProperty(
+        name="Margin",
+        description="Pixels by which the source image is grown past the part of the display that the viewer can see",
+        default=0,
+        min=0,
+        max=1024,
+        soft_max=64,
+        subtype="PIXEL",
+    )
+    export_path: StringProperty(
+        name="File",
+        description="Where the source image is written; the ending is set by the format",
+        default="//source.png",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    export_format: EnumProperty(
+        name="Format",
+        description="File format of the source image: 8 bit is what displays show, more keeps smooth gradients",
+        items=EXPORT_FORMATS,
+        default="PNG8",
+    )
+    export_overwrite: BoolProperty(
+        name="Overwrite",
+        description="Replace a file that is already there",
+        default=False,
+    )
+    report_folder: StringProperty(
+        name="Folder",
+        description="Where the report on accuracy and time is written",
+        default="//report",
+        subtype="DIR_PATH",
+        options=RELATIVE_PATH,
+    )
+    result: PointerProperty(name="Result", description="What the last solve found", type=KirikoResult)
+    calibration: PointerProperty(
+        name="Calibration", description="What is measured of a real bench", type=KirikoCalibration
+    )
