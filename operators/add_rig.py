@@ -8,8 +8,8 @@ import numpy as np
 
 from ..core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from ..core.bench.spread import MOST, Spread, part_of_picture, spread_of
+from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
-from ..core.blender.scene import DEFAULT_IOR
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line

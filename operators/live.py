@@ -16,7 +16,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..core.blender.result import OURS, pack_source, update_solution, update_source
-from ..core.blender.scene import Kept, Reading
+from ..core.blender.scene import Reading
+from ..core.blender.shapes import Kept
 from ..core.blender.viewer import frame_of
 from ..core.errors import KirikoError
 from ..core.fingerprint import fingerprint

@@ -3,8 +3,8 @@
 import bpy
 
 from ..core.blender import shaders
+from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.material import refracts
-from ..core.blender.scene import DEFAULT_IOR
 from . import work
 
 NAME = "Kiriko Glass"

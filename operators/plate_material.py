@@ -5,8 +5,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.blender.elements import mirrors
 from ..core.blender.plate import be_mirror_array
-from ..core.blender.scene import length_of_unit, mirrors
+from ..core.blender.scene import length_of_unit
 from ..core.errors import MeshError, RigError
 from ..core.light.sheets import FLAT
 from . import work

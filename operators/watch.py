@@ -11,7 +11,7 @@ from time import monotonic, perf_counter
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core.blender.scene import Kept
+from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
 from ..core.solve.solved_for import from_text
 from . import live, work

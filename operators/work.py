@@ -12,6 +12,8 @@ import bpy
 from ..core import kernel
 from ..core.blender import scene as blender_scene
 from ..core.blender import solved_for as blender_solved_for
+from ..core.blender.parts import hidden_words
+from ..core.blender.shapes import Kept
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
 from ..core.settings import Settings
@@ -76,20 +78,20 @@ def is_busy() -> bool:
     return bool(_running) or bpy.app.is_job_running("RENDER")
 
 
-def read(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> Any:
+def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
     """The scene, evaluated as it is now, as blender_scene.Reading."""
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 
 
-def read_to_solve(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> Any:
+def read_to_solve(context: bpy.types.Context, kept: Kept | None = None) -> Any:
     """The same, and with it what the result will be solved for."""
-    kept = kept or blender_scene.Kept()
+    kept = kept or Kept()
     reading = read(context, kept)
     return replace(reading, solved_for=scene_now(context, kept).as_text())
 
 
-def scene_now(context: bpy.types.Context, kept: blender_scene.Kept | None = None) -> SolvedFor:
+def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
     """What a solve of the scene as it is now would be for."""
     context.view_layer.update()
     scene = context.scene
@@ -151,7 +153,7 @@ def _missing(scene: bpy.types.Scene) -> dict[str, str]:
     if ours.viewer or scene.camera:
         there.add("VIEWER")
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
-    lacks |= {r: blender_scene.hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
+    lacks |= {r: hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
     if ours.picture_source == "IMAGE":
         lacks.pop("PICTURE", None)
         if ours.picture_image is None:

@@ -3,10 +3,10 @@
 import bpy
 
 from ..core.blender.bodies import bodiless
+from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.properties.objects import ROLES
-from ..core.blender.scene import DEFAULT_IOR
 from ..core.blender.viewer import frame_of, frame_of_render
 from ..operators import work
 from ..operators.make_glass import can_be_given

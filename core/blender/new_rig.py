@@ -14,10 +14,12 @@ from ..errors import RigError
 from ..rig import Blocker, ConstantIndex, Glass, Mirror, Rig
 from . import shaders
 from .bodies import bodiless
+from .elements import DEFAULT_IOR, read_glass, read_plate
 from .image import encoded_image
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
-from .scene import DEFAULT_IOR, Kept, Part, read_glass, read_parts, read_plate, role_label
+from .parts import Part, read_parts, role_label
+from .shapes import Kept
 from .units import length_of_unit
 from .visibility import Shown
 

@@ -25,8 +25,9 @@ from . import shaders
 from .image import image_from_pixels, pixels_from_image
 from .mesh import mesh_from_triangles, sharpen_creases
 from .nested_glass import Interface, interfaces
+from .parts import part_name, shown_parts
 from .plate import be_mirror_array
-from .scene import Reading, length_of_unit, object_matrix, part_name, shown_parts
+from .scene import Reading, length_of_unit, object_matrix
 from .viewer import frame_of
 
 TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview

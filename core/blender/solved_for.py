@@ -11,7 +11,8 @@ from ..arrays import Floats
 from ..rig import Mesh, Rig
 from ..settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
-from .scene import Kept, Shape, read_drawn
+from .scene import read_drawn
+from .shapes import Kept, Shape
 
 
 class _Unplaced:

@@ -486,11 +486,11 @@ def test_button_says_what_is_missing(live: ModuleType) -> None:
 
 def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
     """A mesh that stays is the same object; moved, mirrored or edited it is, to the bit, what a new reading finds."""
-    blender_scene = importlib.import_module(f"{EXTENSION}.core.blender.scene")
+    shapes = importlib.import_module(f"{EXTENSION}.core.blender.shapes")
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0
-    kept = blender_scene.Kept()
+    kept = shapes.Kept()
     told = lambda scene, depsgraph: kept.notice(depsgraph.updates)  # noqa: E731 - the list wants a name to remove
     bpy.app.handlers.depsgraph_update_post.append(told)
     try:

@@ -11,6 +11,7 @@ import kiriko.core
 CORE = Path(kiriko.core.__file__).parent
 PATHS = {".".join(path.relative_to(CORE).with_suffix("").parts): path for path in CORE.rglob("*.py")}
 MODULES = sorted(name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__"))
+# from the bottom to the top
 ROOMS = (
     "",
     "glass",
@@ -23,7 +24,7 @@ ROOMS = (
     "measure",
     "blender",
     "blender.properties",
-)  # bottom to top
+)
 
 
 def imported(path: Path) -> set[str]:
@@ -56,10 +57,11 @@ def test_core_keeps_to_its_imports(name: str) -> None:
     assert name == "light.engines" or not packages & {"embreex", "mathutils"}
 
 
-def asked(name: str) -> set[str]:
-    """Files of core that a file imports from."""
+def asked(name: str, is_at_once: bool = False) -> set[str]:
+    """Files of core that a file imports from, or imports from at once when it is imported itself."""
     found, package = set(), name.split(".")[:-1]
-    for node in ast.walk(ast.parse(PATHS[name].read_text(encoding="utf-8"))):
+    tree = ast.parse(PATHS[name].read_text(encoding="utf-8"))
+    for node in tree.body if is_at_once else ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [node.module])])
             found |= {base} & PATHS.keys() or {
@@ -82,3 +84,13 @@ def test_rooms_are_in_order(name: str) -> None:
         return
     asked_for = {other for other in asked(name) if not other.startswith("kernel.")}
     assert [other for other in sorted(asked_for) if floor(other) > floor(name)] == []
+
+
+@pytest.mark.parametrize("name", sorted(PATHS))
+def test_no_file_asks_for_itself(name: str) -> None:
+    """Imports do not go round in circles."""
+    found, todo = set(), {name}
+    while todo:
+        todo = {other for one in todo for other in asked(one, is_at_once=True)} - found
+        found |= todo
+    assert name not in found

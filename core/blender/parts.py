@@ -1,0 +1,183 @@
+"""Which objects of the scene are parts of the rig, and what they are evaluated to."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..rig import Mesh
+from .bodies import bodiless
+from .material import Texture
+from .shapes import Kept, used_materials
+from .visibility import Shown, instance_hidden_by, open_collections
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One mesh in the world with the object whose role it has and the one it was drawn as.
+
+    Materials from the most to the least used. matrix (4, 4): where the object stands, m.
+    """
+
+    owner: bpy.types.Object
+    name: str
+    mesh: Mesh
+    drawn: bpy.types.Object | None = None
+    materials: tuple[bpy.types.Material | None, ...] = ()
+    texture: Texture | None = None
+    n_dropped: int = 0
+    matrix: Floats | None = None
+
+    @property
+    def role(self) -> str:
+        return self.owner.kiriko.role
+
+
+def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does Blender keep a camera's place up to date?
+
+    Always that of the scene's camera; of others not when they are disabled or left out of the view layer: the depsgraph
+    then has them with the place they had before, or at the origin, and does not say so.
+    """
+    scene, layer = depsgraph.scene, depsgraph.view_layer
+    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
+    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
+    is_enabled = is_in and not getattr(camera, flag)
+    return camera == scene.camera or (is_enabled and camera in set(layer.objects))
+
+
+def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
+    """The original object whose role an instance has: its own, else that of the collection or nodes that make it."""
+    own = instance.object.original
+    if own.kiriko.role != "NONE":
+        return own
+    maker = instance.parent
+    if not instance.is_instance or maker is None or instance.particle_system is not None:
+        return None
+    if maker.instance_type not in {"NONE", "COLLECTION"} or maker.original.kiriko.role == "NONE":
+        return None  # objects scattered over the vertices or faces of another are no part of it
+    return maker.original
+
+
+def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str]) -> str:
+    """Name of a part: that of its object, numbered for instances. Counts up."""
+    own = instance.object.original
+    # a curve, text or metaball shows its surface as an instance of itself
+    is_itself = not instance.is_instance or (own.type != "MESH" and not counts[own.name])
+    counts[own.name] += instance.is_instance
+    return own.name if is_itself else f"{own.name} (instance {counts[own.name]})"
+
+
+def read_part(
+    instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats, kept: Kept
+) -> Part:
+    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
+    shown, shape = instance.object, kept.shape(instance, owner)
+    matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
+    mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
+    return Part(owner, name, mesh, shown.original, used_materials(shown, shape.slots), shape.texture, n_dropped, matrix)
+
+
+def shown_parts(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
+    """Instances with a role that are seen both in the viewport and in renders, and the objects they have it from."""
+    shown = Shown(scene, depsgraph.view_layer)
+    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))  # one object may make thousands of instances
+    for instance in depsgraph.object_instances:
+        owner = role_owner(instance)
+        if owner is None or not instance.show_self:
+            continue
+        own = instance.object.original
+        top = instance.parent.original if instance.is_instance and instance.parent is not None else own
+        if not (instance_hidden_by(own) or is_hidden(top)):
+            yield instance, owner
+
+
+def read_parts(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float, kept: Kept, needed: tuple[str, ...] = ()
+) -> tuple[list[Part], list[str]]:
+    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not.
+
+    Raises RigError for an object with a role that can be no part of a rig, and where all of a role that is needed are
+    hidden.
+    """
+    to_metres = np.diag([metres, metres, metres, 1.0])
+    parts: list[Part] = []
+    met: set[bpy.types.Object] = set()
+    counts: Counter[str] = Counter()
+    for instance, owner in shown_parts(depsgraph, scene):
+        met.add(owner)
+        if why := bodiless(owner):
+            raise RigError(f"'{owner.name}' has the role {role_label(owner)}, but {why}: set its role to None.")
+        if instance.object.type == "MESH":
+            parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
+    kept.end()
+    parts, unmet = without_hollows(parts, met), unmet_parts(met, scene, depsgraph.view_layer)
+    for role in needed:
+        check_some_are_shown(role, parts, unmet)
+    return parts, notes_on_parts(parts, met, unmet, scene)
+
+
+def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
+    """Parts with faces, and one empty part for each object that shows none at all, for the rig's check to name.
+
+    An object that only makes instances is no such object, nor is a metaball whose surface is that of its family.
+    """
+    full = [part for part in parts if len(part.mesh.triangles)]
+    empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
+    names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
+    owners = {o.name: o for o in met}
+    return full + [Part(owners[name], name, empty) for name in names]
+
+
+def role_label(owner: bpy.types.Object) -> str:
+    """The word the user sees for an object's role."""
+    return owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name
+
+
+def unmet_parts(
+    met: set[bpy.types.Object], scene: bpy.types.Scene, layer: bpy.types.ViewLayer
+) -> dict[bpy.types.Object, str]:
+    """Objects of the scene that have a role but no part was met of, and by what each is hidden."""
+    shown = Shown(scene, layer)
+    return {o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met}
+
+
+def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Object, str]) -> None:
+    """Raise RigError for the first object of a role of which there are some, but all hidden."""
+    hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
+    if hidden and not any(part.role == role for part in parts):
+        raise RigError(f"{hidden_words(*hidden[0])}.")
+
+
+def hidden_words(thing: bpy.types.Object, by: str) -> str:
+    """Of an object with a role that is hidden by something: what is wrong and what to do, without a full stop."""
+    return f"The {role_label(thing).lower()} '{thing.name}' is hidden{by}: show it"
+
+
+def notes_on_parts(
+    parts: list[Part], met: set[bpy.types.Object], unmet: dict[bpy.types.Object, str], scene: bpy.types.Scene
+) -> list[str]:
+    """What was left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
+    notes = [
+        f"'{o.name}' has the role {role_label(o)} but {f'is hidden{by}' if by else 'shows nothing'}: left out."
+        for o, by in unmet.items()
+    ]
+    full = {part.owner for part in parts if len(part.mesh.triangles)}
+    notes += [
+        f"The metaball '{o.name}' is part of another of the same name: give the role to the first of the family."
+        for o in scene.objects
+        if o in met - full and o.type == "META"
+    ]
+    notes += [
+        f"'{part.name}' has {part.n_dropped} triangle{'s' if part.n_dropped > 1 else ''} without area: left out."
+        for part in parts
+        if part.n_dropped
+    ]
+    return notes

@@ -1,0 +1,62 @@
+"""What the artist is told of the scene as it was read."""
+
+import bpy
+
+from .parts import Part
+from .shapes import CURVED
+
+
+def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Do modifiers make another shape in renders than in the viewport, whose shape is the one that is read?"""
+    return any(
+        m.show_viewport != m.show_render
+        or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
+        for m in owner.modifiers
+    ) or (scene.render.use_simplify and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers))
+
+
+def modifier_notes(parts: list[Part]) -> list[str]:
+    """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
+    drawn = dict.fromkeys(
+        (part.drawn, part.mesh.surface)
+        for part in parts
+        if part.role in CURVED
+        and part.mesh.surface != "facets"
+        and part.mesh.is_smooth is not None
+        and part.drawn is not None
+    )
+    return [
+        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: {remedy}."
+        for o, surface in drawn
+        for m in o.modifiers
+        if m.show_viewport and (remedy := remedy_of(m, surface))
+    ]
+
+
+def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
+    """What to do about a modifier that leaves vertices beside the surface; an empty text for others."""
+    if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
+        return "turn on its Use Limit Surface"
+    is_collapsed = modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
+        return "turn it off, or set the object's Surface to Automatic"
+    return ""
+
+
+def scene_notes(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, parts: list[Part], camera: bpy.types.Object | None
+) -> list[str]:
+    """Notes on what the scene asks for as a whole and Kiriko does not do."""
+    notes = []
+    if depsgraph.mode == "VIEWPORT":
+        notes += [
+            f"'{o.name}' has another shape in renders than in the viewport (modifiers): using the viewport's."
+            for o in dict.fromkeys(part.owner for part in parts)
+            if renders_differ(o, scene)
+        ]
+    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
+        notes.append(f"The viewer '{camera.name}' has depth of field: solved as a pinhole.")
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
+    if space != "Linear Rec.709":
+        notes.append(f"The file works in {space}: Kiriko takes linear colours as Rec.709.")
+    return notes
