@@ -8,8 +8,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..glass.curved import grid
 from ..glass.meshes import areas_of
+from ..glass.quartics import grid
 from ..light.plan import Plan
 from ..light.trace import trace_all
 from ..vectors import dot

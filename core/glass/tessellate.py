@@ -5,7 +5,7 @@ import numpy as np
 from ..arrays import Ints
 from ..rig import Mesh
 from ..vectors import normalise
-from .curved import grid
+from .quartics import grid
 from .surfaces import make_surface
 
 

@@ -10,7 +10,8 @@ from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 
 if TYPE_CHECKING:
-    from ..glass.surface_fit import Fields, Vertices
+    from ..glass.vertex_fields import Fields
+    from ..glass.vertices import Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints, taken
-from ..glass.curved import LOWER, N_TERMS, STARTS, TO_BEZIER, CurvedFaces
+from ..glass.curved import STARTS, CurvedFaces
 from ..glass.meshes import Frames
+from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ..light.engines import Found
 from ..light.plate import ArrayFrame
 from ..light.ray_engine import MANY_TRIANGLES, Asked, Layer

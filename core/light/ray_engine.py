@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
-from ..glass.curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces, grid, product
+from ..glass.curved import CHUNK, EDGE, FINE, MOST_PARTS, STARTS, CurvedFaces
 from ..glass.meshes import Frames, box_of, interpolate
 from ..glass.motion import Motion
+from ..glass.quartics import grid, product
 from ..products import combine
 from ..steps import Pauses, finish
 from ..vectors import dot

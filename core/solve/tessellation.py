@@ -9,7 +9,8 @@ import numpy as np
 
 from .. import kernel
 from ..arrays import Bools, Floats, Ints
-from ..glass.curved import EDGE, MOST_OFFSET, N_TERMS, POWERS, CurvedFaces
+from ..glass.curved import EDGE, MOST_OFFSET, CurvedFaces
+from ..glass.quartics import N_TERMS, POWERS
 from ..kinds import Kind
 from ..light.display import display_pixel
 from ..light.landings import Landings

@@ -20,8 +20,9 @@ from reference_rigs import (
     wavy_slab,
 )
 
-from kiriko.core.glass.curved import POWERS, CurvedFaces, grid
+from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.meshes import find_edges
+from kiriko.core.glass.quartics import POWERS, grid
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.tessellate import tessellate
 from kiriko.core.light.hits import Hits

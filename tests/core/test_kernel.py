@@ -34,9 +34,11 @@ from reference_rigs import (
 import build_kernel
 from kiriko.core import kernel
 from kiriko.core.glass import curved, surface_fit
-from kiriko.core.glass.curved import NODES, CurvedFaces
-from kiriko.core.glass.surface_fit import RIDGE, Fields, Vertices
+from kiriko.core.glass.curved import CurvedFaces
+from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.glass.vertex_fields import RIDGE, Fields
+from kiriko.core.glass.vertices import Vertices
 from kiriko.core.image import pyramid
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps

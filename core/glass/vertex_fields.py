@@ -1,0 +1,88 @@
+"""A quartic height field around each vertex, by least squares from its neighbours."""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Bools, Floats, Ints, taken
+from ..products import solve_symmetric
+from ..vectors import dot, length_of
+from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
+from .vertices import Vertices
+
+LEAST_DISTANCE = 1e-12  # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
+LEAST_UPRIGHT = 0.2  # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
+# Where data are few the high degrees give way first. The factor makes it the same for all turns of the axes (Bombieri).
+RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Height fields over the tangent planes of vertices: z = size * sum c (x / size)^a (y / size)^b.
+
+    axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14)
+    """
+
+    axis_x: Floats
+    axis_y: Floats
+    size: Floats
+    coefficients: Floats
+
+
+def tangent_planes(v: Vertices) -> Fields:
+    """Fields of height 0 over all vertices."""
+    axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
+    away = taken(v.at, v.end) - taken(v.at, v.start)
+    distance = length_of(away)
+    size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
+    return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
+
+
+def _around(v: Vertices, fields: Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
+    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
+    end = v.end[pairs]
+    away = (taken(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
+    x, y = dot(away, fields.axis_x[some, None]), dot(away, fields.axis_y[some, None])
+    return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
+
+
+def gradients(v: Vertices, fields: Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
+    """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of their vertex."""
+    theirs = taken(normal, v.end[pairs])
+    upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
+    return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(theirs, fields.axis_y[some, None]) / upright
+
+
+def system(v: Vertices, fields: Fields, some: Ints, pairs: Ints, terms: slice) -> tuple[Floats, Floats, Floats, Floats]:
+    """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix; heights (n, m)."""
+    x, y, z, distance, is_used = _around(v, fields, some, pairs)
+    by_x, by_y = slopes(x, y)
+    rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
+    # a height tells as much of the slope as the slope itself does, over its distance
+    weights = np.concatenate(
+        [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)], axis=1
+    )
+    weights *= np.tile(is_used, 3)
+    rows = rows * weights[..., None]
+    matrix = np.matmul(rows.transpose(0, 2, 1), rows)
+    scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
+    diagonal = np.arange(matrix.shape[1])
+    matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
+    return rows, weights, matrix, z
+
+
+def fit_fields(v: Vertices, wanted: Bools) -> Fields:
+    """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
+    fields = tangent_planes(v)
+    if kernel.library() is not None:
+        kernel.Fit(v, fields).fit_fields(wanted, RIDGE, fields.coefficients)
+        return fields
+
+    for some, pairs in v.by_valence(wanted):
+        rows, weights, matrix, z = system(v, fields, some, pairs, slice(2, None))
+        right = np.concatenate([z, *gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
+        solved = solve_symmetric(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
+        fields.coefficients[some, 2:] = solved[..., 0]
+    return fields

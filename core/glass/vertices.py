@@ -1,0 +1,76 @@
+"""The vertices of a smooth mesh, each with its neighbours."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints, taken
+from ..vectors import dot
+from .curved import CHUNK
+from .meshes import Edges, components
+
+
+@dataclass(frozen=True, eq=False)
+class Vertices:
+    """Vertices with one normal each: where normals differ around a vertex of the mesh, it counts more than once.
+
+    at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a triangle's corner is;
+    start (p,), end (p,): all directed pairs of neighbours, sorted by start; first (f + 1,): where each begins
+    """
+
+    at: Floats
+    normal: Floats
+    is_known: Bools
+    of_corner: Ints
+    start: Ints
+    end: Ints
+    first: Ints
+
+    def by_valence(self, wanted: Bools) -> Iterator[tuple[Ints, Ints]]:
+        """Wanted vertices (n,) of equal numbers of neighbours, some at a time, and their pairs (n, m)."""
+        counts = np.diff(self.first)
+        for m in np.unique(counts[wanted]):
+            chosen = np.flatnonzero(wanted & (counts == m))
+            for k in range(0, len(chosen), 2 * CHUNK):
+                some = chosen[k : k + 2 * CHUNK]
+                yield some, self.first[some, None] + np.arange(m)
+
+
+def find_vertices(
+    vertices: Floats, triangles: Ints, corner_normals: Floats, is_usable: Bools, edges: Edges, is_joined: Bools
+) -> Vertices:
+    """Corners joined around each vertex across joined edges (e,), and their neighbours."""
+    n = len(triangles)
+    corner = 3 * np.arange(n)[:, None] + np.arange(3)
+    of_corner = triangles.copy()
+    # most vertices have joined edges only and are themselves; around the others corners are put together one by one
+    beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
+    for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
+        beside[t[is_joined], e[is_joined]] = True
+    whole = np.ones(len(vertices), bool)
+    open_t, open_e = np.nonzero(~beside)
+    whole[triangles[open_t, open_e]] = whole[triangles[open_t, (open_e + 1) % 3]] = False
+    chosen = np.flatnonzero(~whole[triangles].ravel())
+    if len(chosen):
+        local = np.full(3 * n, -1)
+        local[chosen] = np.arange(len(chosen))
+        f, s, i, j = (x[is_joined] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
+        a = np.concatenate([corner[f, i], corner[f, (i + 1) % 3]])
+        b = np.concatenate([corner[s, (j + 1) % 3], corner[s, j]])
+        inside = (local[a] >= 0) & (local[b] >= 0)
+        label = components(len(chosen), local[a[inside]], local[b[inside]])
+        of_corner.reshape(-1)[chosen] = len(vertices) + label
+    used, of_corner = np.unique(of_corner, return_inverse=True)
+    of_corner = of_corner.reshape(n, 3)
+    normal, at = np.zeros((len(used), 3)), np.empty((len(used), 3))
+    at[of_corner] = taken(vertices, triangles)
+    normal[of_corner[is_usable]] = corner_normals[is_usable]
+    # each joined edge is met from both sides, once in each direction; the others have to be turned round as well
+    a, b = of_corner.ravel(), np.roll(of_corner, -1, axis=1).ravel()
+    lone = ~beside.ravel()
+    start, end = np.concatenate([a, b[lone]]), np.concatenate([b, a[lone]])
+    order = np.argsort(start, kind="stable")
+    start, end = start[order], end[order]
+    first = np.searchsorted(start, np.arange(len(used) + 1))
+    return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
