@@ -374,7 +374,7 @@ def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monk
         operator = pressed("solve", window)
         operator.modal(window, TIMER)
         with monkeypatch.context() as broken:
-            broken.setattr(part("core.solve.session"), "find_strokes", failing(error))
+            broken.setattr(part("core.solve.painting"), "find_strokes", failing(error))
             while (outcome := operator.modal(window, TIMER)) == {"PASS_THROUGH"}:
                 pass
         assert outcome == {"CANCELLED"}
@@ -870,7 +870,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     solved = asked("solve").steps(bpy.context)
     next(solved)
     path.unlink()
-    part("core.solve.session").finish(solved)
+    part("core.steps").finish(solved)
     after = product("solve")
     path.write_bytes(content)
     assert after == whole("solve")
