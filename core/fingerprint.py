@@ -5,11 +5,17 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
+PLAIN = str, bytes, int, float, complex, bool, type(None), np.generic
+
 
 def fingerprint(*things: object) -> str:
     """Hash of the content of dataclasses, arrays, tuples and plain values: equal content, equal fingerprint.
 
     Names do not count: an object may be called otherwise after undo or a file load.
+
+    Raises
+    ------
+    TypeError : a thing without content, such as a function, whose address may be another's once it is gone
     """
     digest = hashlib.sha1(usedforsecurity=False)  # many processors have instructions for it
 
@@ -26,8 +32,10 @@ def fingerprint(*things: object) -> str:
             digest.update(f"({len(thing)}".encode())
             for item in thing:
                 add(item)
-        else:
+        elif isinstance(thing, PLAIN):
             digest.update(repr(thing).encode())
+        else:
+            raise TypeError(f"A {type(thing).__name__} has no content to compare: make it a dataclass.")
         digest.update(b";")
 
     for thing in things:

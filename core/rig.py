@@ -84,6 +84,8 @@ class Mesh:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
         if len(self.triangles) == 0:
             raise MeshError(f"{owner} has no faces with an area: give it some, or set its role to None.")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise MeshError(f"{owner} has faces with corners that it has no vertices for: number them from 0.")
         if not np.isfinite(self.vertices).all():
             raise MeshError(f"{owner} has vertices that are not finite numbers: repair or remove them.")
 
@@ -112,7 +114,8 @@ class ConstantIndex:
 class Glass:
     """A glass object as drawn: one or more closed shells. Shells inside shells are cavities (air).
 
-    `priority` decides where solids overlap: higher wins; among equals the smaller solid does.
+    `priority` decides where solids overlap: higher wins; among equals the smaller solid does. `ior` gives the index of
+    refraction at a wavelength, m; it is data, such as a dataclass with the numbers of a formula, no plain function.
     """
 
     name: str
@@ -273,6 +276,8 @@ class Viewer:
                 f"The viewer '{self.name}' has a place, lens or shift that is no finite number: look for a driver or a"
                 " keyframe."
             )
+        if min(self.width, self.height) < 1:
+            raise RigError(f"The viewer '{self.name}' has no pixels: set its resolution.")
         if not (right != left and top != bottom):
             raise RigError(f"The viewer '{self.name}' sees nothing: its lens or orthographic scale has no size.")
 

@@ -54,7 +54,7 @@ class Settings:
     @property
     def samples_along(self) -> int:
         """Samples along a viewer pixel's side where light is chaotic; each quarter of a pixel has one at least."""
-        return isqrt(self.effort)
+        return isqrt(int(self.effort))
 
     def check(self) -> None:
         """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""
@@ -65,8 +65,8 @@ class Settings:
             )
         if self.max_events < 1:
             raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
-        if not 1 <= self.effort <= MOST_EFFORT:
-            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to {MOST_EFFORT}.")
+        if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
+            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to {MOST_EFFORT}, whole.")
         if not 0 <= self.suppress_glare <= 1:
             raise RigError(f"Suppress Glare is {self.suppress_glare:g}: set it from 0 to 1.")
         if self.ghosts not in get_args(Ghosts):

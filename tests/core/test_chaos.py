@@ -146,8 +146,8 @@ def test_places_outside_of_the_view_are_not_on_the_map():
     assert np.isnan(found.display_from_view(edge * [1, -1])).all()
 
 
-@pytest.mark.parametrize("effort", [0, 5000])
-def test_no_effort_is_refused_and_too_much_of_it(effort):
+@pytest.mark.parametrize("effort", [0, 5000, 3.5])
+def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
     with pytest.raises(RigError, match=f"Effort is {effort} rays for a viewer pixel: allow it 1 to 4096"):
         replace(Settings(), effort=effort).check()
 

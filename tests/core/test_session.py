@@ -518,3 +518,30 @@ def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
     first.close()
     third = painted()
     np.testing.assert_array_equal(drain(session.solve(third)).source, solve(third).source)
+
+
+def with_triangles(a_rig, corner):
+    """The rig with another vertex at the first corner of its glass."""
+    mesh = a_rig.glasses[0].mesh
+    triangles = mesh.triangles.copy()
+    triangles[0, 0] = corner
+    return replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(mesh, triangles=triangles)),))
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda r: replace(r, viewers=(replace(r.viewer, width=0),)), "The viewer 'viewer' has no pixels: set its"),
+        (
+            lambda r: replace(r, displays=(replace(r.display, height=-1),)),
+            "The display 'display' has no pixels: set its",
+        ),
+        (lambda r: with_triangles(r, 8), "The glass 'glass' has faces with corners that it has no vertices for"),
+        (lambda r: with_triangles(r, -1), "The glass 'glass' has faces with corners that it has no vertices for"),
+    ],
+    ids=["viewer", "display", "corner too many", "corner below 0"],
+)
+def test_numbers_that_count_nothing_are_refused(change, sentence):
+    """In one sentence, before anything is traced."""
+    with pytest.raises((RigError, MeshError), match=sentence):
+        solve(change(rig(box([0.05] * 3), pixels=16, display_pixels=16)))
