@@ -242,8 +242,7 @@ def _make_plan(plan: "Plan") -> Made | None:
     arrays = (ArrayStructure * len(plan.arrays))(*(_make_array(frame).structure for frame in plan.arrays.values()))
     made.keep(arrays)
 
-    per_layer = zip(plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids, strict=True)
-    layers = [_make_layer(*of_layer) for of_layer in per_layer]
+    layers = [_make_layer(layer, *held) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     # glass comes first: most of what else there is lies beyond, and then need not be asked

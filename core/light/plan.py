@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import kernel
 from ..arrays import Bools, Floats, Ints
@@ -27,6 +29,19 @@ from .sheets import find_clear, find_sheets, mirrors_among, read_sheets
 from .thin_parts import ThinParts
 
 
+class LayerParts(NamedTuple):
+    """What a layer holds.
+
+    numbers : (t,) the plan's numbers of its triangles, in its own order
+    closed_bits : (clusters,) uint64, those of its closed solids in each cluster's mask: a ray inside has to leave them
+    solid_bits : (clusters,) uint64, those of all its solids; None with sheets
+    """
+
+    numbers: Ints
+    closed_bits: NDArray[np.uint64]
+    solid_bits: NDArray[np.uint64] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A rig made ready to be traced: all triangles in one numbering, in layers.
@@ -40,8 +55,7 @@ class Plan:
     n_open: open edges of each glass of the rig.
     n_contradicted, n_doubted: smooth triangles of each glass, then of each mirror, that stay flat because their normals
     contradict their shape, or because curved faces would be no nearer to what was meant; n_curved: those that do not.
-    Layers: layer_triangles, the triangles of each, in its own order; layer_bits (clusters,), those of its closed
-    solids, which what is inside has to leave; layer_solids (clusters,), those of all its solids, None with sheets.
+    layers, and layer_parts: what is in each.
     thin_parts: gives all triangles, to be asked what rays passed by; made when first asked for
     aside: glasses, by number, that are not in the plan; aside_boxes (a, 2, 3) m, which rays may not enter.
     arrays: where mirror arrays stand, by the number of their part.
@@ -65,9 +79,7 @@ class Plan:
     owner: Ints
     media: Media
     layers: tuple[Layer, ...]
-    layer_triangles: tuple[Ints, ...]
-    layer_bits: tuple[np.ndarray, ...]
-    layer_solids: tuple[np.ndarray | None, ...]
+    layer_parts: tuple[LayerParts, ...]
     thin_parts: Callable[[], ThinParts]
     display_start: int
     display_plane: DisplayPlane | None
@@ -105,6 +117,44 @@ class _Solid:
         return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
 
 
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
+
+    solids: list[_Solid]
+    sheets: list[tuple[Kind, Surface, str]]
+
+    @cached_property
+    def surfaces(self) -> list[Surface]:
+        return [*(solid.surface for solid in self.solids), *(surface for _, surface, _ in self.sheets)]
+
+    @cached_property
+    def keys(self) -> list[str]:
+        return [*(solid.key_here for solid in self.solids), *(key for *_, key in self.sheets)]
+
+    @cached_property
+    def kind(self) -> Ints:
+        return np.array([Kind.GLASS] * len(self.solids) + [kind for kind, *_ in self.sheets])
+
+    @cached_property
+    def starts(self) -> Ints:
+        """The first triangle (p + 1,) of each, and the number of all."""
+        return np.cumsum([0] + [len(surface.corners) for surface in self.surfaces])
+
+    def joined(self, name: str) -> np.ndarray:
+        """A column of the surfaces, of all triangles."""
+        return np.concatenate([getattr(surface, name) for surface in self.surfaces])
+
+    def of_glass(self, name: str, rig: Rig) -> tuple[int, ...]:
+        """Sums of a number of the solids, for each glass of a rig."""
+        return tuple(sum(getattr(s.surface, name) for s in self.solids if s.glass is glass) for glass in rig.glasses)
+
+    def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
+        """The same, then of each mirror."""
+        of_mirrors = (getattr(surface, name) for kind, surface, _ in self.sheets if kind == Kind.MIRROR)
+        return *self.of_glass(name, rig), *of_mirrors
+
+
 def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_Solid]]:
     """All solids of a rig but those of glasses with these numbers."""
     solids = []
@@ -140,115 +190,48 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
     rig.check()
     kept = kept or Kept()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    read = yield from read_solids(rig, kept, aside)
-    solids, glass_of = [solid.surface for solid in read], [solid.glass for solid in read]
-    sheets = read_sheets(rig, kept)
-    surfaces = solids + [surface for _, surface, _ in sheets]
-    keys = [solid.key_here for solid in read] + [key for *_, key in sheets]
-    boxes = np.stack([surface.bounds for surface in surfaces])
+    parts = _Parts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
+    solids = [solid.surface for solid in parts.solids]
+
     # vertices and places are float32: faces of glass that are closer than their rounding touch
+    boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
-    media = make_media(solids, glass_of, touching, settings.wavelength)
-    bit = np.concatenate([media.bit, np.zeros(len(sheets), np.uint64)])
-    cluster = np.concatenate([media.cluster, np.full(len(sheets), -1)])
-    is_closed = np.array([surface.n_open == 0 for surface in surfaces])
-
-    starts = np.cumsum([0] + [len(surface.corners) for surface in surfaces])
-    layers, layer_triangles, layer_bits, layer_solids = [], [], [], []
-    for group in group_parts(surfaces, touching):
-        motions = [read[i].motion if i < len(read) else None for i in group]
-        if motions[0] is not None and all(motion is motions[0] for motion in motions):
-            members, names = [read[i].made for i in group], [read[i].key for i in group]
-        else:
-            members, names, motions[0] = [surfaces[i] for i in group], [keys[i] for i in group], None
-        layer = kept.get("+".join(names), lambda members=members: make_layer(members))
-        layers.append(layer if motions[0] is None else layer.moved(motions[0]))
-        yield 0
-        layer_triangles.append(np.concatenate([np.arange(starts[i], starts[i + 1]) for i in group]))
-        solid = [i for i in group if i < len(solids)]
-        closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
-        np.bitwise_or.at(closed, cluster[solid], bit[solid] * is_closed[solid])
-        np.bitwise_or.at(every, cluster[solid], bit[solid])
-        layer_bits.append(closed)
-        layer_solids.append(every if len(solid) == len(group) else None)
-    patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
-    part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
-    corners = np.concatenate([surface.corners for surface in surfaces])
-    walls = triangles_of_boxes(boxes_aside)
-    number = np.repeat(np.arange(len(aside)), 12)  # each box is a patch and a part, for what may pass near it
-
-    def find_thin_parts() -> ThinParts:
-        return ThinParts(
-            np.concatenate([corners, walls]),
-            np.concatenate([patch, number + len(corners)]),
-            np.concatenate([part, number + len(surfaces)]),
-        )
-
-    thin_parts = kept.get("boxes of " + "+".join([*keys, fingerprint(walls)]), lambda: cache(find_thin_parts))
+    media = make_media(solids, [solid.glass for solid in parts.solids], touching, settings.wavelength)
+    layers, layer_parts = yield from _make_layers(parts, media, touching, kept)
+    thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
     kept.forget()
     yield 0
 
-    plane = display_plane(rig.display, surfaces[-1])
-    kind = np.array([Kind.GLASS] * len(solids) + [kind for kind, *_ in sheets])
-    is_clear = find_clear(surfaces, kind, boxes_aside) & (plane is not None)
+    plane = display_plane(rig.display, parts.surfaces[-1])
+    is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     arrays = {
-        len(solids) + i: array_frame(plate, sheets[i][1].normals[0])
+        len(solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
         for i, plate in enumerate(rig.plates)
         if plate.array is not None
     }
-    has_bent = any(surface.corner_normals is not None for surface in surfaces)
-
-    def of_glass(name: str) -> list[int]:
-        owned = [(g, s) for g, s in zip(glass_of, solids, strict=True)]
-        return [sum(getattr(s, name) for g, s in owned if g is glass) for glass in rig.glasses]
-
-    def of_curved(name: str) -> tuple[int, ...]:
-        return *of_glass(name), *(getattr(surface, name) for kind, surface, _ in sheets if kind == Kind.MIRROR)
-
-    has_engine = any(layer.has_engine for layer in layers)
-    no_kernel = kernel.left_out(layers)
-    no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None
-    engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
-    rules = {
-        "compiled kernel": (no_kernel is None, no_kernel),
-        engine: (no_engine is None, no_engine),
-        "curved faces": (
-            any(surface.curved is not None for surface in surfaces),
-            "no face that may be curved turns far",
-        ),
-        "bent normals": (has_bent, "no flat face has any"),
-        "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
-        "mirror array": (len(arrays) > 0, "the plate is ideal"),
-        "rays beyond the plate": (
-            not is_clear[kind == Kind.PLATE].any(axis=1).all(),
-            "a flat display is all there is",
-        ),
-        "Fresnel": (settings.brightness, "brightness is not asked for"),
-    }
+    is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
+    rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
+    n_sheets = len(parts.sheets)
     return Plan(
         rig=rig,
         settings=settings,
-        normals=np.concatenate([surface.normals for surface in surfaces]),
-        corner_normals=np.concatenate([
-            np.zeros_like(s.corners) if s.corner_normals is None else s.corner_normals for s in surfaces
-        ]) if has_bent else None,
-        is_bent=np.concatenate([surface.is_bent for surface in surfaces]),
-        patch=patch,
-        part=part,
-        kind=kind,
-        is_closed=is_closed,
-        cluster=cluster,
-        bit=bit,
-        sheet=find_sheets(surfaces, kind),
+        normals=parts.joined("normals"),
+        corner_normals=_corner_normals(parts.surfaces),
+        is_bent=parts.joined("is_bent"),
+        patch=np.concatenate([s.patch + start for s, start in zip(parts.surfaces, parts.starts, strict=False)]),
+        part=np.repeat(np.arange(len(parts.surfaces)), np.diff(parts.starts)),
+        kind=parts.kind,
+        is_closed=np.array([surface.n_open == 0 for surface in parts.surfaces]),
+        cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
+        bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
+        sheet=find_sheets(parts.surfaces, parts.kind),
         open_parts=tuple((i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open),
-        owner=np.array([*(solid.number for solid in read), *mirrors_among(rig, sheets)]),
+        owner=np.array([*(solid.number for solid in parts.solids), *mirrors_among(rig, parts.sheets)]),
         media=media,
-        layers=tuple(layers),
-        layer_triangles=tuple(layer_triangles),
-        layer_bits=tuple(layer_bits),
-        layer_solids=tuple(layer_solids),
+        layers=layers,
+        layer_parts=layer_parts,
         thin_parts=thin_parts,
-        display_start=int(starts[-2]),
+        display_start=int(parts.starts[-2]),
         display_plane=plane,
         aside=aside,
         aside_boxes=boxes_aside,
@@ -260,8 +243,82 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
             *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
             *(f"'{rig.glasses[i].name}' (no light comes near it)" for i in aside),
         ),
-        n_open=tuple(of_glass("n_open")),
-        n_contradicted=of_curved("n_contradicted"),
-        n_doubted=of_curved("n_doubted"),
-        n_curved=of_curved("n_curved"),
-    )  # fmt: skip
+        n_open=parts.of_glass("n_open", rig),
+        n_contradicted=parts.of_curved("n_contradicted", rig),
+        n_doubted=parts.of_curved("n_doubted", rig),
+        n_curved=parts.of_curved("n_curved", rig),
+    )
+
+
+def _make_layers(
+    parts: _Parts, media: Media, touching: float, kept: Kept
+) -> Pauses[tuple[tuple[Layer, ...], tuple[LayerParts, ...]]]:
+    """Layers, and what is in each. A layer of solids that were moved together is moved as a whole."""
+    layers, layer_parts, n_solids = [], [], len(parts.solids)
+    for group in group_parts(parts.surfaces, touching):
+        motions = [parts.solids[i].motion if i < n_solids else None for i in group]
+        if motions[0] is not None and all(motion is motions[0] for motion in motions):
+            members, names = [parts.solids[i].made for i in group], [parts.solids[i].key for i in group]
+        else:
+            members, names, motions[0] = [parts.surfaces[i] for i in group], [parts.keys[i] for i in group], None
+        layer = kept.get("+".join(names), lambda members=members: make_layer(members))
+        layers.append(layer if motions[0] is None else layer.moved(motions[0]))
+        yield 0
+
+        numbers = np.concatenate([np.arange(*parts.starts[i : i + 2]) for i in group])
+        solid = [i for i in group if i < n_solids]
+        is_closed = np.array([parts.surfaces[i].n_open == 0 for i in solid], bool)
+        closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
+        np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * is_closed)
+        np.bitwise_or.at(every, media.cluster[solid], media.bit[solid])
+        layer_parts.append(LayerParts(numbers, closed, every if len(solid) == len(group) else None))
+    return tuple(layers), tuple(layer_parts)
+
+
+def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
+    """Gives what may pass near rays: all triangles, and the boxes (a, 2, 3) of what stands aside."""
+    walls = triangles_of_boxes(boxes_aside)
+    number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
+    surfaces, starts = parts.surfaces, parts.starts
+
+    def find() -> ThinParts:
+        corners = np.concatenate([surface.corners for surface in surfaces])
+        patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
+        part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
+        return ThinParts(
+            np.concatenate([corners, walls]),
+            np.concatenate([patch, number + len(corners)]),
+            np.concatenate([part, number + len(surfaces)]),
+        )
+
+    return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
+
+
+def _corner_normals(surfaces: list[Surface]) -> Floats | None:
+    """Normals (t, 3, 3) at the corners of all triangles, 0 where they are those of the face; None where all are."""
+    if all(surface.corner_normals is None for surface in surfaces):
+        return None
+    return np.concatenate([
+        np.zeros_like(surface.corners) if surface.corner_normals is None else surface.corner_normals
+        for surface in surfaces
+    ])  # fmt: skip
+
+
+def _rules(
+    parts: _Parts, layers: tuple[Layer, ...], media: Media, has_arrays: bool, is_sent_on: bool, settings: Settings
+) -> dict[str, tuple[bool, str | None]]:
+    """What a plan may need: whether this one does, and the reason why not. is_sent_on: beyond plates is one display."""
+    no_kernel = kernel.left_out(layers)
+    has_engine = any(layer.has_engine for layer in layers)
+    no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None
+    engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
+    return {
+        "compiled kernel": (no_kernel is None, no_kernel),
+        engine: (no_engine is None, no_engine),
+        "curved faces": (any(s.curved is not None for s in parts.surfaces), "no face that may be curved turns far"),
+        "bent normals": (any(s.corner_normals is not None for s in parts.surfaces), "no flat face has any"),
+        "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
+        "mirror array": (has_arrays, "the plate is ideal"),
+        "rays beyond the plate": (not is_sent_on, "a flat display is all there is"),
+        "Fresnel": (settings.brightness, "brightness is not asked for"),
+    }

@@ -191,11 +191,10 @@ def _first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
     origins, directions = rays.positions[live], rays.directions[live]
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
-    per_layer = plan.layers, plan.layer_triangles, plan.layer_bits, plan.layer_solids
     nearest = np.full(len(live), np.inf)
     # glass comes first: most of what else there is lies beyond, and then need not be asked
-    order = sorted(enumerate(zip(*per_layer, strict=True)), key=lambda numbered: not numbered[1][0].has_engine)
-    for number, (layer, numbers, closed_bits, bits) in order:
+    for number in sorted(range(len(plan.layers)), key=lambda number: not plan.layers[number].has_engine):
+        layer, (numbers, closed_bits, bits) = plan.layers[number], plan.layer_parts[number]
         tolerance = max(layer.tolerance, plan.merge_distance)
         leaves = None if layer.curved is None or bits is None else (sides.mask & bits[sides.cluster]) != 0
         is_inside = (sides.mask & closed_bits[sides.cluster]) != 0

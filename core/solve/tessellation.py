@@ -164,7 +164,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     geometric sequence. Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
     of that. Yields progress 0..1.
     """
-    pairs = list(zip(plan.layers, plan.layer_triangles, strict=True))
+    pairs = [(layer, held.numbers) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)]
     has_curved = any(layer.curved is not None for layer in plan.layers)
     if not (has_curved or plan.is_bent.any()):
         return Tessellation()
@@ -254,7 +254,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
     n_rays = int(arrived.max(initial=-1)) + 1
     squares = np.zeros((len(parts), n_rays))
 
-    for layer, triangles in zip(plan.layers, plan.layer_triangles, strict=True):
+    for layer, (triangles, *_) in zip(plan.layers, plan.layer_parts, strict=True):
         if layer.curved is None:
             continue
         place = np.full(len(plan.part), -1)
