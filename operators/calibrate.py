@@ -35,7 +35,7 @@ TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others ar
 
 
 class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
-    """Find what is off on the real bench, from a photograph of the lattice or its points, and solve again"""
+    """Find the errors of the real bench, from a photograph of the lattice or its points, and solve again"""
 
     bl_idname = "kiriko.calibrate"
     bl_label = "Calibrate"

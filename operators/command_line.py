@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
     )
     measure.set_defaults(run=_report)
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
-    pictures.add_argument("--preview", action="store_true", help="render what the viewer sees in Cycles, too")
+    pictures.add_argument("--preview", action="store_true", help="render the viewer's image in Cycles, too")
     pictures.add_argument(
         "--simulate",
         type=_count,
@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
-        help="find what is off on a real bench, solve for it, and write both, and a .blend of it, to a folder",
+        help="find the errors of a real bench, solve for it, and write both, and a .blend of it, to a folder",
     )
     calibrate.add_argument(
         "--measured",
@@ -87,7 +87,7 @@ def parser() -> argparse.ArgumentParser:
         "--keep",
         choices=("offset", "scene"),
         default="offset",
-        help="what is found, in the .blend: as an offset, or by moving its objects (offset)",
+        help="the result, in the .blend: as an offset, or by moving its objects (offset)",
     )
     calibrate.set_defaults(run=_calibrate)
     return top

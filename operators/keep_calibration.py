@@ -14,7 +14,7 @@ def without_offset(scene: bpy.types.Scene) -> list[str]:
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):
-    """Move the objects, and set what they are made of, as the calibration's offset says; the offset goes"""
+    """Move the objects, and set their optical properties, as the calibration's offset says; the offset goes"""
 
     bl_idname = "kiriko.apply_calibration"
     bl_label = "Apply to Scene"
@@ -40,7 +40,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
 
 class KIRIKO_OT_remove_calibration(bpy.types.Operator):
-    """Forget the calibration's offset: the rig is what the scene shows"""
+    """Forget the calibration's offset: the rig is as the scene shows it"""
 
     bl_idname = "kiriko.remove_calibration"
     bl_label = "Remove Offset"

@@ -17,7 +17,7 @@ NAME = "Kiriko Preview"
 
 
 class KIRIKO_OT_preview(bpy.types.Operator):
-    """Render what the viewer sees in Cycles, in a scene of its own, and show it as the image Kiriko Preview"""
+    """Render the viewer's image in Cycles, in a scene of its own, and show it as the image Kiriko Preview"""
 
     bl_idname = "kiriko.preview"
     bl_label = "Preview"

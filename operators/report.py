@@ -92,7 +92,7 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
 
 
 class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
-    """Measure what accuracy costs on this rig: error against time, as a table, a diagram and numbers in a folder"""
+    """Measure the cost of accuracy on this rig: error against time, as a table, a diagram and numbers in a folder"""
 
     bl_idname = "kiriko.report"
     bl_label = "Write Report"

@@ -17,7 +17,7 @@ NAME = "Kiriko Seen"
 
 
 class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
-    """Simulate what the viewer sees, stray light, dimness and blur of the plate's mirrors included"""
+    """Simulate the viewer's image, stray light, dimness and blur of the plate's mirrors included"""
 
     bl_idname = "kiriko.simulate"
     bl_label = "Simulate"

@@ -12,7 +12,7 @@ from . import live, work
 
 
 class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
-    """Compute what the display has to show so that the viewer sees the picture undistorted inside the glass"""
+    """Compute the source image: with it on the display, the viewer sees the picture undistorted inside the glass"""
 
     bl_idname = "kiriko.solve"
     bl_label = "Solve"

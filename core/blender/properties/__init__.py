@@ -30,7 +30,7 @@ def register() -> None:
         poll=is_camera,
     )
     bpy.types.Object.kiriko = PointerProperty(
-        name="Kiriko", description="What this object is in the rig", type=KirikoObject
+        name="Kiriko", description="This object's part in the rig", type=KirikoObject
     )
     bpy.types.Scene.kiriko = PointerProperty(
         name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene

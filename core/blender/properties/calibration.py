@@ -1,4 +1,4 @@
-"""What is measured of a real bench."""
+"""Measurements of a real bench."""
 
 from math import radians
 
@@ -14,13 +14,13 @@ LATTICES = (
 )
 KEPT = (
     ("OFFSET", "As Offset", "Solve for the fitted rig from now on; the objects stay where they are"),
-    ("SCENE", "In the Scene", "Move the objects, and set what they are made of, as fitted"),
-    ("NONE", "Not at All", "Only tell what was found"),
+    ("SCENE", "In the Scene", "Move the objects, and set their optical properties, as fitted"),
+    ("NONE", "Not at All", "Only tell the result"),
 )
 
 
 class KirikoCalibration(bpy.types.PropertyGroup):
-    """What is measured of a real bench, what may be off, and what was found."""
+    """Measurements of a real bench, what may be off, and what was found."""
 
     columns: IntProperty(name="Columns", description="Points of the lattice across", default=7, min=2, max=99)
     rows: IntProperty(name="Rows", description="Points of the lattice down", default=7, min=2, max=99)
@@ -32,7 +32,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
         max=0.45,
         subtype="FACTOR",
     )
-    style: EnumProperty(name="Style", description="What the lattice's picture shows", items=LATTICES, default="DOTS")
+    style: EnumProperty(name="Style", description="The look of the lattice's picture", items=LATTICES, default="DOTS")
     filepath: StringProperty(
         name="Measured",
         description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y, or only x, y",
@@ -118,8 +118,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
         step=1,
         unit="CAMERA",
     )
-    keep: EnumProperty(name="Keep", description="What becomes of the fitted rig", items=KEPT, default="OFFSET")
-    found: StringProperty(name="Found", description="What the last calibration found, as JSON")
+    keep: EnumProperty(name="Keep", description="The use that is made of the fitted rig", items=KEPT, default="OFFSET")
+    found: StringProperty(name="Found", description="The last calibration's result, as JSON")
     offset: StringProperty(
         name="Offset", description="Amounts by which the rig is off, by name, one set for each calibration, as JSON"
     )

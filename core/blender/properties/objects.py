@@ -66,7 +66,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
 
     model: EnumProperty(
         name="Model",
-        description="What the plate is made of: mirrors bring stray light, dimness and blur",
+        description="The plate's make: mirrors bring stray light, dimness and blur",
         items=PLATE_MODELS,
         default="IDEAL",
     )
@@ -139,7 +139,7 @@ class KirikoObject(bpy.types.PropertyGroup):
 
     role: EnumProperty(
         name="Role",
-        description="What this object is in the rig",
+        description="This object's part in the rig",
         items=ROLES,
         default="NONE",
     )
@@ -169,10 +169,10 @@ class KirikoObject(bpy.types.PropertyGroup):
         soft_min=-10,
         soft_max=10,
     )
-    plate: PointerProperty(name="Plate", description="What the plate is made of", type=KirikoPlate)
+    plate: PointerProperty(name="Plate", description="The plate's make", type=KirikoPlate)
     surface: EnumProperty(
         name="Surface",
-        description="What smooth-shaded faces stand for; facets bend the picture where a curved surface was meant",
+        description="The surface that smooth shading stands for; facets bend the picture where a curve was meant",
         items=SURFACES,
         default="AUTOMATIC",
     )

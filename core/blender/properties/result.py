@@ -1,32 +1,28 @@
-"""What the last solve found."""
+"""The last solve's result."""
 
 import bpy
 from bpy.props import BoolProperty, FloatProperty, PointerProperty, StringProperty
 
 
 class KirikoResult(bpy.types.PropertyGroup):
-    """What the last solve found; written by the operator, shown by the panel."""
+    """The last solve's result; written by the operator, shown by the panel."""
 
     source: PointerProperty(
         name="Source Image",
-        description="What the display has to show so that the viewer sees the picture undistorted",
+        description="The image that the display has to show so that the viewer sees the picture undistorted",
         type=bpy.types.Image,
     )
     is_coarse: BoolProperty(
         name="Coarse", description="The source image is a first, coarse one, whose final one is still to come"
     )
     solved_for: StringProperty(
-        name="Solved For", description="What tells the scene that was solved from others, as JSON; empty: not known"
+        name="Solved For", description="Fingerprint of the scene that was solved, as JSON; empty: not known"
     )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
-    seen: PointerProperty(
-        name="Seen Image", description="What the viewer sees, as last simulated", type=bpy.types.Image
-    )
-    seen_summary: StringProperty(
-        name="Seen", description="What the last simulation of this result found, in one sentence"
-    )
+    seen: PointerProperty(name="Seen Image", description="The viewer's image, as last simulated", type=bpy.types.Image)
+    seen_summary: StringProperty(name="Seen", description="The last simulation of this result, in one sentence")
     preview: PointerProperty(
-        name="Preview", description="What the viewer sees, as last rendered by Cycles", type=bpy.types.Image
+        name="Preview", description="The viewer's image, as last rendered by Cycles", type=bpy.types.Image
     )
     coverage: FloatProperty(
         name="Coverage",
@@ -40,4 +36,6 @@ class KirikoResult(bpy.types.PropertyGroup):
     ladder: StringProperty(
         name="Ladder", description="Tolerances and the seconds they took, as the last report measured, as JSON"
     )
-    notes: StringProperty(name="Notes", description="What was read from the scene but not followed, one remark a line")
+    notes: StringProperty(
+        name="Notes", description="Settings of the scene that were read and not followed, one remark a line"
+    )

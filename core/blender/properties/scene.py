@@ -12,8 +12,12 @@ PICTURE_SOURCES = (
     ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
 )
 GHOSTS = (
-    ("MEAN", "Mean", "The mean of what these places ask for: each shows a ghost of the others"),
-    ("STRONGEST", "Strongest Path", "What the place asks for that sees most of it: sharp there, wrong in the others"),
+    ("MEAN", "Mean", "The mean of the colours that these places ask for: each shows a ghost of the others"),
+    (
+        "STRONGEST",
+        "Strongest Path",
+        "The colour that the place asks for that sees most of it: sharp there, wrong in the others",
+    ),
 )
 EXPORT_FORMATS = (
     ("PNG8", "PNG 8 bit", "Encoded for an sRGB display, 256 steps a channel"),
@@ -41,7 +45,7 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     picture_image: PointerProperty(
         name="Picture Image",
-        description="Picture in the viewer's own pixels: what the viewer shall see, over the whole camera frame",
+        description="Picture in the viewer's own pixels, over the whole camera frame",
         type=bpy.types.Image,
     )
     tolerance: FloatProperty(
@@ -89,13 +93,13 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     ghosts: EnumProperty(
         name="Ghosts",
-        description="What a pixel of the display shows where the viewer sees it in several places",
+        description="The colour of a display pixel that the viewer sees in several places",
         items=GHOSTS,
         default="MEAN",
     )
     brightness: BoolProperty(
         name="Brightness",
-        description="Weigh light by what each surface lets through, so that dim parts of the picture are made brighter",
+        description="Weigh light by the part that surfaces let through, so that dim parts of the picture are brighter",
         default=False,
     )
     margin: IntProperty(
@@ -116,7 +120,7 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     export_format: EnumProperty(
         name="Format",
-        description="File format of the source image: 8 bit is what displays show, more keeps smooth gradients",
+        description="File format of the source image: displays show 8 bit, more keeps gradients smooth",
         items=EXPORT_FORMATS,
         default="PNG8",
     )
@@ -132,7 +136,5 @@ class KirikoScene(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options=RELATIVE_PATH,
     )
-    result: PointerProperty(name="Result", description="What the last solve found", type=KirikoResult)
-    calibration: PointerProperty(
-        name="Calibration", description="What is measured of a real bench", type=KirikoCalibration
-    )
+    result: PointerProperty(name="Result", description="The last solve's result", type=KirikoResult)
+    calibration: PointerProperty(name="Calibration", description="Measurements of a real bench", type=KirikoCalibration)
