@@ -1,4 +1,4 @@
-"""What Kiriko does: one verb a file."""
+"""Kiriko's operators: one verb a file."""
 
 import bpy
 
@@ -58,7 +58,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them back, end what is running, and drop what the session keeps."""
+    """Take them back, end all that is running, and empty the session."""
     watch.unregister()
     live.unregister()
     work.forget()

@@ -18,7 +18,7 @@ from ..core.steps import within
 from ..core.words import listed, number, percent, summary
 from . import work
 
-ROOM = 1.01  # a display is a little larger than what was traced to its edge
+ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 WIDE = 2  # times the picture: a display that is wider by itself is worth a sentence
 BESIDE = 0.5  # share of the picture: where more goes beside or through gaps in the glass, the display is no matter
 CUT = 0.01  # share of the picture that a limit of the display has to cost to be worth a sentence
@@ -166,7 +166,7 @@ def _on_display(scene: bpy.types.Scene, proposal: Proposal, limit: float, spread
 
 
 def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> None:
-    """Write what the panel shows."""
+    """Write the panel's lines."""
     result.summary, result.seen_summary = text, ""
     result.notes = "\n".join(map(one_line, remarks))
 

@@ -1,4 +1,4 @@
-"""Calibrate: find what is off on a real bench from where the points of a lattice are seen, and solve again."""
+"""Calibrate: find the errors of a real bench by the places at which a lattice is seen, and solve again."""
 
 import json
 from collections.abc import Generator
@@ -64,7 +64,7 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
 
 
 def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generator[float, None, str]:
-    """Fit, solve again, and keep what the settings say; returns what is to be told. The last step changes the scene."""
+    """Fit, solve again, and keep the result as set; returns the report. The last step changes the scene."""
     scene, ours = context.scene, context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
     digest = image_io.digest(path)
@@ -75,7 +75,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         )
     offset = json.loads(ours.offset or "[]")
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
-        offset.pop()  # the same file once more, as with other tolerances: in place of what it told before
+        offset.pop()  # the same file once more, as with other tolerances: in place of the offset of before
     rig, settings = with_offset(reading.drawn, offset)[0], work.settings_of(scene)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
     expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
@@ -119,7 +119,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 
 
 def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
-    """What the settings take for likely, by the parameters' kind and in their units."""
+    """Likely errors by the settings, by the parameters' kind and in their units."""
     angles = {kind: float(np.degrees(getattr(ours, kind))) for kind in ("turn", "crossing")}
     return {**{kind: getattr(ours, kind) for kind in ("shift", "index", "mirror", "focal")}, **angles}
 

@@ -46,7 +46,7 @@ class ChoosePicture:
         return work.can_run(cls, lacking(context))
 
     def choose(self, context: bpy.types.Context, image: bpy.types.Image) -> None:
-        """Make an image the picture, and say what became of plane and material."""
+        """Make an image the picture, and report on plane and material."""
         picture = the_picture(context)
         check_readable(image, f"the picture '{picture.name}'")
         before = {slot.material for slot in picture.material_slots}
@@ -54,7 +54,7 @@ class ChoosePicture:
 
         problems = []
         if not picture.kiriko.is_image_shown:
-            problems.append("its material is not its own to be changed, and goes on showing what it did")
+            problems.append("its material is not its own to be changed, and goes on showing the same image")
         try:
             if self.fit:
                 blender_plane.fit(context, picture)
@@ -66,7 +66,7 @@ class ChoosePicture:
         material = f", by the new material '{new[0].name}'" if new else ""
         text = f"The picture '{picture.name}' is '{image.name}' now{material}"
         result = context.scene.kiriko.result
-        if result.source is None:  # what Add Rig told was of the picture before
+        if result.source is None:  # Add Rig's report is of the picture before
             result.summary = result.notes = ""
         if problems:
             self.report({"WARNING"}, f"{text}; but {', and '.join(problems)}.")

@@ -37,7 +37,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """What `--command kiriko` takes."""
+    """Arguments of `--command kiriko`."""
     top = _Parser(
         prog="blender --background FILE --command kiriko", description="Images inside glass, without a window."
     )
@@ -94,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(argv: list[str]) -> int:
-    """Called by Blender with what follows the command's name; what it returns is the exit code."""
+    """Called by Blender with the arguments after the command's name; returns the exit code."""
     try:
         arguments = parser().parse_args(argv)
         for line in _into_folder(arguments):
@@ -135,7 +135,7 @@ def _seconds(text: str) -> float:
 
 
 def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Do what is asked for with the open file's scene, results in a folder; yields lines of progress."""
+    """Do the work with the open file's scene, results in a folder; yields lines of progress."""
     if not bpy.data.filepath:
         # Blender goes on with its startup scene when the file it was given is missing
         raise RigError("No .blend file was loaded: name an existing file before --command.")
@@ -158,7 +158,7 @@ def _progress(steps: Generator[float, None, Result]) -> Generator[str, None, Res
 
 
 def _files(arguments: argparse.Namespace) -> dict[str, Path]:
-    """The files that solving writes, by what they show."""
+    """The files that solving writes, by the image in them."""
     names = {
         "source": str(image_io.named_for("source", arguments.format)),
         "linear": "source.exr",
@@ -171,7 +171,7 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
         names["preview"] = "preview.png"
     if arguments.simulate:
         names["simulated"] = "simulated.png"
-    return {what: arguments.out / name for what, name in names.items()}
+    return {image: arguments.out / name for image, name in names.items()}
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -187,7 +187,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Fit, keep what was found, solve and write the files; yields lines of progress."""
+    """Fit, keep the result, solve and write the files; yields lines of progress."""
     image_io.openimageio()
     details, file = arguments.out / "calibration.json", arguments.out / "calibrated.blend"
     if not arguments.overwrite:
@@ -253,8 +253,8 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
             "luminance_error": {path.name.lower(): error for path, error in found.luminance_error.items()},
         }
     with image_io.together(arguments.out) as scratch:
-        for what, pixels, form, area in jobs:
-            image_io.write(scratch / files[what].name, pixels, form, size=area, title=f"Kiriko {what} image")
+        for image, pixels, form, area in jobs:
+            image_io.write(scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image")
         image_io.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
     yield f"wrote {len(files)} files to '{arguments.out}'"
 

@@ -67,7 +67,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
         description="Export the image although the scene has changed since it was solved",
         options={"SKIP_SAVE", "HIDDEN"},
     )
-    # what the file dialogue asks an operator for: show names that are taken in red, and only images
+    # the file dialogue asks an operator for these: show names that are taken in red, and only images
     check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{suffix}" for suffix in sorted(image_io.SUFFIXES)), options={"SKIP_SAVE", "HIDDEN"}
@@ -149,10 +149,10 @@ class KIRIKO_OT_export(bpy.types.Operator):
         return image_io.format_for(self.filepath, context.scene.kiriko.export_format)
 
     def _ask_where(self) -> set[str]:
-        """The old image is wanted: begin again, with that answer. What a dialogue runs cannot open another itself."""
+        """The old image is wanted: begin again, with that answer. An operator of a dialogue cannot open another."""
         try:
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True)
             return {"FINISHED"}
-        except RuntimeError as error:  # what it told
+        except RuntimeError as error:  # its report
             self.report({"ERROR"}, " ".join(str(error).split()).removeprefix("Error: "))
             return {"CANCELLED"}

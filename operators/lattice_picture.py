@@ -1,4 +1,4 @@
-"""Lattice picture: what is shown to calibrate a bench takes the picture's place."""
+"""Lattice picture: the lattice that calibrates a bench takes the picture's place."""
 
 import bpy
 

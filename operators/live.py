@@ -2,7 +2,7 @@
 
 The work is done in turns of a timer of the application, and not by a modal operator: such a timer also runs while
 objects are dragged, whose operator takes all events of its window; it belongs to no window, and holds up neither undo
-nor auto-save. What is remembered from turn to turn is numbers and session uids; datablocks are looked up anew each
+nor auto-save. Only numbers and session uids are remembered from turn to turn; datablocks are looked up anew each
 turn, so that undo, deletion and file load leave nothing behind that points nowhere.
 """
 
@@ -30,14 +30,14 @@ from . import work
 IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
 PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.03  # s after which a turn begins no other step
-QUICK = 0.3  # s: what took less as a whole the last time gets no coarse picture first
+QUICK = 0.3  # s: a rig that took less as a whole the last time gets no coarse picture first
 LONG = 0.1  # s: a step that may take longer is announced
 NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
 
 
 @dataclass(frozen=True)
 class Step:
-    """What comes next: a phrase for the status bar, what its duration is remembered by, and a first guess at it, s."""
+    """The next step: a phrase for the status bar, the key of its duration, and a first guess at that, s."""
 
     phrase: str
     key: tuple[object, ...] = ()
@@ -68,7 +68,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
 
 
 def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
-    """What an object's settings say of a plate's mirrors, where it is one that has them."""
+    """The mirrors of a plate by its object's settings, where it has any."""
     if ours.role != "PLATE" or ours.plate.model == "IDEAL":
         return ()
     p = ours.plate
@@ -76,7 +76,7 @@ def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
 
 
 def uid(block: bpy.types.ID | None) -> int:
-    """What a datablock keeps through undo, when its place in memory does not; 0 for none."""
+    """The number that a datablock keeps through undo, when its place in memory changes; 0 for none."""
     return 0 if block is None else block.session_uid
 
 
@@ -91,7 +91,7 @@ class Live:
         self.seconds: tuple[float, float] | None = None  # from a change to the first and to the last picture of it
         self.longest: dict[str, float] = {}  # s by phrase of the step
         self.kept = Kept()
-        self.ours: set[int] = set()  # session uids of what we write to
+        self.ours: set[int] = set()  # session uids of the datablocks that we write to
         self._text = ""
         self._lasted: dict[Step, float] = {}
         self._whole_lasted: dict[tuple[object, ...], float] = {}  # s of tracing and painting, by kind of rig
@@ -176,7 +176,7 @@ class Live:
     def _read(self, context: bpy.types.Context) -> None:
         """Read the scene, and begin an update if anything that counts is different."""
         context.view_layer.update()
-        self.is_changed = False  # what the update above told of is in the reading
+        self.is_changed = False  # the change that the update above told of is in the reading
         settings = work.settings_of(context.scene)
         try:
             reading = work.read(context, self.kept)
@@ -210,7 +210,7 @@ class Live:
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
         if not is_traced:
-            check_memory(rig, settings)  # of the last of them: nothing is shown of what cannot be solved
+            check_memory(rig, settings)  # of the last of them: nothing is shown of a rig that cannot be solved
         for n, (a_rig, how) in enumerate(rungs):
             is_last, began = n == len(rungs) - 1, perf_counter()
             try:
@@ -218,7 +218,7 @@ class Live:
             except KirikoError:
                 if is_last:
                     raise
-                continue  # a coarse viewer may miss what the rig's own sees
+                continue  # a coarse viewer may miss light that the rig's own sees
             if is_last and not is_traced:
                 self._whole_lasted[kind] = perf_counter() - began
             yield Step(WRITING, (rig.display.width, rig.display.height))
@@ -237,7 +237,7 @@ class Live:
         self._show_problem("")
 
     def _solve(self, rig: Rig, settings: Settings, is_built: bool, is_last: bool) -> Generator[Step, None, Any]:
-        """The solution, or a coarse source image alone. Says before each step what it is, and how long it may take."""
+        """The solution, or a coarse source image alone. Names each step before it, and the time that it may take."""
         sizes, session, n = (*_sizes(rig), is_built), work.session(), 0
         steps = (session.solve if is_last else session.glance)(rig, settings)
         phrase = "solving" if is_built else "solving for changed glass"
@@ -356,7 +356,7 @@ def pack_if_needed(live: Live) -> None:
 
 
 def tick() -> float | None:
-    """What the timer calls."""
+    """Called by the timer."""
     if not _lives:
         return None
     try:
@@ -395,7 +395,7 @@ def on_save(*_: object) -> None:
 def on_load(*_: object) -> None:
     """Another file takes the place of all that was followed, so nothing need be packed.
 
-    What was said of the file before is of no use in the next.
+    Reports on the file before are of no use in the next.
     """
     for live in _lives:
         live.is_unpacked = False
@@ -403,7 +403,7 @@ def on_load(*_: object) -> None:
 
 
 def register() -> None:
-    """From now on forget with each file what was said of the one before."""
+    """From now on forget with each file the reports on the one before."""
     bpy.app.handlers.load_pre.append(on_load)
 
 
@@ -416,7 +416,7 @@ def unregister() -> None:
 # @persistent, so that it is `stop` that removes them, and not the file that is loaded
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_update),  # what is animated may stand elsewhere
+    ("frame_change_post", on_update),  # animated objects may stand elsewhere
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("save_pre", on_save),

@@ -25,7 +25,7 @@ ALWAYS = ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE", "TIMER")  # a
 
 
 def only_looks(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Does an event, wherever in the window it is meant for, change no more than what is seen of the scene?"""
+    """Does an event, wherever in the window it is meant for, change no more than the view of the scene?"""
     if event.type.startswith(ALWAYS):
         return True
     area, region = under_mouse(context.window, event)

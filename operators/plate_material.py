@@ -14,7 +14,7 @@ from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 FILE = FOLDER / "kiriko_plate.blend"
-MARK = "kiriko_plate"  # what a material of ours is known by, whatever its name: the layout of its mirrors
+MARK = "kiriko_plate"  # by it a material of ours is known, whatever its name: the layout of its mirrors
 UNIT = "kiriko_unit"  # m: of a Blender unit, when the material came into the file
 NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
 SIZE = 0.488  # m, of a new plane
@@ -44,7 +44,7 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
 
 
 def _own_material(thing: bpy.types.Object, metres: float) -> bpy.types.Material | None:
-    """A material with the mirrors that a plate of a rig has by its settings; None for what has none."""
+    """A material with the mirrors that a plate of a rig has by its settings; None where it has none."""
     if thing.kiriko.role != "PLATE" or thing.kiriko.plate.model == "IDEAL":
         return None
     material = bpy.data.materials.new(f"{thing.name} Mirrors")

@@ -1,4 +1,4 @@
-"""Preview: let Cycles, an independent renderer, show what the viewer sees."""
+"""Preview: let Cycles, an independent renderer, make the viewer's image."""
 
 from pathlib import Path
 

@@ -60,7 +60,7 @@ def measured(
 
 
 def _can_write() -> bool:
-    """Is there what image files are written with? The report itself is text and does without."""
+    """Is there a module that writes image files? The report itself is text and does without."""
     try:
         image_io.openimageio()
     except ImageError:

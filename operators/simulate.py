@@ -1,4 +1,4 @@
-"""Simulate: what the viewer sees of the source image with all that the plate's mirrors do to its light."""
+"""Simulate: the viewer's image of the source image, with all that the plate's mirrors do to its light."""
 
 from collections.abc import Generator
 

@@ -2,7 +2,7 @@
 
 Handlers only note that something may have changed. A timer of the application waits until nothing has changed for a
 while and no work is under way, and then reads the scene as `core/blender/solved_for.py` does, which puts no mesh into
-the world. Nothing is read where there is no result. What is remembered is numbers and session uids.
+the world. Nothing is read where there is no result. Only numbers and session uids are remembered.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ PATIENCE = 10.0  # s after which an operator that only waits, as some add-ons' d
 class Watched:
     """A scene that has a result.
 
-    verdict : what the result was solved for, as text, and whether the scene has changed since
+    verdict : the scene that the result was solved for, as text, and whether the scene has changed since
     changed_at : when the last change was noticed; None where all has been looked at
     lasted : s that the last reading took, with nothing but places and settings changed, and with more
     """
@@ -42,7 +42,7 @@ class Watched:
     lasted: dict[bool, float] = field(default_factory=dict)
 
     def poll(self, scene: bpy.types.Scene) -> None:
-        """Compare what Blender does not tell of: settings, and the result itself. Takes a fiftieth of the time."""
+        """Compare the parts that Blender does not tell of: settings, and the result itself. It takes little time."""
         started = monotonic()
         if started < self.polled_next:
             return
@@ -70,7 +70,7 @@ _watched: dict[int, Watched] = {}  # by session uid of the scene
 def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
     """Is the scene, read now, another one than the result was solved for?
 
-    A result that does not know what it was solved for is taken as it is. A scene that cannot be read has changed, for
+    A result that does not know its scene is taken as it is. A scene that cannot be read has changed, for
     when it was solved it could be read.
     """
     before = from_text(context.scene.kiriko.result.solved_for)
@@ -83,7 +83,7 @@ def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
 
 
 def is_told_changed(scene: bpy.types.Scene) -> bool:
-    """What panels show, by the last look; while Live follows the scene its results are of the scene as it is."""
+    """The panels' verdict, by the last look; while Live follows the scene its results are of the scene as it is."""
     watched = _watched.get(scene.session_uid)
     if watched is None or is_followed(scene):
         return False
@@ -98,11 +98,11 @@ def is_followed(scene: bpy.types.Scene) -> bool:
 
 
 def tick() -> float:
-    """What the timer calls."""
+    """Called by the timer."""
     try:
         look()
     except Exception as error:
-        work.sentence(error, "The look at the scene")  # which prints what was not foreseen
+        work.sentence(error, "The look at the scene")  # which prints errors that were not foreseen
         _watched.clear()
         return PATIENCE
     return TICK
@@ -142,7 +142,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         context = bpy.context
         started = perf_counter()
         context.view_layer.update()
-        watched.changed_at = None  # what the update above told of is in the reading
+        watched.changed_at = None  # the change that the update above told of is in the reading
         is_short = watched.kept.is_whole
         result = context.scene.kiriko.result
         verdict = (result.solved_for, has_changed(context, watched.kept))
@@ -162,7 +162,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """What was kept of shapes and pixels may have been put back to what it was."""
+    """Shapes and pixels that are kept may have been put back."""
     for watched in _watched.values():
         watched.kept = Kept()
         watched.touch()
@@ -176,7 +176,7 @@ def on_load(*_: object) -> None:
 
 HANDLERS = (
     ("depsgraph_update_post", on_update),
-    ("frame_change_post", on_update),  # what is animated may stand elsewhere
+    ("frame_change_post", on_update),  # animated objects may stand elsewhere
     ("undo_post", on_undo),
     ("redo_post", on_undo),
     ("load_post", on_load),

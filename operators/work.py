@@ -1,4 +1,4 @@
-"""What the operators share: reading the scene, the session, and work that takes its time."""
+"""Shared by the operators: reading the scene, the session, and work that takes its time."""
 
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -45,14 +45,14 @@ MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
 def session() -> Session:
-    """The one session; it keeps what need not be computed again from click to click."""
+    """The one session; it keeps all that need not be computed again from click to click."""
     if not _sessions:
         _sessions.append(Session())
     return _sessions[0]
 
 
 def forget() -> None:
-    """Stop what is running, which Blender would drop without a word, and drop the session and what it keeps."""
+    """Stop all that is running, which Blender would drop without a word, and drop the session."""
     for operator in list(_running):
         with bpy.context.temp_override(window=operator.window):
             operator.cancel(bpy.context)
@@ -85,14 +85,14 @@ def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
 
 
 def read_to_solve(context: bpy.types.Context, kept: Kept | None = None) -> Any:
-    """The same, and with it what the result will be solved for."""
+    """The same, and with it the scene's fingerprint for the result."""
     kept = kept or Kept()
     reading = read(context, kept)
     return replace(reading, solved_for=scene_now(context, kept).as_text())
 
 
 def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
-    """What a solve of the scene as it is now would be for."""
+    """The fingerprint of the scene as it is now."""
     context.view_layer.update()
     scene = context.scene
     return blender_solved_for.scene_now(context.evaluated_depsgraph_get(), scene, settings_of(scene), kept)
@@ -115,7 +115,7 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
 
 
 def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
-    """Objects of the scene by role, those in instanced collections too, each with what it is hidden by, '' if shown."""
+    """Objects of the scene by role, those in instanced collections too, each with what hides it, '' if shown."""
     found: dict[str, dict[bpy.types.Object, str]] = {}
     shown = Shown(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
@@ -147,7 +147,7 @@ def missing(scene: bpy.types.Scene) -> list[str]:
 
 
 def _missing(scene: bpy.types.Scene) -> dict[str, str]:
-    """What the rig lacks, by role, and a phrase on each."""
+    """Parts that the rig lacks, by role, and a phrase on each."""
     found, ours = parts(scene), scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
     if ours.viewer or scene.camera:
@@ -162,7 +162,7 @@ def _missing(scene: bpy.types.Scene) -> dict[str, str]:
 
 
 def lacking(scene: bpy.types.Scene) -> list[str]:
-    """Of what is missing, what cannot be there all the same: modifiers may instance objects from anywhere in a file."""
+    """Missing parts that cannot be there all the same: modifiers may instance objects from anywhere in a file."""
     lacks = _missing(scene)
     if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
@@ -179,14 +179,14 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
-    """What `poll` returns: are there no reasons against it? The first one is told where the button is grey."""
+    """The answer of `poll`: are there no reasons against it? The first one is told where the button is grey."""
     if reasons:
         operator.poll_message_set(f"{reasons[0]}.")
     return not reasons
 
 
 def sentence(error: BaseException, label: str, stays: str = "") -> str:
-    """What to tell of an error, foreseen or not, in the work called `label`, of which nothing stays but what is named.
+    """The report on an error, foreseen or not, in the work called `label`, of which nothing stays but what is named.
 
     The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
     """
@@ -203,7 +203,7 @@ def sentence(error: BaseException, label: str, stays: str = "") -> str:
             f"{label} needs more memory than there is{why}; {state}:"
             " lower the resolution of display or viewer, or raise the tolerance."
         )
-    if isinstance(error, ReferenceError):  # what Blender's Python says of a datablock that is gone
+    if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
         return f"{label} was stopped, for undo or a script took away what it worked on: start it again."
     if isinstance(error, OSError):
         return f"{label} could not read or write a file ({text}); {state}: check the disk."
@@ -255,7 +255,7 @@ class LongWork:
         return self in _running
 
     def stays(self) -> str:
-        """What would stay if the work were stopped now, as "a thing", '' for nothing."""
+        """The thing that would stay if the work were stopped now, as "a thing", '' for nothing."""
         return ""
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
@@ -286,16 +286,16 @@ class LongWork:
             stays = self.stays()
             ways = f"{stays} stays: Undo brings back what was there, {self.bl_label} makes it final"
             self.report({"INFO"}, f"Stopped; {ways if stays else 'the scene is as it was'}.")
-            return {"FINISHED"} if stays else {"CANCELLED"}  # Blender makes an undo step of what is finished
+            return {"FINISHED"} if stays else {"CANCELLED"}  # Blender makes an undo step of finished work
         if event.type != "TIMER":
-            # no other key or button may change what is being worked on
+            # no other key or button may change the scene meanwhile
             return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
         end = perf_counter() + TURN
         is_done = False
         with told(self, self.stays):
             try:
                 stays, progress = self.stays(), next(self._work)
-                while perf_counter() < end and self.stays() == stays:  # what is new is drawn at once
+                while perf_counter() < end and self.stays() == stays:  # a new image is drawn at once
                     progress = next(self._work)
                 self._show(context, progress)
                 return {"PASS_THROUGH"}

@@ -1,4 +1,4 @@
-"""What the artist sees: the tab Kiriko in the 3D viewport's sidebar, and the Add menu."""
+"""The artist's view: the tab Kiriko in the 3D viewport's sidebar, and the Add menu."""
 
 import bpy
 

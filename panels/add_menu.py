@@ -4,7 +4,7 @@ import bpy
 
 
 class VIEW3D_MT_kiriko_add(bpy.types.Menu):
-    """What Kiriko adds to a scene."""
+    """Kiriko's entries in the Add menu."""
 
     bl_label = "Kiriko"
 

@@ -45,7 +45,7 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
 
 
 class VIEW3D_PT_kiriko_expected(Sidebar, bpy.types.Panel):
-    """What may be off, and by how much it is likely to be."""
+    """Errors that the bench may have, and their likely size."""
 
     bl_label = "May Be Off"
     bl_parent_id = "VIEW3D_PT_kiriko_calibration"
@@ -61,7 +61,7 @@ class VIEW3D_PT_kiriko_expected(Sidebar, bpy.types.Panel):
 
 
 class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
-    """What the last calibration found, and what it could not tell."""
+    """The last calibration's result, and its gaps."""
 
     bl_label = "Found"
     bl_parent_id = "VIEW3D_PT_kiriko_calibration"
@@ -110,7 +110,7 @@ class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
 
 
 def advice(found: dict) -> str:
-    """Which other photograph would tell most, and of what."""
+    """Other photographs, by how much they would tell."""
     extra = found["extra_photographs"][0]
     rows = {entry["name"]: entry for entry in found["amounts"]}
     gains = sorted((extra["errors"][name] / entry["error"], name) for name, entry in rows.items())

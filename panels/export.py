@@ -28,7 +28,7 @@ class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
 
 
 class VIEW3D_PT_kiriko_report(Sidebar, bpy.types.Panel):
-    """What accuracy costs on this rig, measured."""
+    """The cost of accuracy on this rig, measured."""
 
     bl_label = "Report"
     bl_parent_id = "VIEW3D_PT_kiriko_export"

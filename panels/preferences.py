@@ -1,4 +1,4 @@
-"""What Kiriko has to say in Preferences > Add-ons."""
+"""Kiriko's lines in Preferences > Add-ons."""
 
 import bpy
 

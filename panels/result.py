@@ -1,4 +1,4 @@
-"""The last result: how much arrives, what was read, what was not followed."""
+"""The last result: the light that arrives, the scene as it was read."""
 
 import json
 
@@ -10,7 +10,7 @@ from .words import Sidebar, sentence
 
 
 class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
-    """What the last solve found."""
+    """The last solve's result."""
 
     bl_label = "Result"
 
@@ -42,13 +42,13 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             sentence(layout, context, note, icon="ERROR" if note in warnings else "INFO")
 
     def draw_cost(self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
-        """The error beside the time it took, and what another tolerance would take."""
+        """The error beside the time it took, and the time for another tolerance."""
         if "total_seconds" not in details:  # a result of an earlier version
             return
         errors = {"mesh": details["tessellation_error"]}
         if details["map_error"]:
             errors["map"] = details["map_error"]["percentile"]
-        known = [f"{what} {pixels(error)}" for what, error in errors.items() if error]
+        known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
         if known:
             sentence(layout, context, f"Error: {', '.join(known)}", icon="DRIVER_DISTANCE")
         plate = details.get("plate")

@@ -1,4 +1,4 @@
-"""The rig: what each object is, and what is still missing."""
+"""The rig: each object's role, and the parts that are still missing."""
 
 import bpy
 
@@ -33,7 +33,7 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
 
 
 class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
-    """What each object is in the rig, and what the rig still lacks."""
+    """Each object's role, and the parts that the rig still lacks."""
 
     bl_label = "Rig"
 
@@ -55,7 +55,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
 
     def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        """The viewer's pixels, and whether Blender shows what it sees."""
+        """The viewer's pixels, and whether Blender's own view is the same."""
         scene = context.scene
         viewer = scene.kiriko.viewer or scene.camera
         if viewer is None:

@@ -40,7 +40,7 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
 
 
 class VIEW3D_PT_kiriko_preview(Sidebar, bpy.types.Panel):
-    """How the next preview is rendered: what the operator remembers from call to call."""
+    """Settings of the next preview, which the operator remembers from call to call."""
 
     bl_label = "Preview Settings"
     bl_parent_id = "VIEW3D_PT_kiriko_solve"

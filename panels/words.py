@@ -1,4 +1,4 @@
-"""What the panels share: their place, and sentences broken into lines as wide as the sidebar."""
+"""Shared by the panels: their place, and sentences broken into lines as wide as the sidebar."""
 
 import textwrap
 
