@@ -1,4 +1,4 @@
-"""Puts what a calibration found into the scene: objects moved, settings changed. All of it, or nothing."""
+"""Puts a calibration's result into the scene: objects moved, settings changed. All of it, or nothing."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -17,17 +17,17 @@ from ..rig import WAVELENGTH, Rig
 from .scene import Reading, length_of_unit, object_matrix
 
 NEAR = 0.1  # px of display and viewer: so near, in single precision, everything has to come to be as fitted
-SINGLE = 1e-6  # what single precision leaves of numbers of about 1
+SINGLE = 1e-6  # the error of numbers of about 1 in single precision
 PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
 @contextmanager
 def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]) -> Iterator[None]:
-    """Make the scene show the rig that a reading has with its offset; the offset goes. Undone if what is within fails.
+    """Make the scene show the rig that a reading has with its offset; the offset goes. Undone if the code within fails.
 
     Parameters
     ----------
-    read : reads the scene again; what it finds has to be that rig, or nothing is changed
+    read : reads the scene again; that has to give the same rig, or nothing is changed
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
 
 
 def _change(reading: Reading, undo: _Undo) -> None:
-    """Set indices, what plates are made of, and the focal length, where they are not as the scene has them."""
+    """Set indices, the make of plates, and the focal length, where they are not as the scene has them."""
     for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
         if a.ior(WAVELENGTH) != b.ior(WAVELENGTH):
             ours = _object(b.name).kiriko
@@ -168,7 +168,7 @@ def _is_made_like(a: Any, b: Any) -> bool:
 
 @contextmanager
 def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
-    """Keep what calibrations found, amounts by the parameters' names. Undone if what is within fails."""
+    """Keep calibrations' results, amounts by the parameters' names. Undone if the code within fails."""
     ours = scene.kiriko.calibration
     before, ours.offset = ours.offset, json.dumps(offset)
     try:

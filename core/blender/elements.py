@@ -20,7 +20,7 @@ DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 
 @dataclass(frozen=True)
 class MaterialReading:
-    """What was read from one material of a glass object.
+    """One material of a glass object, as read.
 
     `source` is the shader that gave the index, 'override' or 'default'; `ignored` is in the material but not followed.
     """
@@ -36,7 +36,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     """A glass with the index of its most used refractive material, or the override.
 
     The settings are the original object's: drivers and keys are written to them too, while the evaluated copy does
-    not hear of what a script sets.
+    not hear of a script's settings.
     """
     settings = part.owner.kiriko
     name, notes = part.owner.name, []

@@ -17,7 +17,7 @@ LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear") 
 
 @contextmanager
 def or_none(image: bpy.types.Image) -> Iterator[None]:
-    """Remove a new image again if what is within, which makes it whole, goes wrong."""
+    """Remove a new image again if the code within, which makes it whole, goes wrong."""
     try:
         yield
     except BaseException:
@@ -79,7 +79,7 @@ def pack(image: bpy.types.Image, name: str) -> None:
     """Save a float image within the file as `name`.exr, every number exact.
 
     Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in each undo step. But it
-    needs no file: it is what is left where there is no room for one.
+    needs no file: it is the way that is left where there is no room for one.
     """
     try:
         data = _compressed(image)
@@ -87,7 +87,7 @@ def pack(image: bpy.types.Image, name: str) -> None:
         image.pack()
     else:
         image.pack(data=data, data_len=len(data))
-        image.source = "FILE"  # from now on the packed file is what the image is read from
+        image.source = "FILE"  # from now on the image is read from the packed file
     image.filepath_raw = f"//{name}.exr"
 
 

@@ -1,4 +1,4 @@
-"""Reads materials: the index of refraction, what is in them but not followed, and the image of a picture plane."""
+"""Reads materials: the index of refraction, nodes that are not followed, and the image of a picture plane."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ REFRACTIVE = {
     "BSDF_REFRACTION": "Refraction BSDF",
     "BSDF_PRINCIPLED": "Principled BSDF",
 }
-# inputs that change what the glass does and at which value they do nothing
+# inputs that change the glass, and the value at which they do nothing
 NEUTRAL = {
     "Roughness": 0.0,
     "Metallic": 0.0,
@@ -29,7 +29,7 @@ Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outer
 
 @dataclass(frozen=True)
 class Refraction:
-    """The index of refraction of a material, the shader it comes from, and what of the material is not followed."""
+    """The index of refraction of a material, the shader it comes from, and its settings that are not followed."""
 
     ior: float
     source: str
@@ -128,7 +128,7 @@ def is_linked(node: bpy.types.Node, name: str, groups: Groups) -> bool:
 
 
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
-    """What a refractive shader asks for that Kiriko does not follow."""
+    """The settings of a refractive shader that Kiriko does not follow."""
     for name, neutral in NEUTRAL.items():
         socket = node.inputs.get(name)
         if socket is None:
@@ -197,7 +197,7 @@ def find_texture(
 
 
 def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool) -> Texture:
-    """The texture of an Image Texture node, with what is done to it that Kiriko does not follow."""
+    """The texture of an Image Texture node, with the changes to it that Kiriko does not follow."""
     notes, uv_map = [], ""
     if is_altered:
         notes.append(f"The material '{name}' alters the colours of '{node.image.name}': using the plain image.")

@@ -100,7 +100,7 @@ def has_open_edges(mesh: bpy.types.Mesh) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class LocalMesh:
-    """What is read from a Blender mesh before it is put into the world: all that does not change when it is moved.
+    """A Blender mesh as read, before it is put into the world: all that does not change when it is moved.
 
     vertices : (v, 3) float64, in the mesh's own units
     triangles, loops : (t, 3) int, corners as vertices, welded where open edges lie in one place, and as loops
@@ -198,7 +198,7 @@ def read_mesh(
         turned, so that the front stays in front.
     has_normals, has_uv : are corner normals, is a UV map wanted
     uv_map : name of the UV map; the one used in renders when there is none of that name
-    surface : what smooth-shaded faces stand for
+    surface : the choice of what smooth-shaded faces stand for
 
     Returns
     -------

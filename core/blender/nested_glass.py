@@ -1,4 +1,4 @@
-"""What Cycles has to be told about glass in glass.
+"""Glass in glass, as Cycles has to be told of it.
 
 Kiriko finds the medium at a point from all solids and their priorities; Cycles knows one relative index of refraction a
 surface, and which side is inside from its normals.
@@ -21,7 +21,7 @@ SAME = 1e-3  # volumes that differ by less than this share are the same
 
 @dataclass(frozen=True)
 class Interface:
-    """What the surface of a glass object is to a renderer.
+    """The surface of a glass object, to a renderer.
 
     index : ratio of its index to that of the medium around it; None where it changes nothing
     is_inside_out : all its faces are drawn looking into the glass
@@ -84,7 +84,7 @@ class _Solids:
 
 
 def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
-    """What each glass object's surface is to a renderer, and one sentence for each reason why it cannot be told."""
+    """The surface of each glass object to a renderer, and one sentence for each reason why it cannot be told."""
     solids = _Solids(glasses)
     ratios: list[set[float | None]] = [set() for _ in glasses]
     reasons: dict[str, None] = {}  # in order, each once

@@ -1,4 +1,4 @@
-"""A new rig in Blender: what stands on the bench before, and the objects that are made. All of them, or none."""
+"""A new rig in Blender: the bench as it stands before, and the objects that are made. All of them, or none."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ BALL_RADIUS = 0.025  # m
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What a new rig is built around.
+    """The parts that a new rig is built around.
 
     glasses : objects that are to be glass; none: a ball is made
     rig : all the glass, and the plates, mirrors and blockers that are there
@@ -60,7 +60,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
 
 
 def read_bench(context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> Bench:
-    """Read what stands there, with these objects as glass; nothing is changed.
+    """Read the bench as it stands, with these objects as glass; nothing is changed.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def read_bench(context: bpy.types.Context, scene: bpy.types.Scene, glasses: tupl
 
 @contextmanager
 def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
-    """Objects have the role Glass within, and what they had before afterwards."""
+    """Objects have the role Glass within, and their own one afterwards."""
     before = [(thing.kiriko, thing.kiriko.role) for thing in things]
     try:
         for ours, _ in before:
@@ -112,7 +112,7 @@ def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
 
 
 def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown: Shown) -> None:
-    """Raise RigError for what cannot be glass as it stands. The parts are those with faces."""
+    """Raise RigError for objects that cannot be glass as they stand. The parts are those with faces."""
     met = {part.owner for part in parts}
     for thing in things:
         if by := shown.hidden_by(thing):
@@ -175,7 +175,7 @@ def make_rig(
 
 
 def _values(scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> list[tuple[Any, str, Any]]:
-    """All that is changed of what is there already: owner, name, value."""
+    """All changes to things that are there already: owner, name, value."""
     names = (
         (scene, ("camera",)),
         (scene.kiriko, ("viewer", "picture_source")),

@@ -1,4 +1,4 @@
-"""Makes objects: those of a new rig, all of them or none, and what shows a result in the scene."""
+"""Makes objects: those of a new rig, all of them or none, and those that show a result in the scene."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
 
 
 class Workbench:
-    """A new collection and what is made in it. Frames (4, 4) and lengths are in Blender units."""
+    """A new collection and the objects that are made in it. Frames (4, 4) and lengths are in Blender units."""
 
     def __init__(self, scene: bpy.types.Scene, name: str) -> None:
         self._made: list[bpy.types.ID] = []

@@ -1,4 +1,4 @@
-"""Which objects of the scene are parts of the rig, and what they are evaluated to."""
+"""Which objects of the scene are parts of the rig, by role."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -144,7 +144,7 @@ def role_label(owner: bpy.types.Object) -> str:
 def unmet_parts(
     met: set[bpy.types.Object], scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[bpy.types.Object, str]:
-    """Objects of the scene that have a role but no part was met of, and by what each is hidden."""
+    """Objects of the scene that have a role but no part was met of, and the setting that hides each."""
     shown = Shown(scene, layer)
     return {o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met}
 
@@ -157,14 +157,14 @@ def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Obj
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:
-    """Of an object with a role that is hidden by something: what is wrong and what to do, without a full stop."""
+    """The trouble with an object that has a role and is hidden, and the remedy, without a full stop."""
     return f"The {role_label(thing).lower()} '{thing.name}' is hidden{by}: show it"
 
 
 def notes_on_parts(
     parts: list[Part], met: set[bpy.types.Object], unmet: dict[bpy.types.Object, str], scene: bpy.types.Scene
 ) -> list[str]:
-    """What was left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
+    """Notes on parts left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
     notes = [
         f"'{o.name}' has the role {role_label(o)} but {f'is hidden{by}' if by else 'shows nothing'}: left out."
         for o, by in unmet.items()

@@ -13,7 +13,7 @@ from .picture import UNREADABLE, check_readable
 from .resize import NEAR, refuse_held, rescale
 
 MATERIAL = "Kiriko Picture"
-UNSEEN = 0.005  # share of a side: what is squeezed by less looks as it should
+UNSEEN = 0.005  # share of a side: an image squeezed by less looks as it should
 ALONG = 1e-5  # of its length: how far a direction may be off an axis that it goes along
 FIT_BUTTON = "press Fit to Image in the Kiriko tab"
 
@@ -35,7 +35,7 @@ def own_texture(thing: bpy.types.Object) -> Texture | None:
 def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
     """The image that was chosen for a plane; None where none was, so that its material alone tells the picture.
 
-    Once the plane's own material shows what was chosen, the material is the only truth: who changes the image there,
+    Once the plane's own material shows the chosen image, the material is the only truth: who changes the image there,
     changes the picture.
     """
     texture = own_texture(thing) if thing.kiriko.is_image_shown else None
@@ -51,7 +51,7 @@ def image_of(thing: bpy.types.Object) -> bpy.types.Image | None:
 def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
     """Make an object's own material show an image; returns whether it can.
 
-    What others use, too, is copied before it is changed, and the copy linked to the object, so that they keep theirs.
+    Materials that others use, too, are copied before they are changed, and the copy linked to the object.
     """
     data = thing.data
     if image.type in UNREADABLE or not thing.is_editable or not hasattr(data, "materials"):

@@ -20,7 +20,7 @@ class _Value:
         return self.socket.type == "VECTOR"
 
     def node(self, operation: str, *others: "_Value | float") -> "_Value":
-        """What a Math or Vector Math node makes of this value and others."""
+        """The result of a Math or Vector Math node for this value and others."""
         values = (self, *others)
         is_vector = any(isinstance(value, _Value) and value.is_vector for value in values)
         node = self.tree.nodes.new("ShaderNodeVectorMath" if is_vector else "ShaderNodeMath")
@@ -263,7 +263,7 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
 def _arrange(tree: Any) -> None:
     """Put nodes into columns, each right of those it depends on."""
     column: dict[Any, int] = {}
-    for node in tree.nodes:  # made in the order of the formulas: what a node needs is there before it
+    for node in tree.nodes:  # made in the order of the formulas: the nodes that one needs are there before it
         needed = [link.from_node for socket in node.inputs for link in socket.links]
         column[node] = 1 + max((column[other] for other in needed), default=-1)
     used: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""Renders the rig in Cycles, an independent judge of what Kiriko computes, without touching anything of the user's.
+"""Renders the rig in Cycles, an independent judge of Kiriko's results, without touching anything of the user's.
 
 A temporary scene links the user's own objects; those with a role are copied as they are evaluated, curved surfaces in
 fine triangles, with materials that obey the same laws. Cycles knows one relative index of refraction an interface, so
@@ -30,7 +30,7 @@ from .plate import be_mirror_array
 from .scene import Reading, length_of_unit, object_matrix
 from .viewer import frame_of
 
-TEMPORARY = "kiriko_temporary"  # marks what must not outlive a preview
+TEMPORARY = "kiriko_temporary"  # marks the data that must not outlive a preview
 SHEARED = 1e-6  # of an object's scale: less shear is rounding
 BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
 
@@ -41,7 +41,7 @@ class Preview:
     Parameters
     ----------
     scene : the user's scene, with settings in `scene.kiriko`
-    reading : what `scene.read` made of it: the rig, whose indices of refraction are used
+    reading : by `scene.read`: the rig, whose indices of refraction are used
     source : image datablock the display shows; None: the display shows its own coordinates (u, v, 1)
     size : width and height of the whole frame in pixels; None: the viewer's
     percentage : of that size
@@ -53,7 +53,7 @@ class Preview:
 
     Attributes
     ----------
-    notes : reasons why the render cannot be compared with what Kiriko computes
+    notes : reasons why the render cannot be compared with Kiriko's result
     path : where the render is written, linear OpenEXR
     """
 
@@ -269,7 +269,7 @@ class Preview:
         self.scene.frame_current, self.scene.frame_subframe = scene.frame_current, scene.frame_subframe
 
     def _set_cycles(self, scene: bpy.types.Scene, samples: int, filter_width: float | None) -> None:
-        """Everything a path needs to reach the display, and nothing that clamps, guesses or blurs what it carries."""
+        """Everything a path needs to reach the display, and nothing that clamps, guesses or blurs its colour."""
         cycles = self.scene.cycles
         cycles.device = scene.cycles.device
         cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
@@ -300,7 +300,7 @@ def _has_header(path: Path) -> bool:
 
 
 def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...] | None]:
-    """A place that an object can have, with the same x axis, and what its mesh has to be transformed by before, if any.
+    """A place that an object can have, with the same x axis, and the transform that its mesh has to get before, if any.
 
     Objects have a location, a rotation and a scale; parents of uneven scale give them shear besides.
     """
@@ -359,7 +359,7 @@ def render_preview(
     fresnel: bool = True,
     surroundings: bool = False,
 ) -> np.ndarray:
-    """What the viewer sees of a source image, rendered by Cycles.
+    """The viewer's image of a source image, rendered by Cycles.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the artist is told of the scene as it was read."""
+"""Remarks on the scene as it was read."""
 
 import bpy
 
@@ -34,7 +34,7 @@ def modifier_notes(parts: list[Part]) -> list[str]:
 
 
 def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
-    """What to do about a modifier that leaves vertices beside the surface; an empty text for others."""
+    """The remedy for a modifier that leaves vertices beside the surface; an empty text for others."""
     if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
         return "turn on its Use Limit Surface"
     is_collapsed = modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
@@ -46,7 +46,7 @@ def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
 def scene_notes(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, parts: list[Part], camera: bpy.types.Object | None
 ) -> list[str]:
-    """Notes on what the scene asks for as a whole and Kiriko does not do."""
+    """Notes on settings of the scene as a whole that Kiriko does not follow."""
     notes = []
     if depsgraph.mode == "VIEWPORT":
         notes += [

@@ -10,14 +10,14 @@ from ..arrays import Floats
 from ..errors import RigError
 from .mesh import column
 
-FLAT = 1e-5  # of its size: what is no thicker along an axis of its own is perpendicular to that axis
+FLAT = 1e-5  # of its size: an object no thicker along an axis of its own is perpendicular to that axis
 NEAR = 1e-4  # of a side: so near an object has to come to its size and stay in its place
-SINGLE = 2.0**-22  # of its place: what single precision leaves open of a sum of two or three numbers
+SINGLE = 2.0**-22  # of its place: the error, in single precision, of a sum of two or three numbers
 SQUARE = 1e-3  # of a side, by which the other may differ
 
 
 def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> None:
-    """Make a flat object this long and wide, Blender units, about its middle; what hangs on it stays as it is.
+    """Make a flat object this long and wide, Blender units, about its middle; its children stay as they are.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) 
 def rescale(
     context: bpy.types.Context, thing: bpy.types.Object, points: Floats, factors: Floats, is_right: Callable
 ) -> None:
-    """Scale an object along its own axes, about its middle; what hangs on it stays as it is.
+    """Scale an object along its own axes, about its middle; its children stay as they are.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
         lengths = np.delete(np.linalg.norm(matrix[:3, :3], axis=0) * extent, thin)
         if not lengths.all():
             raise RigError("it has no size")
-        # what has no thickness may be scaled along it, too, so that the scale stays even where it is
+        # a thing without thickness may be scaled along it, too, so that the scale stays even where it is
         return np.insert(side / lengths, thin, side / np.sqrt(lengths.prod()))
 
     # the plane lies askew to the object's axes: one factor for all of them keeps its angle

@@ -61,10 +61,10 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     """Show other pixels (h, w, 3; linear, row 0 at the top) as the scene's source image, without packing it.
 
     For pictures that follow each other fast: where the image has their size it stays the same datablock, so that no
-    material is built again. What is packed is out of date from then on; `pack_source` puts that right.
+    material is built again. The packed image is out of date from then on; `pack_source` puts that right.
     """
     image = scene.kiriko.result.source
-    scene.kiriko.result.seen_summary = ""  # what was simulated is of another one
+    scene.kiriko.result.seen_summary = ""  # the simulation is of another one
     if _has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
@@ -84,7 +84,7 @@ def pack_source(scene: bpy.types.Scene) -> None:
     image = scene.kiriko.result.source
     if image is not None:
         pack(image, SOURCE)
-        image.buffers_free()  # read from what was packed when next asked for, it does not count as unsaved
+        image.buffers_free()  # read from the packed file when next asked for, it does not count as unsaved
 
 
 def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
@@ -139,7 +139,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
 
     Parameters
     ----------
-    reading : what `scene.read` made of the scene: materials, notes, display size
+    reading : the scene by `scene.read`: materials, notes, display size
     solution : core.solve.solution.Solution
     """
     numbers = _numbers(scene, reading, solution)
@@ -169,7 +169,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
     reading, result = replace(reading, notes=notes), scene.kiriko.result
     result.is_coarse, result.coverage = True, 0.0
-    result.summary = result.details = result.seen_summary = ""  # what was there is of another one
+    result.summary = result.details = result.seen_summary = ""  # the old ones are of another one
     result.notes = "\n".join(map(one_line, reading.notes))
     result.solved_for = reading.solved_for
     return reading
@@ -196,18 +196,18 @@ def _write_numbers(
     numbers: tuple[dict[str, Any], list[str]],
     remarks: list[str],
 ) -> str:
-    """Write what the panel shows of a solution, and return it in one sentence."""
+    """Write the panel's numbers of a solution, and return it in one sentence."""
     result, (details, notes) = scene.kiriko.result, numbers
     result.coverage, result.details = details["picture_coverage"], json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
     result.notes, result.is_coarse = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks]))), False
-    result.seen_summary = ""  # what was simulated is of another one
+    result.seen_summary = ""  # the simulation is of another one
     result.solved_for = reading.solved_for
     return result.summary
 
 
 def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tuple[dict[str, Any], list[str]]:
-    """What is kept of a solution, and what the user should know of it: made before anything is written."""
+    """Numbers of a solution, and notes for the user: made before anything is written."""
     tolerance, in_units = scene.kiriko.tolerance, partial(length_text, scene)
     notes = [
         *reading.notes,
@@ -243,7 +243,7 @@ def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tu
 
 
 def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:
-    """What a solve, of these seconds by part, would have cost at half and twice the tolerance (display px).
+    """The cost of a solve, of these seconds by part, at half and twice the tolerance (display px).
 
     After one that traced nothing it is the costs of the solve before, whose cells it used.
     """
@@ -259,7 +259,7 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
 
 
 def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
-    """Keep what a report measured, tolerances (display px) and seconds, and tell the last result's costs by it."""
+    """Keep a report's measurements, tolerances (display px) and seconds, and tell the last result's costs by it."""
     result = scene.kiriko.result
     result.ladder = json.dumps(ladder)
     if result.details:

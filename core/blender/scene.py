@@ -1,7 +1,7 @@
-"""Reads the evaluated scene into a Rig: what Blender shows at this frame, in metres and float64.
+"""Reads the evaluated scene into a Rig, as Blender shows it at this frame, in metres and float64.
 
-Modifiers, parents, constraints and instances have been applied by the depsgraph; this file sorts by role what it
-shows, and notes what it leaves out.
+Modifiers, parents, constraints and instances have been applied by the depsgraph; this file sorts objects by role,
+and notes those that it leaves out.
 """
 
 import json
@@ -27,11 +27,11 @@ from .viewer import read_viewer
 class Reading:
     """A scene as read.
 
-    rig : with what a calibration found, where that is kept as an offset
+    rig : with a calibration's result, where that is kept as an offset
     drawn : as the scene shows it, without
     display_size : width and height in m of a flat display, over the whole UV square
     display_object : name of the object that is the display, or makes it as an instance
-    solved_for : what a result of it is for, as text, where it was read to be solved
+    solved_for : the scene's fingerprint, as text, where it was read to be solved
     """
 
     rig: Rig
@@ -48,17 +48,17 @@ def read(
 ) -> Reading:
     """Read the rig of a scene as it stands at this frame.
 
-    Nothing is changed in the scene. What is wrong with the rig as a whole is left to `Rig.check`.
+    Nothing is changed in the scene. Errors of the rig as a whole are left to `Rig.check`.
 
     Parameters
     ----------
     source : the context, or a depsgraph of the scene
     scene : whose settings count; the depsgraph's own when None
-    kept : what need not be read again; nothing when None
+    kept : meshes and pixels that need not be read again; nothing when None
 
     Raises
     ------
-    RigError : the viewer's camera or the picture plane cannot be used, or what the rig needs is hidden
+    RigError : the viewer's camera or the picture plane cannot be used, or a part that the rig needs is hidden
     ImageError : the picture has no pixels
     """
     drawn = read_drawn(source, scene, kept)
@@ -69,7 +69,7 @@ def read(
 def read_drawn(
     source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
 ) -> Reading:
-    """The same, as the scene shows it: without what a calibration found."""
+    """The same, as the scene shows it: without a calibration's result."""
     depsgraph = source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     scene = depsgraph.scene if scene is None else scene
     metres = length_of_unit(scene)
@@ -121,14 +121,14 @@ def read_drawn(
 
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
-    """The rig with what calibrations found and the scene keeps as an offset, and notes on what of it has no place."""
+    """The rig with the offset that the scene keeps from calibrations, and notes on amounts that have no place."""
     kept = json.loads(scene.kiriko.calibration.offset or "[]")
     if not kept:
         return rig, []
     try:
         rig.check()
     except KirikoError:
-        return rig, []  # what is wrong with it is told before it is solved
+        return rig, []  # its errors are told before it is solved
     rig, unknown = with_offset(rig, kept)
     notes = [
         f"The calibration's offset has '{name}', of which this rig has none: calibrate again or remove the offset."

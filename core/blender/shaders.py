@@ -56,7 +56,7 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     texture.location, emission.location = (-520, 0), (-220, 0)
-    tree.nodes.active = texture  # what solid view shows as the object's texture
+    tree.nodes.active = texture  # solid view shows it as the object's texture
 
 
 def show_coordinates(material: bpy.types.Material) -> None:

@@ -23,7 +23,7 @@ CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
 
 @dataclass(eq=False)
 class Shape:
-    """What was read of an object's mesh, and what it was in the world where it was last put.
+    """An object's mesh as read, and the mesh in the world where it was last put.
 
     slots : indices of material slots on the faces, most faces first
     """
@@ -36,7 +36,7 @@ class Shape:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells what was read of the mesh from all else, wherever it stands."""
+        """Tells the mesh as read from all others, wherever it stands."""
         return fingerprint(self.local)
 
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
@@ -49,7 +49,7 @@ class Shape:
 class Kept:
     """Shapes and pixels kept from one reading to the next, by session uid; no datablock, which undo could take away.
 
-    Whoever keeps them has to hand on what Blender says of changes (`notice`), and forget all after undo.
+    Whoever keeps them has to hand on Blender's news of changes (`notice`), and forget all after undo.
     """
 
     def __init__(self) -> None:

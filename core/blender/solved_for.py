@@ -1,4 +1,4 @@
-"""What the scene would be solved for as it stands now, read without putting any mesh into the world."""
+"""The scene's fingerprint as it stands now, read without putting any mesh into the world."""
 
 from collections.abc import Container
 from dataclasses import replace
@@ -44,7 +44,7 @@ class _Unmoved:
 def scene_now(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, settings: Settings, kept: Kept | None = None
 ) -> SolvedFor:
-    """What a solve of the scene as it stands would be for; raises what `scene.read` does."""
+    """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does."""
     kept = kept or Kept()
     notes = _Unplaced(kept)
     drawn = read_drawn(depsgraph, scene, notes)
@@ -58,7 +58,7 @@ def _parts(rig: Rig) -> list[Any]:
 
 
 def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
-    """A part's content, in which short fingerprints stand for what is large, and its place (3, 4)."""
+    """A part's content, in which short fingerprints stand for large arrays, and its place (3, 4)."""
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, np.column_stack([part.axes.T, part.position])
@@ -67,7 +67,7 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
     if part.mesh is None or id(part.mesh) not in notes.drawn:  # a picture in the viewer's pixels, or nothing to see
         return part, np.eye(3, 4)
     mesh, shape, matrix = notes.drawn[id(part.mesh)]
-    # what else stands in a plate is its place once more
+    # all else in a plate is its place once more
     content = fields_of(part, {"name", "mesh", "side", "centre"})
     return (content, shape.fingerprint, mesh.surface), matrix[:3]
 

@@ -1,4 +1,4 @@
-"""Which objects are shown, and by what the others are hidden.
+"""Which objects are shown, and which settings hide the others.
 
 One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport and in renders. The
 eye, the monitor and the camera in the outliner count, its own and those of its collections, and so does a collection
@@ -12,13 +12,13 @@ import bpy
 
 
 class Shown:
-    """What a scene shows in one of its view layers, as it is now."""
+    """The objects that a scene shows in one of its view layers, as it is now."""
 
     def __init__(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
         self._scene, self._layer = scene, layer
 
     def hidden_by(self, thing: bpy.types.Object) -> str:
-        """By what an object is hidden, to follow 'is hidden'; '' where it is shown, or is only the source of instances.
+        """The setting that hides an object, to follow 'is hidden'; '' where it is shown, or only the source of instances.
 
         In a scene with thousands of objects the common case, an object that is shown, is asked for nothing else.
         """
@@ -56,7 +56,7 @@ class Shown:
 
 
 def instance_hidden_by(thing: bpy.types.Object) -> str:
-    """By what instances of an object are hidden that is itself in no scene, or is hidden there."""
+    """The setting that hides instances of an object, which is itself in no scene, or is hidden there."""
     return " in renders by its camera symbol" if thing.hide_render else ""
 
 

@@ -1,4 +1,4 @@
-"""What the user sets: roles on objects, settings and the last result on the scene."""
+"""The user's settings: roles on objects, settings and the last result on the scene."""
 
 import bpy
 from bpy.props import PointerProperty

@@ -20,7 +20,7 @@ KEPT = (
 
 
 class KirikoCalibration(bpy.types.PropertyGroup):
-    """Measurements of a real bench, what may be off, and what was found."""
+    """Measurements of a real bench, its likely errors, and the result."""
 
     columns: IntProperty(name="Columns", description="Points of the lattice across", default=7, min=2, max=99)
     rows: IntProperty(name="Rows", description="Points of the lattice down", default=7, min=2, max=99)

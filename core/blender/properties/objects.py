@@ -1,4 +1,4 @@
-"""What an object is in the rig."""
+"""An object's part in the rig."""
 
 import bpy
 from bpy.props import (
@@ -55,14 +55,14 @@ SURFACES = (
 
 
 def show_image(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """What is chosen as the picture is shown by the plane, too. The plane's size is left to whoever chooses."""
+    """The plane shows the image that is chosen as the picture, too. The plane's size is left to whoever chooses."""
     ours.is_image_shown = False
     if ours.image is not None and ours.role == "PICTURE":
         ours.is_image_shown = show(ours.id_data, ours.image)
 
 
 class KirikoPlate(bpy.types.PropertyGroup):
-    """What a plate is made of."""
+    """A plate's make."""
 
     model: EnumProperty(
         name="Model",
@@ -135,7 +135,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
 
 
 class KirikoObject(bpy.types.PropertyGroup):
-    """What an object is in the rig."""
+    """An object's part in the rig."""
 
     role: EnumProperty(
         name="Role",
