@@ -18,7 +18,7 @@ class Shown:
         self._scene, self._layer = scene, layer
 
     def hidden_by(self, thing: bpy.types.Object) -> str:
-        """The setting that hides an object, to follow 'is hidden'; '' where it is shown, or only the source of instances.
+        """The setting that hides an object, to follow 'is hidden'; '' where shown, or only the source of instances.
 
         In a scene with thousands of objects the common case, an object that is shown, is asked for nothing else.
         """

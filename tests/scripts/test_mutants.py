@@ -87,9 +87,10 @@ def test_the_draw_goes_by_lines_and_kinds_and_stays_when_other_files_change() ->
     assert {mutant.name for mutant in draw(made, lines, 200, seed=0)} == names
     assert len({mutant.name for mutant in draw(made, lines, 200, seed=1)} & names) < 60
 
-    others = made | {"trace.py": mutants_of("trace.py", sources["trace.py"].replace("events", "happenings"))}
-    again = {mutant.name for mutant in draw(others, lines, 200, seed=0) if mutant.file != "trace.py"}
-    assert again == {mutant.name for mutant in drawn if mutant.file != "trace.py"}
+    changed = sources["light/trace.py"].replace("events", "happenings")
+    others = made | {"light/trace.py": mutants_of("light/trace.py", changed)}
+    again = {mutant.name for mutant in draw(others, lines, 200, seed=0) if mutant.file != "light/trace.py"}
+    assert again == {mutant.name for mutant in drawn if mutant.file != "light/trace.py"}
 
 
 @pytest.fixture
