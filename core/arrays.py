@@ -1,4 +1,4 @@
-"""What numpy does several times slower where rows are a few numbers long."""
+"""Types of arrays, and work that numpy does several times slower where rows are a few numbers long."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Errors a user can act on: one sentence that says what is wrong, where, and what to do."""
+"""Errors a user can act on: one sentence with the fault, its place and the remedy."""
 
 import re
 

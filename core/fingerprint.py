@@ -1,4 +1,4 @@
-"""Equal content, equal fingerprint: what need not be made anew."""
+"""Equal content, equal fingerprint: then nothing need be made anew."""
 
 import hashlib
 from dataclasses import fields, is_dataclass

@@ -39,7 +39,7 @@ FORMATS = {
 }
 
 
-PLAIN = {"PNG8", "TIFF16", "EXR_FLOAT"}  # what a suffix alone means
+PLAIN = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
@@ -77,7 +77,7 @@ def openimageio() -> Any:
 
 
 def why_not(form: str, without: Container[str] = ()) -> str:
-    """Why files of a format cannot be written, with what to do, as a sentence without its full stop; '' where they can.
+    """Why files of a format cannot be written, with the remedy, as a sentence without its full stop; '' where they can.
 
     without : formats that can be written without OpenImageIO
     """
@@ -145,7 +145,7 @@ def scratch(folder: Path) -> Iterator[Path]:
 
 
 def _temporary(folder: Path) -> Any:
-    """A temporary folder in another one: what is moved from one to the other is not copied, and needs no room."""
+    """A temporary folder in another one: files moved from one to the other are not copied, and needs no room."""
     return tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder, ignore_cleanup_errors=True)
 
 
@@ -153,7 +153,7 @@ def _temporary(folder: Path) -> Any:
 def together(folder: Path) -> Iterator[Path]:
     """A folder to write files to, all of which take their place in `folder` when all went well, else none.
 
-    Where `folder` has a symbolic link of a file's name, what it points to is replaced.
+    Where `folder` has a symbolic link of a file's name, the file that it points to is replaced.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def write(
     path : the file; its suffix is set by the format
     pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0 at the top; sRGB-encoded for formats not linear
     form : a key of FORMATS
-    size : width and height in m of what the image covers, for the metadata
+    size : width and height in m of the area that the image covers, for the metadata
     title : first words of the description in the metadata
     overwrite : replace an existing file
     save_png : writes integers (h, w, c) to a new file where there is no OpenImageIO, without metadata
@@ -259,7 +259,7 @@ def write(
         is_written = is_written and out.write_image(pixels) and out.close()
         if not is_written:
             why = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
-            out = None  # closes it: what is open cannot be removed everywhere
+            out = None  # closes it: not every system removes an open file
             raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.")
         try:
             read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
@@ -310,7 +310,7 @@ def digest(path: Path | str) -> str:
 
 
 def read_bytes(path: Path | str) -> bytes:
-    """What is in a file; ImageError when it cannot be read."""
+    """The image in a file; ImageError when it cannot be read."""
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as reason:

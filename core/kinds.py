@@ -1,10 +1,10 @@
-"""What the parts of a rig do to light."""
+"""The kinds of parts of a rig, by their effect on light."""
 
 from enum import IntEnum
 
 
 class Kind(IntEnum):
-    """What a surface does to a ray."""
+    """The effect of a surface on a ray."""
 
     GLASS = 0
     PLATE = 1

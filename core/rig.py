@@ -30,8 +30,8 @@ class Mesh:
     corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
-    surface : what smooth triangles stand for: the curved surface that was meant ("smooth"), or the facets as drawn, on
-        which only the normal is interpolated ("facets"), or whichever the mesh shows to be nearer to what was meant,
+    surface : the one that smooth triangles stand for: the curved one that was meant ("smooth"), or the facets as drawn, on
+        which only the normal is interpolated ("facets"), or whichever the mesh shows to be nearer to the one meant,
         face by face ("automatic")
     has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
         they only say where the surface is smooth, and its own normals are found from the vertices
@@ -228,7 +228,7 @@ class Display:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What the viewer should see.
+    """The image that the viewer should see.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ class Viewer:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Everything on the bench. `check` says what makes it unsolvable."""
+    """Everything on the bench. `check` tells the reason why it cannot be solved."""
 
     viewers: tuple[Viewer, ...]
     glasses: tuple[Glass, ...]

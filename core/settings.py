@@ -1,4 +1,4 @@
-"""How to solve: what may be chosen, and between which bounds."""
+"""How to solve: the user's choices, and their bounds."""
 
 from dataclasses import dataclass, replace
 from math import isqrt
@@ -25,7 +25,7 @@ class Settings:
     effort : most rays for a viewer pixel where light is chaotic, rounded down to a square; 1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
-    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be dark; where only what went through glass
+    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be dark; where only light through glass
         carries the picture
     ghosts : what a display pixel shows that is seen by several paths: the "mean" of what they ask for, or what the
         "strongest" of them asks for
@@ -48,7 +48,7 @@ class Settings:
 
     @property
     def of_optics(self) -> "Settings":
-        """What counts of these settings before anything is painted; what does not is as it is in others."""
+        """These settings, with those that do not count before anything is painted at their defaults."""
         return replace(self, margin=0, ghosts="mean", suppress_glare=float(self.looks_beside))
 
     @property

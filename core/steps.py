@@ -1,6 +1,6 @@
 """Long work is a generator that yields its progress, 0..1, and returns its result.
 
-What is deep within it yields how many rays were traced since, 0 where it only pauses, so that the work can be stopped.
+Work deep within it yields how many rays were traced since, 0 where it only pauses, so that the work can be stopped.
 """
 
 from collections.abc import Generator
@@ -11,7 +11,7 @@ Pauses = Generator[int, None, Result]
 
 
 def finish(steps: Generator[object, None, Result]) -> Result:
-    """Run long work, such as a solve, to its end and return what it returns."""
+    """Run long work, such as a solve, to its end and return its result."""
     while True:
         try:
             next(steps)

@@ -1,1 +1,1 @@
-"""Colours: the picture, the source image, and what is seen of it."""
+"""Colours: the picture, the source image, and the seen image."""

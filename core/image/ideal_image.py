@@ -1,4 +1,4 @@
-"""What the viewer wants to see: the picture, undistorted, in the viewer's own pixels."""
+"""The ideal image: the picture, undistorted, in the viewer's own pixels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each wi
 
 
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
-    """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
+    """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
     pyramid = Pyramid(picture.image)
     w, h = viewer.width, viewer.height
     image = np.zeros((h * w, 3), np.float32)

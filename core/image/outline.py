@@ -15,7 +15,7 @@ from ..products import turn
 from ..rig import Picture, Viewer
 from .picture import outline_in_view
 
-ON_LINE = 1e-6  # viewer px: what is nearer to the outline is on it, so that rounding does not cut
+ON_LINE = 1e-6  # viewer px: a point nearer to the outline is on it, so that rounding does not cut
 
 
 def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
@@ -47,7 +47,7 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
 def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]:
     """Quads (m, 4, 4) and triangles (m, 3, 4) of which none is across one of the lines, from polygons (n, k, 4).
 
-    After each the numbers of what they are of.
+    After each the numbers of the shapes they are of.
     """
     number, none = np.arange(len(polygons)), np.arange(0)
     quads, triangles = (polygons, number), (np.empty((0, 3, 4)), none)
@@ -84,7 +84,7 @@ def _sides(lines: Floats, view: Floats) -> Floats:
 
 
 def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
-    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...), and the number (n,) of what each is of."""
+    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...), and the number (n,) of the polygon each is of."""
     fan = [polygons[:, [0, *two]] for two in pairwise(range(1, polygons.shape[1]))]
     return np.concatenate(fan), np.tile(of, len(fan))
 
@@ -92,7 +92,7 @@ def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
 def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Floats, Ints]:
     """Quads (m, 4, 4) of which none is across a line, and those (c, 4, 4) that it does not cross from side to side.
 
-    After each the numbers of what they are of.
+    After each the numbers of the shapes they are of.
     """
     sign = np.sign(_sides(line[None], quads[..., :2])[..., 0]).astype(int)
     is_across = (sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)
@@ -119,7 +119,7 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
 
 
 def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
-    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and numbers of what they are of."""
+    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4); and numbers of those they are of."""
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
     whole, across = np.flatnonzero(~is_across), np.flatnonzero(is_across)

@@ -1,4 +1,4 @@
-"""What the viewer should see: picture_from_view, and the picture's colours at points of the viewer's image."""
+"""The picture's place: picture_from_view, and the picture's colours at points of the viewer's image."""
 
 from dataclasses import dataclass
 
@@ -142,7 +142,7 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
 
 
 def why_unseen(picture: Picture, viewer: Viewer) -> str:
-    """Why a viewer sees nothing of a picture on a plane, though nothing hides it, and what to do: two clauses."""
+    """Why a viewer sees nothing of a picture on a plane, though nothing hides it, and the remedy: two clauses."""
     corners = picture.mesh.corners.reshape(-1, 3)
     if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
         return f"which is behind the viewer: turn the viewer round, or move the picture before it{BY_MIRROR}"

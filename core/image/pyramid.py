@@ -70,7 +70,7 @@ def _reads(
 ) -> tuple[NDArray[np.int32], Floats, Floats, Floats, Floats]:
     """Where some points are read: number, x, y, weight and variance along each axis of every read.
 
-    On a ball's source image of fine rings one read each errs by 0.0018, two along what is long by 0.0009, and four
+    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by 0.0009, and four
     where it is wide by 0.0007; more than that gains nothing. Reads come apart gradually, so that a footprint that
     rounding changes is read at the same places but for rounding.
     """
@@ -83,7 +83,7 @@ def _reads(
     width = np.clip(2 * lesser / WIDE - 1, 0, 1)
     left = (1 - 0.75 * width) * lesser
 
-    # what the places of the reads have to make up, as a matrix; its triangular root takes them from a square to there
+    # the places of the reads have to make up this covariance; its triangular root takes them from a square to there
     xx, xy, yy = mean + length * slope - left, length * xy, mean - length * slope - left
     is_upright = xx < UPRIGHT * yy  # where rounding is as large as xx the root begins with y
     xx, yy = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
@@ -145,7 +145,7 @@ class Pyramid:
         )
 
     def read(self, taps: Taps) -> NDArray[np.float32]:
-        """What each row of taps (m,) adds to its point (3, m), linear, over black."""
+        """The colour that each row of taps (m,) adds to its point (3, m), linear, over black."""
         values = np.zeros((3, len(taps.pixel)), np.float32)
         for k, rows in taps.levels:
             h, w = self.levels[k].shape[1:]

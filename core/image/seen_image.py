@@ -1,4 +1,4 @@
-"""Simulates what the viewer sees of a source image, and compares it with the ideal image."""
+"""Simulates the seen image of a source image, and compares it with the ideal image."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by th
 
 
 def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What the viewer sees (h, w, 3) of a source image (H, W, 3): the transposed product with the shares."""
+    """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with the shares."""
     (width, height), n_channels = batches.view_size, source.shape[2]
     seen = np.zeros((n_channels, height, width))
     for shares in batches:

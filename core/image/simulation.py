@@ -1,4 +1,4 @@
-"""What the viewer sees through the mirrors of a real plate: stray light, dimness and blur; by samples."""
+"""The viewer's image through the mirrors of a real plate: stray light, dimness and blur; by samples."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -47,7 +47,7 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
 
     Parameters
     ----------
-    source : (H, W, 3 or 4) what the display shows, linear, row 0 at the top
+    source : (H, W, 3 or 4) the display's image, linear, row 0 at the top
     spp : rays a viewer pixel; one more where that is odd, for each of two halves is an image by itself, and their
         difference tells the error
     """
@@ -96,12 +96,12 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
 
 @dataclass(frozen=True)
 class PlateView:
-    """What mirrors make of the picture's light, over what is seen of the display.
+    """The effect of mirrors on the picture's light, over the part of the display that is seen.
 
     Parameters
     ----------
     brightness : mean share of the light that images, 0..1; least and most of it
-    blur : rms by which the mirrors' pitch moves what is seen, viewer px; None where it is not known
+    blur : rms by which the mirrors' pitch moves the image, viewer px; None where it is not known
     brightness_error, blur_error : standard errors of the two, from a sample of rays
     """
 
@@ -116,7 +116,7 @@ class PlateView:
 def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
     """Brightness and blur, from a sample of the viewer's rays; None where the plates are ideal or nothing is seen.
 
-    Yields progress 0..1, so that what shows it is not held up by all of the rays.
+    Yields progress 0..1, so that whoever shows it is not held up by all of the rays.
     """
     if not plan.arrays:
         return None
@@ -129,7 +129,7 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
         return None
     yield 0.2
     view, xy, branch = view[is_seen], here.xy[is_seen], here.branch[is_seen]
-    # what the plate leaves of the light: all that is left, by what is left of it with an ideal plate
+    # the light that the plate leaves: all that is left, by the light left with an ideal plate
     without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
     yield 0.3
@@ -147,7 +147,7 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
 
 
 def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generator[float, None, Floats]:
-    """By how much (m, 2), viewer px, mirrors move what is seen at viewer px (n, 2), which lands at xy (n, 2).
+    """By how much (m, 2), viewer px, mirrors move the image at viewer px (n, 2), which lands at xy (n, 2).
 
     Of those that the mirrors image, by the view map's derivatives, where these are known. Yields progress 0.3..1.
     """

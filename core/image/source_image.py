@@ -30,7 +30,7 @@ class Painting:
         self._total = np.zeros((3, height, width))
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
-        """Add shares by what `find_strokes` found of them."""
+        """Add shares by their strokes (`find_strokes`)."""
         if isinstance(strokes, kernel.FlatStrokes):
             kernel.paint(self._total, pyramid.levels, strokes)
             return

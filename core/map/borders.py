@@ -67,7 +67,7 @@ def cut(
 
     A ray through the middle tells whether more goes on than the corners know. Where it takes another branch than the
     piece it lies in, or lands further than the tolerance from where it was expected, the pixel is quartered, and its
-    quarters once more; of what is left then, or is bent too much, four triangles around the middle are cut.
+    quarters once more; of cells that are left then, or bent too much, four triangles around the middle are cut.
 
     Bisection has no end where light is chaotic. Not cut are all mixed pixels of a square (m,), by number, in which a
     good part of the middles lie on other branches than the corners; and, in one in which more than a few pixels are
@@ -111,7 +111,7 @@ def cut(
         has_gaps[mixed] = _has_gaps(points, cells[mixed], pieces, owner)
 
         if depth == 0:
-            in_doubt = has_gaps | np.isinf(off)  # not what is only bent by more than the tolerance
+            in_doubt = has_gaps | np.isinf(off)  # not cells that are only bent by more than the tolerance
             n_in_doubt = np.bincount(square[kept], in_doubt)
             is_calm = (n_in_doubt <= FEW)[square[kept]] | (not is_dense)
         is_tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
@@ -184,7 +184,7 @@ def _missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) 
 def _missed_by_pieces(plan: Plan, points: Points, pieces: Ints, owner: Ints, middle: Points) -> Floats:
     """By how much (m,), display px, pieces (t, 3) of cells that own them (t,) miss their middles, as `_missed`.
 
-    What no piece holds is expected to be dark.
+    A middle that no piece holds is expected to be dark.
     """
     branch, xy = np.zeros(len(middle), np.uint64), np.full((len(middle), 2), np.nan)
     holds, at = in_triangles(*(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner))

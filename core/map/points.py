@@ -135,7 +135,7 @@ def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
 
 
 def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
-    """Is either of display pixels a and b (n, 2) in the image? What is beside it by both accounts matters to nobody."""
+    """Is either of display pixels a and b (n, 2) in the image? Light beside it by both accounts matters to nobody."""
     return is_in_image(a, display_size) | is_in_image(b, display_size)
 
 

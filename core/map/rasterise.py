@@ -320,7 +320,7 @@ def _walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, _Pieces]:
     widths = (last - first).astype(np.int64) + 1
     starts = np.cumsum(widths) - widths
 
-    # left of the window (column -1) counts as on its border; what is further right than the row adds nothing to it
+    # left of the window (column -1) counts as on its border; an edge further right than the row adds nothing to it
     begin = np.clip(np.floor(low), -1, last_column + 1)
     end = np.clip(np.floor(high), -1, last)
     of_edge, step = _ragged((is_there * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
@@ -375,7 +375,7 @@ def _sums(widths: Ints, pieces: _Pieces) -> tuple[Floats, ...]:
 def _spread_on_view(inverse: Floats, forward: Floats, xx: Floats, xy: Floats, yy: Floats) -> NDArray[np.float32]:
     """The covariance (3, n) on the viewer's image of that on the display, as if cells were parallelograms.
 
-    Within the cell it is limited to what points of it can have, however rounding spoilt that of a sliver.
+    Within the cell it is limited to the values that points of it can have, however rounding spoilt that of a sliver.
     """
     s_x, s_y, _, t_x, t_y, *_ = inverse
     _, us, ut, _, _, vs, vt, _ = forward

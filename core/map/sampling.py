@@ -22,7 +22,7 @@ from .samples import sample_cells
 from .view_map import FOR_QUADS, NO_ERROR, MapError, ViewMap
 
 ACROSS = 16  # squares along the longer side of the viewer's image to begin with
-MARGIN = 0.25  # of the lesser step from a node to its neighbours: so far what is between may be beyond the node
+MARGIN = 0.25  # of the lesser step from a node to its neighbours: so far points between them may be beyond the node
 FAR = 1.0  # times the display's size: light that lands so far beside it does not come back to it within a square
 RAYS_OF_SQUARE = 16  # about as many as a square of each size takes
 RAYS_OF_PIXEL, RAYS_OF_FLAT = 12, 5  # and a pixel of the finest; where all glass is flat
@@ -34,7 +34,7 @@ LAST = 0.999  # quantile of the error that keeps to the tolerance
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
-    """Trace what the viewer sees of the display and cut it into cells; yields progress 0..1."""
+    """Trace the display as the viewer sees it, and cut it into cells; yields progress 0..1."""
     return (yield from Sampling(plan).sample())
 
 
@@ -123,7 +123,7 @@ class Sampling:
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
             missed = self._missed(checking, first + len(missing))
-            # of the smallest, what is left of their error is compared with that of the quads between their nodes
+            # of the smallest, the rest of their error is compared with that of the quads between their nodes
             good = missed <= np.where(
                 checking.size == PARTS, np.maximum(self._bent(checking), self.allowed), self.allowed
             )
@@ -171,7 +171,7 @@ class Sampling:
         expected = interpolation.expected_error(xy[is_smooth])
         is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
         met = self.paths.met[nodes]
-        # lost in different ways: what is between may be seen
+        # lost in different ways: something between may be seen
         is_dark &= (met == met[:, :1]).all(axis=(1, 2)) | (squares.size <= ALIKE)
         settled = np.flatnonzero(is_smooth | is_dark | is_aside)
         touched = settled[(yield from self._is_touched(squares.at(settled)))]
@@ -298,7 +298,7 @@ class Sampling:
 def _is_aside(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
     """Do squares (n,) with nodes, k rows of k, that land at (n, k^2, 2) show nothing of the display?
 
-    Those on one branch do so when all their nodes land beside it, on one side, and what they tend to does as well:
+    Those on one branch do so when all their nodes land beside it, on one side, and their limits do as well:
     along each row and column, a step beyond the last that lands, and a part of a step around the one nearest to the
     display.
     """

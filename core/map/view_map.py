@@ -1,4 +1,4 @@
-"""The view map, viewer pixels to display pixels, as cells: what the display's image is painted by."""
+"""The view map, viewer pixels to display pixels, as cells, by which the source image is painted."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -47,14 +47,14 @@ class Piece(NamedTuple):
 class MapError:
     """Errors of the view map at random places, traced for this alone, of the part of its image that shows the display.
 
-    rms, percentile : display px, the latter of 99.9 % of the area; over what the map and the trace both take there
+    rms, percentile : display px, the latter of 99.9 % of the area; over the area that map and trace both take there
     facet_limited, unresolved : shares of the area, 0..1, that are off by more than the tolerance or that only one of
         both takes to the display: on pixels whose corners lie on one branch, where the map bends within a pixel, most
         often because of the mesh's facets; and on all others
     facet_error, unresolved_error : rms of those shares, as far as it is known, display px
-    cut_off : of `unresolved`, what is off because the ray there meets more surfaces than are allowed
+    cut_off : of `unresolved`, the share that is off because the ray there meets more surfaces than are allowed
     sampled : share where light is chaotic, by samples
-    noise : of `unresolved`, the standard error of what they tell: with n samples a pixel 1 / sqrt n of that share
+    noise : of `unresolved`, the standard error of the samples: with n samples a pixel 1 / sqrt n of that share
     n_samples, n_checked : rays
     """
 

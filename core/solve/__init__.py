@@ -1,1 +1,1 @@
-"""From a rig to its source image, and what is told of it."""
+"""From a rig to its source image, and the remarks on it."""

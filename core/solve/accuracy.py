@@ -17,18 +17,16 @@ from ..rig import Rig
 from ..steps import Pauses, at, within
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
-LEAK_SAMPLES = (
-    96  # rays along each side of the viewer's image, to see what goes through gaps: a share is known to 0.001 or 0.002
-)
+LEAK_SAMPLES = 96  # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
 CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
 FURTHER = 4  # times as far
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What can be told of a plan by a sample of its rays, beside the error of the map.
+    """Errors of a plan that a sample of its rays tells, beside the error of the map.
 
-    tessellation : what the mesh leaves open
+    tessellation : the error that the mesh leaves open
     rounding : display px by which landings may be off because Blender rounds
     leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
     caught : share, 0..1, of the light cut off by Max Events that FURTHER times as many surfaces do not set free
@@ -84,7 +82,7 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
 def caught(plan: Plan) -> Pauses[float]:
     """Share, 0..1, of the light cut off by Max Events that does not come free within FURTHER times as many surfaces.
 
-    Light comes into a whole solid as it goes out: what never does so is held by faces that contradict each other.
+    Light comes into a whole solid as it goes out: light that never does so is held by faces that contradict each other.
     """
     (origins, directions), _ = _picture_rays(plan.rig)
     landings = yield from tracing(plan, origins, directions)

@@ -16,13 +16,13 @@ from .session import Session
 from .solution import Solution
 
 # On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
-# once; a display of half the resolution is off by 0.03. So the viewer is what a first picture saves on.
+# once; a display of half the resolution is off by 0.03. So a first picture saves on the viewer.
 COARSE_VIEWER, FINER = 64, 4  # px of the longer side; how much finer each picture is than the one before
 COARSE_DISPLAY = 512  # px of the longer side
 COARSE_TOLERANCE = 1.0  # display px
 
 # s of work after the build that the rig itself gets before its first picture is made, while it traces and while it
-# paints images larger than coarse ones. What is done by then needs none: the ball rig is, of which it takes a seventh.
+# paints images larger than coarse ones. A rig done by then needs none: the ball's is, of which it takes a seventh.
 TRACING, PAINTING = 0.2, 0.4
 
 
@@ -42,7 +42,7 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
 
 
 def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
-    """What to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
+    """The rigs to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
     rungs, side = [], COARSE_VIEWER
     while 2 * side < max(rig.viewer.width, rig.viewer.height):
         rungs.append(coarser(rig, settings, side))
@@ -60,9 +60,9 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
 def solve_in_sight(
     session: Session, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None]
 ) -> Generator[float, None, Solution]:
-    """What `session.solve` does, for somebody who waits: `show` gets coarse source images of the display's size.
+    """The same as `session.solve`, for somebody who waits: `show` gets coarse source images of the display's size.
 
-    The rig itself is begun first, so that what cannot be solved is refused with nothing shown; it rests while a coarse
+    The rig itself is begun first, so that nothing is shown where it cannot be solved; it rests while a coarse
     picture is made. The next one, which takes FINER^2 times as long, comes after as many times the work. None is made
     where nothing has to be traced, since nothing coarse is faster.
     """
@@ -93,7 +93,7 @@ def _shown(
     show: Callable[[NDArray[np.float32]], None],
     progress: float,
 ) -> Generator[float, None, None]:
-    """Show a coarse picture of the whole rig, unless it fails, as where its viewer misses what the whole one's sees."""
+    """Show a coarse picture of the whole rig, unless it fails, as where its viewer misses light of the whole one's."""
     try:
         source = yield from at(progress, session.glance(rig, settings))
     except (KirikoError, MemoryError):

@@ -1,4 +1,4 @@
-"""What a solve would cost in time at another tolerance."""
+"""The time that a solve would take at another tolerance."""
 
 from collections.abc import Sequence
 

@@ -15,7 +15,7 @@ from ..map.view_map import ViewMap
 from ..rig import Mesh, Rig
 from ..settings import Settings
 
-ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; what batches of rays take more without the kernel
+ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; and those that batches of rays take more without the kernel
 # bytes for each pixel, share, triangle, traced ray that is kept
 OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 120
 OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
@@ -24,7 +24,7 @@ CELLS, RAYS, MOST_RAYS = 5, 40, 1.5  # times the 2/5th power of the same; for a 
 
 
 def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
-    """Bytes that a solve is about to take beside what is there already, by what they are taken for.
+    """Bytes that a solve is about to take beside the process as it is, by their use.
 
     Where borders run, and how many shares come of the pixels that are cut there, is known only from the view map:
     without one they count for nothing.

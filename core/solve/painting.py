@@ -29,7 +29,7 @@ MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
 @dataclass(eq=False)
 class Placed:
-    """What of a solve depends on the picture's place and size, but not on its colours.
+    """The part of a solve that depends on the picture's place and size, but not on its colours.
 
     seconds_to_paint : about, with all that comes with it
     cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
@@ -72,7 +72,7 @@ class Clock:
         self._last = perf_counter()
 
     def lap(self, part: str) -> None:
-        """What has passed since the last lap was this part's."""
+        """The time since the last lap was this part's."""
         now = perf_counter()
         self.seconds[part] = self.seconds.get(part, 0.0) + now - self._last
         self._last = now

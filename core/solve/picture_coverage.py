@@ -21,7 +21,7 @@ PIXELS_AT_ONCE = 1 << 18
 def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[float, dict[str, float]]:
     """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses: 1 in all.
 
-    What is missing in a pixel is put down to the reasons of the rays at its corners and within. Where all of these have
+    The part missing in a pixel is put down to the reasons of the rays at its corners and within. Where all these have
     landed, it is beyond the display's edge, if one cell maps the pixel; else between branches finer than a pixel.
     """
     w, h = view_map.view_size

@@ -1,4 +1,4 @@
-"""Which glass does light come near? What stands aside is not made ready to be traced until a ray comes by."""
+"""Which glass does light come near? Other glass is not made ready to be traced until a ray comes by."""
 
 import timeit
 from collections.abc import Callable, Generator
@@ -22,7 +22,7 @@ DOUBT = 0.02  # of a view map: until so much is done the guess of before counts 
 # Seconds, for the progress alone, of a machine on which the norms of PROBE take OF_PROBE seconds.
 OF_PROBE, PROBE = 370e-6, np.ones((1 << 14, 3))
 SECONDS_A_PIXEL = 8e-6  # that a view map takes
-AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that what comes after it takes
+AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that the work after it takes
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
@@ -56,12 +56,12 @@ def sample_reached(
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
     """Plan and view map of a rig without the glass that no light comes near; yields progress of a whole solve, 0..1.
 
-    It ends where as much time has passed as it should have of a solve in which what comes after takes its time, too.
+    It ends where as much time has passed as it should have of a solve in which the work after it takes its time, too.
     Where a ray comes near such a glass after all, or a bundle of rays does, it begins again with it.
 
     Parameters
     ----------
-    lap : called with the name of what has just been done
+    lap : called with the name of the work just done
 
     Raises
     ------
@@ -81,7 +81,7 @@ def sample_reached(
                 in_all = max(so_far, (so_far + guess) / (share + DOUBT))
                 n_rays = max(sampling.expected, sampling.n_done)
                 after = slower * (AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * n_rays)
-                # what begins again has come no further
+                # a solve that begins again has come no further
                 told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
                 yield told
                 share = next(steps)

@@ -1,4 +1,4 @@
-"""What the user should know of a solution: each remark names the cause that was measured, and a remedy for it."""
+"""Remarks on a solution: each names the cause that was measured, and a remedy for it."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -59,10 +59,10 @@ def remarks_on(
 
     Parameters
     ----------
-    rig : what was solved; the plan may be of an equal one with other names
+    rig : the one that was solved; the plan may be of an equal one with other names
     misses : share of the picture by reason why it has no landing
     source : (H, W, 3) linear
-    glare : what of its light comes beside the glass; None where that carries the picture
+    glare : the light that comes beside the glass; None where that carries the picture
     """
     return (
         *_on_gaps(rig, plan, accuracy.leaks),
@@ -155,7 +155,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
 
 
 def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
-    """What helps against a view that changes within pixels, by what makes it change."""
+    """The remedy for a view that changes within pixels, by the cause."""
     if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
         return "raise Max Events"
     bends = error.facet_limited > error.unresolved
@@ -168,13 +168,13 @@ def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
 
 
 def _to_shade_smooth(rig: Rig) -> str:
-    """What helps where the facets of a glass stand for a curved surface; nothing where there is none."""
+    """The remedy where the facets of a glass stand for a curved surface; nothing where there is none."""
     facetted = next((glass for glass in rig.glasses if is_facetted(glass.mesh)), None)
     return "" if facetted is None else f"shade '{facetted.name}' smooth if it is meant to be curved"
 
 
 def _for_irregular(rig: Rig, mesh: Tessellation) -> str:
-    """What helps against an irregular mesh that is followed as curved."""
+    """The remedy for an irregular mesh that is followed as curved."""
     part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
     change = "set its Surface to Automatic, or " if part.mesh.surface == "smooth" else ""
     return f"{change}give it a finer or a more regular mesh"

@@ -1,6 +1,6 @@
 """Keeps ray engines, view map and shares between solves, by fingerprint of content, and solves.
 
-What has not changed is not computed again: a new picture costs one product with the shares, a moved viewer builds
+Nothing is computed again that has not changed: a new picture costs one product with the shares, a moved viewer builds
 no ray engine. Shares are made, painted and summed some at a time, so that there may be more of them than memory holds.
 """
 
@@ -39,7 +39,7 @@ from .remarks import remarks_on
 from .solution import Solution
 
 MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
-MEASURED = 0.25  # of what comes after tracing: until then errors are measured, then it is painted
+MEASURED = 0.25  # of the work after tracing: until then errors are measured, then it is painted
 PAINTED = 0.97  # of the progress of a solve
 
 REMEDIES = {
@@ -54,7 +54,7 @@ REMEDIES = {
 
 @dataclass(frozen=True, eq=False)
 class _Optics:
-    """What of a solve does not depend on the picture."""
+    """The part of a solve that does not depend on the picture."""
 
     key: str
     plan: Plan
@@ -66,7 +66,7 @@ class _Optics:
 
 
 class Session:
-    """What can be used again from one solve to the next."""
+    """Results that can be used again from one solve to the next."""
 
     def __init__(self) -> None:
         self._kept = Kept()
@@ -81,7 +81,7 @@ class Session:
         Raises
         ------
         RigError, MeshError
-            One sentence on what makes the rig unsolvable; the session stays as it was.
+            One sentence on the fault of the rig; the session stays as it was.
         """
         settings = settings or Settings()
         clock, started = Clock(), perf_counter()
@@ -143,7 +143,7 @@ class Session:
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
         """The source image of a coarse rig alone, of which nothing is measured; yields progress 0..1.
 
-        What is known of the last solve stays known. So does what is made ready: it may be called within a solve.
+        The last solve stays known. So does the glass that is made ready: it may be called within a solve.
 
         Raises
         ------
@@ -155,12 +155,12 @@ class Session:
         painting = yield from within(paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0)
         if not len(placed.shares):
             raise RigError("The display stays dark.")
-        of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses what is out of sight
+        of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses a picture out of sight
         beside = yield from at(1.0, weight_beside(view_map, settings))
         return finished(painting, placed.coverage, beside, settings)
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
-        """The whole of a rig ready to be traced, with what is kept from before."""
+        """The whole of a rig ready to be traced, with all that is kept from before."""
         rig.check()
         settings.check()
         return make_plan(rig, settings, self._kept)
@@ -197,7 +197,7 @@ class Session:
 
 
 def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:
-    """Raise RigError when no ray arrives: a black source image is never what was meant."""
+    """Raise RigError when no ray arrives: nobody means a black source image."""
     if len(shares):
         return
 

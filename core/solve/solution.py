@@ -1,4 +1,4 @@
-"""What a solve found."""
+"""The result of a solve."""
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ from .remarks import Remark
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The source image, and what became of the viewer's rays.
+    """The source image, and the fate of the viewer's rays.
 
     source : (H, W, 3) float32 linear, row 0 at the top
     shares : of all cells, some at a time
@@ -36,8 +36,8 @@ class Solution:
     seconds : time by part of the work; n_rays : rays traced for this solve
     tessellation_error : about how far landings are from those of the surface that was meant, rms display px
     plate : brightness and blur by a plate's mirrors, None where it is ideal
-    glare : what of the light comes beside the glass; None where that carries the picture, too
-    used, left_out : what this rig needed and what it did not; remarks : what the user should know
+    glare : the light that comes beside the glass; None where that carries the picture, too
+    used, left_out : what this rig needed and what it did not; remarks : sentences for the user
     """
 
     rig: Rig
@@ -61,7 +61,7 @@ class Solution:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know, one or two sentences each."""
+        """Remarks for the user, one or two sentences each."""
         return tuple(remark.told() for remark in self.remarks)
 
     @property
@@ -74,11 +74,11 @@ class Solution:
         return self.view_map.error
 
     def ideal(self) -> NDArray[np.float32]:
-        """What the viewer would see of the picture with no glass in the way: (h, w, 3) linear."""
+        """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
         return ideal_image(self.rig.picture, self.rig.viewer)
 
     def seen(self, source: NDArray[np.float32] | None = None, beside: bool = False) -> NDArray[np.float32]:
-        """What the viewer sees, through the glass, of the source image or of another one: (h, w, 3) linear.
+        """The viewer's image, through the glass, of the source image or of another one: (h, w, 3) linear.
 
         beside : and by way of the plate alone, beside the glass; that is traced when first asked for, see `look_beside`
         """
@@ -114,7 +114,7 @@ class Solution:
 
 
 def without_glass(rig: Rig) -> Rig:
-    """The same rig with glass that does not refract: what it paints is the plain, uncompensated picture."""
+    """The same rig with glass that does not refract: it paints the plain, uncompensated picture."""
     return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
 
 

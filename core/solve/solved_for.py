@@ -1,4 +1,4 @@
-"""What a result was solved for, in few numbers, so that it can be told later whether the scene is still that one."""
+"""The scene that a result was solved for, in few numbers: they tell later whether the scene is still that one."""
 
 import json
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from ..arrays import Floats
 from ..fingerprint import fingerprint
 
-ROUNDED = 4 * 2.0**-23  # of the bench's size: what float32 leaves of a place that was left and returned to
+ROUNDED = 4 * 2.0**-23  # of the bench's size: the error, in float32, of a place that was left and returned to
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
 
 
 def from_text(text: str) -> SolvedFor | None:
-    """What `as_text` wrote; None where there is nothing, as in results of earlier versions, or another text."""
+    """The record of `as_text`; None where there is nothing, as in results of earlier versions, or another text."""
     try:
         kept = json.loads(text)
         return SolvedFor(kept["content"], np.array(kept["places"], float).reshape(-1, 3, 4))

@@ -22,7 +22,7 @@ from ..steps import Pauses, at, within
 from ..vectors import dot
 
 SAMPLES = 32  # rays along each side of the viewer's image
-TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of what they turn
+TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of their turn
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
 IRREGULAR = 3.0  # times the error of the order: noisy balls have 7 and more of it by jumps, an icosahedron once cut 1
 WORSE = 2.0  # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
@@ -40,7 +40,7 @@ class Tessellation(NamedTuple):
     straight : because edges next to flat faces and sharp edges are straight
     jumps : because the normals of curved faces do not agree at their edges: the mesh is irregular or noisy
     uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
-    as_drawn : what the first would be if all were followed as drawn, asked only where jumps matter; else 0
+    as_drawn : the first as it would be if all were followed as drawn, asked only where jumps matter; else 0
     undecided : share of the light, 0..1, that passes two solids so near each other that it arrives elsewhere, or does
         not, where the curved faces are of degree 3 instead of 4: the solids have other triangles there
     """
@@ -60,9 +60,9 @@ class Tessellation(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """What most of it is due to: 'drawn', 'order', 'straight' or 'jumps'.
+        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'.
 
-        On a mesh that is merely coarse normals jump as well: by no more than a few times what the order leaves open, or
+        On a mesh that is merely coarse normals jump as well: by no more than a few times the error of the order, or
         than its facets would be off.
         """
         is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
@@ -156,7 +156,7 @@ def _difference(one: Landings, other: Landings) -> float:
 
 
 def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
-    """What the mesh leaves open of the surface that was meant.
+    """The error that the mesh leaves open of the surface that was meant.
 
     It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
     are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
@@ -247,7 +247,7 @@ def _undecided(
 def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
     """By how much, display px rms, jumping normals move the landings of rays that arrived, and most by which part.
 
-    Normals are off by about what they jump by at the edges of a face.
+    Normals are off by about as much as they jump at the edges of a face.
     """
     parts = (*plan.rig.glasses, *plan.rig.mirrors)
     ways = np.array([way_from(plan.rig, part) for part in parts])
