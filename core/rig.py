@@ -30,7 +30,7 @@ class Mesh:
     corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
-    surface : the one that smooth triangles stand for: the curved one that was meant ("smooth"), or the facets as drawn, on
+    surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as drawn, on
         which only the normal is interpolated ("facets"), or whichever the mesh shows to be nearer to the one meant,
         face by face ("automatic")
     has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
