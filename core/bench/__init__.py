@@ -1,1 +1,1 @@
-"""The real bench: where its parts stand, and what is off."""
+"""The real bench: where its parts stand, and its errors."""

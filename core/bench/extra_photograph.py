@@ -1,4 +1,4 @@
-"""Which other photograph would tell most of what is off?"""
+"""Which other photograph would tell most of a bench's errors?"""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ NEARER = 0.7  # of the distance to the glass, likewise
 
 @dataclass(frozen=True, eq=False)
 class Extra:
-    """What another photograph, of the same display from another place, would tell beside the one that was fitted.
+    """Another photograph, of the same display from another place, and the knowledge it would add.
 
     where : the place, from the viewer
     errors : (p,) standard deviations of the amounts then
     condition : that of both photographs' movements together
-    gain : bits that it tells of what is off, the second viewer's own place aside
+    gain : bits that it tells of the errors, the second viewer's own place aside
     """
 
     where: str

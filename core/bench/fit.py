@@ -1,4 +1,4 @@
-"""What is off, by where the points of a lattice are seen in a photograph."""
+"""The errors of a bench, by the places at which a lattice is seen in a photograph."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from ..errors import RigError
 from ..steps import within
 from .misalignment import FEWEST, ITERATIONS, Bench
 
-ENOUGH = 1e-5  # of the sum of squares, in noise, or of one: what a step gains when there is nothing more to gain
+ENOUGH = 1e-5  # of the sum of squares, in noise, or of one: the gain of a step when there is nothing more to gain
 HOPELESS = 1e8  # damping
 UNLIKELY = 6.0  # times the noise: points that stay so far from a fit are none of this bench's
 LEAST_USED = 0.5  # of the measured points have to be seen in the fitted rig
@@ -20,7 +20,7 @@ ALIKE = 0.99  # cosine between movements from which on they are called alike
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What a bench seems to be off by.
+    """The errors that a bench seems to have.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ class Fit:
 
 
 def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) -> Generator[float, None, Fit]:
-    """Find what is off from where points were measured (m, 2), viewer px, NaN where they were not. Yields progress.
+    """Find the errors from points that were measured (m, 2), viewer px, NaN where they were not. Yields progress.
 
-    Damped least squares (Levenberg's), with what is known before: each amount is likely to be within its tolerance.
+    Damped least squares (Levenberg's), with the knowledge of before: each amount is likely to be within its tolerance.
     A few points that stay far from where all others have them, by glare or a speck of dust, are left out.
 
     Parameters
@@ -144,7 +144,7 @@ def _settle(
     n, n_measured = len(tolerances), int(np.isfinite(measured).all(axis=1).sum())
 
     def state(amounts: Floats, start: Floats) -> tuple[float, Floats, Floats, Bools]:
-        """What is to be made small, residuals, and where which points are seen."""
+        """The sum to be made small, residuals, and where which points are seen."""
         try:
             at = bench.seen(amounts, start)
         except RigError:  # no such bench can be made
@@ -156,7 +156,7 @@ def _settle(
         return float(data + ((amounts / tolerances) ** 2).sum()), off, at, used
 
     def movements(amounts: Floats, at: Floats, used: Bools) -> Generator[float, None, Floats | None]:
-        """Of residuals (2 k,) for each tolerance (p,); None at the end of what can be made."""
+        """Of residuals (2 k,) for each tolerance (p,); None where no such rig can be made."""
         try:
             found = yield from bench.sensitivities(amounts, at)
         except RigError:
@@ -171,7 +171,7 @@ def _settle(
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), d.T @ off - amounts / tolerances)
         tried = amounts + step * tolerances
         value, *found = state(tried, at)
-        # how many steps it takes is not known: each gets a part of what is left
+        # how many steps it takes is not known: each gets a part of the rest
         done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
         there = (yield from within(movements(tried, *found[1:]), *done)) if value <= cost else None
         if there is None:
@@ -202,5 +202,5 @@ def _rms(distances: Floats) -> float:
 
 
 def covariance_of(movements: Floats) -> Floats:
-    """Covariance (p, p), in tolerances, of what is fitted to points that move so."""
+    """Covariance (p, p), in tolerances, of amounts that are fitted to points that move so."""
     return np.linalg.inv(movements.T @ movements + np.eye(movements.shape[1]))

@@ -1,7 +1,7 @@
-"""What is seen of a bench whose parts do not stand, or are not made, as planned.
+"""The view of a bench whose parts do not stand, or are not made, as planned.
 
 A dot of the source image stays where it is on the display; the viewer sees it where a ray lands on it. With y the map
-from viewer to display and p what is off, dx = -J^-1 dy/dp: by the view map's own derivatives, with no dot looked for.
+from viewer to display and p the errors, dx = -J^-1 dy/dp: by the view map's own derivatives, with no dot looked for.
 """
 
 from collections.abc import Generator
@@ -32,7 +32,7 @@ class Bench:
     ----------
     rig, settings : as planned
     view : (m, 2) viewer px at which the points are seen as long as nothing is off
-    among : what may be off; by default all there is
+    among : the parameters that may be off; by default all
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Bench:
         self.display, self._branch = self._land(self.plan(), self.view)
 
     def plan(self, amounts: Floats | None = None) -> Plan:
-        """Of the bench, with amounts (p,) of what may be off."""
+        """Of the bench, with amounts (p,) of its parameters."""
         rig = self.rig
         for parameter, amount in zip(self.parameters, () if amounts is None else amounts, strict=False):
             if amount:
@@ -85,7 +85,7 @@ class Bench:
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
         """How the points move (p, m, 2), viewer px for a unit of each parameter, by the view map's derivatives.
 
-        amounts (p,) and at (m, 2): what is off, and where the points are seen then; by default nothing, as planned
+        amounts (p,) and at (m, 2): the errors, and where the points are seen then; by default nothing, as planned
         """
         return finish(self.sensitivities(amounts, at))
 

@@ -1,4 +1,4 @@
-"""What about a bench may be off, how much is to be expected, and the rig with it off."""
+"""The parameters of a bench that may be off, the errors to expect, and the rig with them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ AXES = ("right", "up", "away")  # as the viewer of the planned rig looks
 class Parameter:
     """Something about a bench that may be off.
 
-    name : part and what about it; unit : of amounts; step : amount for derivatives
+    name : part and parameter; unit : of amounts; step : amount for derivatives
     applied : the rig with an amount of it
     """
 
@@ -30,7 +30,7 @@ class Parameter:
 
     @property
     def kind(self) -> str:
-        """A key of TOLERANCES: what about a part may be off, whichever part and axis."""
+        """A key of TOLERANCES: the kind of parameter, whichever part and axis."""
         return self.name.rsplit(": ", 1)[-1].split()[0]
 
 
@@ -55,7 +55,7 @@ def parameters(rig: Rig) -> list[Parameter]:
 def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
     """The rig with amounts by the names of its parameters, and those names that it does not have.
 
-    The picture goes along with the viewer: what is wanted, and measured, is wanted in the viewer's own image.
+    The picture goes along with the viewer: all that is wanted, and measured, is in the viewer's own image.
     """
     planned, left = rig, {name: amount for name, amount in amounts.items() if amount}
     for parameter in parameters(rig):

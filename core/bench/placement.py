@@ -66,7 +66,7 @@ def place(centre: Floats, distance: float, tilt: float, viewer_distance: float, 
 
 @dataclass(frozen=True)
 class Wishes:
-    """What is asked of a new rig: lengths in m, 0 where the glass decides; angles in rad.
+    """The request for a new rig: lengths in m, 0 where the glass decides; angles in rad.
 
     `field` is the width that the viewer sees at the glass; `max_display` the most that a display may have by itself.
     """
@@ -136,7 +136,7 @@ def viewer_of(proposal: Proposal, pixels: tuple[int, int], aspect: float = 1.0) 
 
 
 def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, int]) -> Rig:
-    """What stands on the bench already, and the proposal's parts.
+    """The parts on the bench already, and the proposal's.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Spread:
     weight : (n,) share of the picture
     beside : (m, 2) as places, of light that lands beside the display
     beside_weight : (m,) share of the picture
-    lost : shares of the picture that do not arrive, by reason; what is out of the viewer's sight does not count
+    lost : shares of the picture that do not arrive, by reason; the part out of the viewer's sight does not count
     leaked : share of the picture whose light goes through gaps in open glass
     """
 
@@ -46,7 +46,7 @@ class Spread:
     leaked: float
 
     def width(self, aspect: float, share: float = 1.0) -> float:
-        """Width, m, of a display, `aspect` times as wide as high, on which this share of what arrives lands."""
+        """Width, m, of a display, `aspect` times as wide as high, on which this share of the arriving light lands."""
         if not len(self.across):
             return 0.0
         half = self._half_widths(aspect)

@@ -24,7 +24,7 @@ ROUNDING = 1e-9  # of shares
 
 @dataclass(frozen=True, eq=False)
 class VisibleRange:
-    """What viewers at places of a grid, rows going up and columns to the right, see of the picture's points.
+    """The picture's points as viewers see them at places of a grid, rows going up and columns to the right.
 
     Parameters
     ----------

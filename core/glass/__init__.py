@@ -1,1 +1,1 @@
-"""Surfaces: what a mesh stands for, and which solids it encloses."""
+"""Surfaces: the ones that meshes stand for, and which solids it encloses."""

@@ -11,12 +11,12 @@ from .meshes import Edges
 from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
 AGREE = 1e-6  # radians: normals that differ by less move landings by 1e-3 px; those of fine meshes do, 1e-7 and less
-TRUSTED = 0.2  # of what a face gains over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
+TRUSTED = 0.2  # of a face's gain over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What lies across the edges of p curved faces.
+    """The faces across the edges of p curved faces.
 
     row (t,) of each triangle's curved face, -1 where it has none; triangle (p, 3) where the surface runs on curved, -1
     elsewhere, and its edge (p, 3); is_drawn (p, 3): where it runs on as drawn
@@ -48,7 +48,7 @@ class Beside:
 def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tuple[Floats, Floats]:
     """Normals (p, 12, 3) at the nodes that neighbours agree on, and about how far they are off, rad, at the first 9.
 
-    On an edge it is the mean of both sides, and what a facet has where it runs on as drawn; inside it is the face's
+    On an edge it is the mean of both sides, and a facet's own where it runs on as drawn; inside it is the face's
     own, changed as the edges are. Both sides interpolate the same numbers along an edge, so that they agree all along.
     A wrong height turns the normal by itself over the distance to the edge: each side weighs by its area squared. Sides
     that weigh the same are off by as much as they differ; the less one of them weighs the less it matters.
@@ -90,7 +90,7 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tupl
 def trusted(
     corners: Floats, coefficients: Floats, at_corners: Floats, vertex: Ints, agreed: Floats, jump: Floats
 ) -> Bools:
-    """Which curved faces (p,) are nearer to what was meant than their facets, as far as the fit can tell by itself.
+    """Which curved faces (p,) are nearer to the surface meant than their facets, as far as the fit can tell by itself.
 
     The jump of normals between neighbours is about their error. The gain of a face is the angle by which its normals
     differ from the facet's, and by which its height turns them. Jumps have to be small beside gains: around each vertex

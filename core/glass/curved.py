@@ -28,7 +28,7 @@ from .quartics import (
 CHUNK = 1 << 12  # rays or faces worked on together: their arrays stay in the cache
 ITERATIONS = 12  # of Newton's method
 PATIENCE, HOPELESS = 6, 0.05  # after so many it is given up for rays whose steps in u, v are still larger
-CONVERGED = 3e-6  # of a step in u, v: what is left after it is less than its square
+CONVERGED = 3e-6  # of a step in u, v: the rest after it is less than its square
 EDGE = 1e-10  # barycentric slack, so that a ray through an edge or vertex meets a face
 STARTS = (1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)  # u, v from which a face is searched for a root
 SEARCHED_AT_ONCE = 1 << 8  # rays for which the faces around are searched together: 50 roots each
@@ -54,7 +54,7 @@ class CurvedFaces:
     are straight, a face refracts by those of its vertices, interpolated, plus 14 terms; -1 where by its own;
     jump (p,) rad: by how much normals of neighbours differed in the middles of edges, before they agreed, at most;
     bent_row (p,) and bent (q, 14, 3): coefficients that faces with a straight edge would have if it were not straight;
-    degree: 4, or less to follow faces of a lower degree and see what difference it makes;
+    degree: 4, or less to follow faces of a lower degree and see the difference;
     lowered_from: those of degree 4, None where these are
     """
 
@@ -163,7 +163,7 @@ class CurvedFaces:
         """Triangles (p k^2, 3, 3), m, that lie just in front of all faces: k^2 for each.
 
         A ray that meets a face, however close to a silhouette, meets them, too. Next to straight edges, which they
-        share with what is flat, they lie on the faces instead.
+        share with flat faces, they lie on the faces instead.
         """
         weights, parts = grid(k)
         n_faces = len(self.coefficients)
@@ -331,7 +331,7 @@ class CurvedFaces:
             for mine, theirs in zip(found, other, strict=True):
                 mine[odd[better]] = theirs[better]
             odd = is_odd()
-            odd = odd[found[3][odd] > least]  # a ray that starts on the surface goes on to what it meets next
+            odd = odd[found[3][odd] > least]  # a ray that starts on the surface goes on to the next hit
         if not is_last:
             for first in range(0, len(odd), SEARCHED_AT_ONCE):
                 self._search_around(found, odd[first : first + SEARCHED_AT_ONCE], origins, directions, leaves)
@@ -369,7 +369,7 @@ class CurvedFaces:
             return (d * cross(by_u, by_v)).sum(axis=0), by_u, by_v
 
         here, by_u, by_v = facing(u, v)
-        # the ray along the face: d = a by_u + b by_v, without what is perpendicular to both
+        # the ray along the face: d = a by_u + b by_v, without the part perpendicular to both
         uu, uv, vv = (by_u**2).sum(axis=0), (by_u * by_v).sum(axis=0), (by_v**2).sum(axis=0)
         du, dv = (d * by_u).sum(axis=0), (d * by_v).sum(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -425,7 +425,7 @@ class CurvedFaces:
     def _newton(
         self, k: Ints, u: Floats, v: Floats, origins: Floats, directions: Floats
     ) -> tuple[Floats, Floats, Floats, Bools, Floats, Floats, Bools]:
-        """Newton's method on what of point(u, v) - origin is across the ray; steps and range are limited."""
+        """Newton's method on the part of point(u, v) - origin across the ray; steps and range are limited."""
         c = self._load(k)
         away, d = (np.take(self.corners, k, axis=0)[:, 0] - origins).T.copy(), directions.T.copy()
         u, v, size, distance = u.copy(), v.copy(), np.empty(len(k)), np.empty(len(k))

@@ -1,4 +1,4 @@
-"""Rigid motion: what has only been moved or turned need not be made again."""
+"""Rigid motion: a mesh that was only moved or turned need not be made ready again."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from ..products import turn
 from ..rig import Mesh
 
 FITTED = 64  # vertices from which a motion is found; all others have to follow it
-ROUNDING = 1e-13  # of the distances: what products of doubles lose
+ROUNDING = 1e-13  # of the distances: the loss in products of doubles
 SAME_NORMAL = 1e-6
 
 
@@ -48,10 +48,10 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     # Kabsch, A solution for the best rotation to relate two sets of vectors (Acta Crystallographica A 32, 1976)
     u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
     if np.linalg.det(u) * np.linalg.det(v) < 0:
-        u[:, 2] *= -1  # of what is flat the mirror image is the same; of what is not, it will not fit
+        u[:, 2] *= -1  # the mirror image of a flat mesh is the same; of others it will not fit
     rotation = u @ v
     if np.abs(rotation - np.eye(3)).max() < ROUNDING:
-        rotation = np.eye(3)  # so that what was only moved is not turned by rounding
+        rotation = np.eye(3)  # so that a mesh that was only moved is not turned by rounding
     motion = Motion(rotation, to_middle - rotation @ from_middle)
     scale = max(np.abs(a).max(), np.abs(b).max())
     allowed = ROUNDING * scale + 4 * max(before.rounding, after.rounding)

@@ -3,7 +3,7 @@
 Around each vertex a quartic height field over its tangent plane is fitted to the positions and normals of its
 neighbours, with place and slope exact at the vertex. The fields of a triangle's three corners, blended, are sampled at
 the nodes of a quartic triangle: 12 offsets from the facet. On an edge only the fields of its two ends count, so that
-neighbours meet without a crack. Edges to what is not curved, and sharp ones, stay straight.
+neighbours meet without a crack. Edges to flat faces, and sharp ones, stay straight.
 """
 
 from dataclasses import replace
@@ -133,7 +133,7 @@ def make_curved(
     edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
     facets : (t, 3) normals of the triangles, unit
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
-    is_automatic : faces that are no nearer to what was meant than the facets are doubted, and left flat
+    is_automatic : faces that are no nearer to the surface meant than the facets are doubted, and left flat
     """
     corners = taken(vertices, triangles)
     area, asked = areas_of(corners), wanted
@@ -200,7 +200,7 @@ def make_curved(
     if not len(chosen):
         return None, is_doubted
 
-    # what is drawn has the normals that were given: so have the faces around its vertices
+    # drawn faces have the normals that were given: so have the faces around its vertices
     is_drawn = np.zeros(len(v.at), bool)
     is_drawn[v.of_corner[beside.row < 0]] = True
     normal = np.where(is_drawn[:, None], given, v.normal)

@@ -1,4 +1,4 @@
-"""What is traced of a mesh: its surface, the shells it falls into, the solids they enclose."""
+"""A mesh as it is traced: its surface, the shells it falls into, the solids they enclose."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +25,7 @@ class Surface:
     corner_normals (t, 3, 3) or None, used on the triangles that are flat with bent normals, is_bent (t,);
     patch (t,) label within this surface; n_open edges without a neighbour;
     n_contradicted smooth triangles that stay flat because their normals contradict their shape; n_doubted because their
-    curved faces would be no nearer to what was meant
+    curved faces would be no nearer to the surface meant
     """
 
     corners: Floats
@@ -96,7 +96,7 @@ def making_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools 
     is_joined = find_joined(by_corner, edges)
     if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
-        # what rounding does to the slopes of faces through the vertices, against what bent normals miss
+        # the effect of rounding on the slopes of faces through the vertices, against the error of bent normals
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
             given = mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals

@@ -1,4 +1,4 @@
-"""Joins open edges of a mesh that lie in the same place, so that what was drawn as one surface is one.
+"""Joins open edges of a mesh that lie in the same place, so that surfaces drawn as one are one.
 
 Curves, texts and many imported files hand out faces that touch and share no vertices. Only edges with one face are
 joined, and only with each other: closed bodies that touch stay bodies of their own. Where more than two meet, those

@@ -1,1 +1,1 @@
-"""Rays: the laws, what is met where, and where light ends."""
+"""Rays: the laws, the hits, and where light ends."""

@@ -1,4 +1,4 @@
-"""Ray engines, which tell in float32 what a ray meets first: Embree, and Blender's own BVH where there is no Embree.
+"""Ray engines find in float32 the first triangle on a ray: Embree, or Blender's own BVH where there is no Embree.
 
 Both are made of triangles with corners (t, 3, 3) float32, of about unit size, and are imported when one is made. Rays
 have origins and unit directions (n, 3) float32, and meet triangles from either side.
@@ -17,7 +17,7 @@ ALONG_AXIS = 1.01 * 2.0**-23  # components of a direction up to here are 0 to th
 
 
 class Found(NamedTuple):
-    """What n rays meet first.
+    """The first triangles that n rays meet.
 
     triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,); u, v (n,) barycentric; normal
     (n, 3) of the triangle, not unit
@@ -49,7 +49,7 @@ class Embree:
 
 
 class BlenderBvh:
-    """Blender's tree of boxes, each a float32 step larger than what is in it: one ray a call."""
+    """Blender's tree of boxes, each a float32 step larger than its triangles: one ray a call."""
 
     name = "Blender's BVH"
     modules = ("mathutils.bvhtree",)

@@ -52,7 +52,7 @@ class Hits:
 
 
 def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
-    """The one column, and the other where chosen; what is None counts as 0."""
+    """The one column, and the other where chosen; None counts as 0."""
     if mine is None and theirs is None:
         return None
     mine, theirs = (np.zeros((1, 3)) if column is None else column for column in (mine, theirs))

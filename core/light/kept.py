@@ -1,4 +1,4 @@
-"""What is used again from one plan to the next."""
+"""Results that one plan leaves for the next."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -14,9 +14,9 @@ Thing = TypeVar("Thing")
 
 
 class Kept:
-    """What can be used again from one plan to the next, by fingerprint of what it was made from.
+    """Results that can be used again from one plan to the next, by fingerprint of their sources.
 
-    What is asked for between two calls of `forget` stays; the rest is dropped.
+    Those asked for between two calls of `forget` stay; the rest is dropped.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class Kept:
         self._now: dict[str, Any] = {}
 
     def get(self, key: str, make: Callable[[], Thing]) -> Thing:
-        """What was made before under this key, else what is made now."""
+        """The result made before under this key, else one made now."""
         if key not in self._now:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
@@ -43,5 +43,5 @@ class Kept:
         return key, solids, None
 
     def forget(self) -> None:
-        """Drop what was not asked for since the last call."""
+        """Drop results not asked for since the last call."""
         self._old, self._now = self._now, {}

@@ -1,4 +1,4 @@
-"""What a point is in: nested, touching and overlapping solids by priority (Schmidt & Budge 2002).
+"""The medium at a point: nested, touching and overlapping solids by priority (Schmidt & Budge 2002).
 
 Solids whose boxes hang together are a cluster; each has a bit in the cluster's mask, by rising priority, so that the
 medium at a point is the highest bit set of the solids it is in.

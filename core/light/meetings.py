@@ -1,4 +1,4 @@
-"""What becomes of rays that meet a part of the rig."""
+"""Rays that meet a part of the rig, and how they go on."""
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def _is_set(vectors: Floats) -> Bools:
 def _meet_glass(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Cross or mirror at an interface; faces of other solids at the same place are crossed together with it."""
     part = plan.part[hits.triangle]
-    # what is inside one cluster meets no other, but where curved faces stand out of their facets' boxes, or out of gaps
+    # a ray inside one cluster meets no other, but where curved faces stand out of their facets' boxes, or out of gaps
     before = np.where(rays.cluster[i] == plan.cluster[part], rays.mask[i], np.uint64(0))
     rays.cluster[i] = plan.cluster[part]
     after = before ^ plan.bit[part]
@@ -121,7 +121,7 @@ def _meet_glass(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
     rays.directions[i] = normalise(out)
-    # what is turned back may meet a sheet at this place again, but not other faces of the glass that are behind it
+    # a ray turned back may meet a sheet at this place again, but not other faces of the glass that are behind it
     rays.last_part[i[is_tir]] = plan.part[hits.triangle[is_tir]]
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:

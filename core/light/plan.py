@@ -1,4 +1,4 @@
-"""What this rig needs, and what it leaves out."""
+"""A rig made ready to be traced: the things it needs, and those it leaves out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from .thin_parts import ThinParts
 
 
 class LayerParts(NamedTuple):
-    """What a layer holds.
+    """The triangles and solids in a layer.
 
     numbers : (t,) the plan's numbers of its triangles, in its own order
     closed_bits : (clusters,) uint64, those of its closed solids in each cluster's mask: a ray inside has to leave them
@@ -54,9 +54,9 @@ class Plan:
     owner (p,): the number of the part's object among the rig's glasses, then mirrors; -1 for all others.
     n_open: open edges of each glass of the rig.
     n_contradicted, n_doubted: smooth triangles of each glass, then of each mirror, that stay flat because their normals
-    contradict their shape, or because curved faces would be no nearer to what was meant; n_curved: those that do not.
-    layers, and layer_parts: what is in each.
-    thin_parts: gives all triangles, to be asked what rays passed by; made when first asked for
+    contradict their shape, or because curved faces would be no nearer to the one meant; n_curved: those that do not.
+    layers, and layer_parts: the contents of each.
+    thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked for
     aside: glasses, by number, that are not in the plan; aside_boxes (a, 2, 3) m, which rays may not enter.
     arrays: where mirror arrays stand, by the number of their part.
     is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is nothing but a flat
@@ -185,7 +185,7 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
     Raises
     ------
     RigError, MeshError
-        One sentence on what makes the rig unsolvable.
+        One sentence on the fault of the rig.
     """
     rig.check()
     kept = kept or Kept()
@@ -253,7 +253,7 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
 def _make_layers(
     parts: _Parts, media: Media, touching: float, kept: Kept
 ) -> Pauses[tuple[tuple[Layer, ...], tuple[LayerParts, ...]]]:
-    """Layers, and what is in each. A layer of solids that were moved together is moved as a whole."""
+    """Layers, and the contents of each. A layer of solids that were moved together is moved as a whole."""
     layers, layer_parts, n_solids = [], [], len(parts.solids)
     for group in group_parts(parts.surfaces, touching):
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
@@ -276,7 +276,7 @@ def _make_layers(
 
 
 def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
-    """Gives what may pass near rays: all triangles, and the boxes (a, 2, 3) of what stands aside."""
+    """Gives all that rays may pass near: all triangles, and the boxes (a, 2, 3) of glass that stands aside."""
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
     surfaces, starts = parts.surfaces, parts.starts
@@ -307,7 +307,7 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
 def _rules(
     parts: _Parts, layers: tuple[Layer, ...], media: Media, has_arrays: bool, is_sent_on: bool, settings: Settings
 ) -> dict[str, tuple[bool, str | None]]:
-    """What a plan may need: whether this one does, and the reason why not. is_sent_on: beyond plates is one display."""
+    """The needs of a plan: whether this one has them, and why not. is_sent_on: beyond plates is one display."""
     no_kernel = kernel.left_out(layers)
     has_engine = any(layer.has_engine for layer in layers)
     no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None

@@ -1,4 +1,4 @@
-"""The mirror array plate in closed form: what becomes of a ray that crosses it.
+"""The mirror array plate in closed form: the ray that leaves for each that comes.
 
 Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors it would cross are
 the reflections, and folding the place where it comes out back into its own slit gives where it does come out. So a
@@ -24,7 +24,7 @@ GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its 
 
 
 class PlatePath(IntEnum):
-    """What a plate did to light. The first mirror array that did something else than image it decides."""
+    """A plate's effect on light. The first mirror array that did something else than image it decides."""
 
     NONE = 0
     IMAGED = 1
@@ -134,7 +134,7 @@ class ArrayFrame:
         return self._cross(positions, directions, self._as_one_mirror)
 
     def folded(self, positions: Floats, directions: Floats) -> Crossing:
-        """What becomes of light that meets the mirrors where they stand."""
+        """Light that has met the mirrors where they stand."""
         return self._cross(positions, directions, self._as_mirrors)
 
     def reflected(self, positions: Floats, directions: Floats) -> Crossing:

@@ -61,7 +61,7 @@ class Layer:
     """Triangles that are asked together for the first hit of each ray.
 
     Solids of one layer do not touch one another, so that hits at the same place are found in different layers.
-    Its triangles are those it was made of; what it is asked, and what it answers, is where it was moved to.
+    Its triangles are those it was made of; questions and answers are in the place it was moved to.
     """
 
     def __init__(self, corners: Floats, curved: CurvedFaces | None = None) -> None:
@@ -92,7 +92,7 @@ class Layer:
         return other
 
     def bent(self, curved: CurvedFaces | None) -> "Layer":
-        """The same layer with slightly other curved faces; what the engine is asked about stays."""
+        """The same layer with slightly other curved faces; the triangles in the engine stay."""
         other = copy(self)
         other.curved = curved
         return other
@@ -206,13 +206,13 @@ class Layer:
             t[nearest, todo] = np.inf
 
     def _shoot(self, origins: Floats, directions: Floats, start: Floats) -> tuple[Found, Floats]:
-        """What the engine finds from `start` on, and its distance as the engine has it."""
+        """The triangles that the engine finds from `start` on, and its distance as the engine has it."""
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
         found = self.asked.engine.shoot(moved.astype(np.float32), directions.astype(np.float32))
         return found, start + found.distance.astype(float) * self.radius
 
     def _only_leaves_hull(self, found: Found, directions: Floats, far: Floats, leaves: Bools) -> Bools:
-        """Does what was found tell that rays (n,) only come out of the hull, having left the faces just behind it?
+        """Do the triangles found tell that rays (n,) only come out of the hull, having left the faces just behind it?
 
         Such a ray is outside and has but a short way, a part of the triangle's size, to where it steeply leaves the
         hull. It can enter nothing on that way: the faces turn much less over a triangle than the ray is steep.
@@ -295,7 +295,7 @@ class Layer:
     def _rescue(
         self, origins: Floats, directions: Floats, rays: Ints, accept: Accept, leaves: Bools | None, hits: Hits
     ) -> Pauses[None]:
-        """Find in float64 what the engine let through: it loses some of the rays that are aimed at vertices and edges.
+        """Find in float64 hits that the engine missed: it loses some of the rays that are aimed at vertices and edges.
 
         Rays beside the lost one tell which triangles are near; only where none of those is met are all of them tested.
         """
@@ -340,7 +340,7 @@ class Layer:
         return is_within if self.curved is None else is_within | (self.curved.row[hits.triangle] >= 0)
 
     def _keep_nearest(self, i: Ints, found: Hits, is_met: Bools, rays: Ints, accept: Accept, best: Hits) -> None:
-        """Put into `best`, which has a row for each of some rays, what was found for its rows i where it is nearer."""
+        """Put into `best`, which has a row for each of some rays, those found for its rows i where they are nearer."""
         good = np.flatnonzero(is_met & (found.distance > -self.tolerance) & (found.distance < best.distance[i]))
         good = good[accept(rays[i[good]], found.at(good))[0]]
         good = good[np.argsort(-found.distance[good], kind="stable")]  # nearest last, so that it is the one that stays

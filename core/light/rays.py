@@ -1,4 +1,4 @@
-"""Rays under way: where they are, what they are in, and which branch they have come along."""
+"""Rays under way: their places, their media, and the branch they have come along."""
 
 from typing import Literal
 

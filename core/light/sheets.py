@@ -57,14 +57,14 @@ def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     """Is all of the rig but the display on one side of each plate: (p, 2) none before its normal, none behind it?
 
-    Boxes (a, 2, 3) of what stands aside are parts of the rig, too.
+    Boxes (a, 2, 3) of glass that stands aside are parts of the rig, too.
     """
     is_clear = np.zeros((len(surfaces), 2), bool)
     for i in np.flatnonzero(kind == Kind.PLATE):
         normal = surfaces[i].normals[0]
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
         boxes = np.concatenate([np.stack(others), aside])
-        # how far boxes reach along the normal; what bulges out of its facets stays well within half their size
+        # how far boxes reach along the normal; a face that bulges out of its facet stays well within half their size
         middle, half = boxes.mean(axis=1), (0.5 + BULGE) * (boxes[:, 1] - boxes[:, 0])
         height, reach = (middle - surfaces[i].corners[0, 0]) @ normal, half @ np.abs(normal)
         is_clear[i] = (height - reach > 0).all(), (height + reach < 0).all()

@@ -1,4 +1,4 @@
-"""What a bundle of rays may have passed by: parts of the rig, near to it, that none of its rays met."""
+"""Things that a bundle of rays may have passed by: parts of the rig, near to it, that none of its rays met."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -145,7 +145,7 @@ class ThinParts:
         frames = self._frames
         inside = (ends - frames.corner[k][:, None, None]).reshape(len(k), 2 * ends.shape[2], 3)
         axes = np.stack([frames.normal[k], frames.axis_u[k], frames.axis_v[k]], axis=2)
-        # heights over the planes, and barycentric coordinates of what is below, (n, 2, r) each
+        # heights over the planes, and barycentric coordinates of the points below, (n, 2, r) each
         height, u, v = np.moveaxis(np.matmul(inside, axes), 2, 0).reshape(3, *ends.shape[:3])
         near = np.flatnonzero((height.min(axis=(1, 2)) <= 0) & (height.max(axis=(1, 2)) >= 0))
         before, after = np.moveaxis(height[near], 1, 0)

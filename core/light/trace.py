@@ -29,9 +29,9 @@ def trace_all(plan: Plan, origins: Floats, directions: Floats, light: PlateLight
 
 
 class Step(NamedTuple):
-    """What became of rays between two events: those that met something, where and on which patch; and the others.
+    """Rays between two events: those that met something, where and on which patch; and the others.
 
-    rays (h,) and left (l,) indices; place (h, 3), patch and triangle (h,) of what was met; start and direction (l, 3)
+    rays (h,) and left (l,) indices; place (h, 3), patch and triangle (h,) of the surface; start and direction (l, 3)
     """
 
     rays: Ints
@@ -44,7 +44,7 @@ class Step(NamedTuple):
 
 
 def courses(plan: Plan, origins: Floats, directions: Floats) -> Pauses[Words]:
-    """What the branch of each ray (n, 3) was after each of its m events at the most: (n, m), for `trace` to compare."""
+    """The branch of each ray (n, 3) after each of its m events at the most: (n, m), for `trace` to compare."""
     rays = Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
     yield from _following(plan, rays)
     return rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
@@ -69,9 +69,9 @@ def tracing(
     ----------
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
     course : (n, m) as `courses` gives them: a ray is given up, without a landing, as soon as it leaves its course
-    steps : is filled with what happened at each event
+    steps : is filled with a step for each event
     light : which light is followed at mirror arrays: that of the mid-air image, as the mean over all phases; what goes
-        where the mirrors stand, stray light and all; or first what the plate's face reflects, then such light.
+        where the mirrors stand, stray light and all; or first light reflected by the plate's face, then such light.
         At ideal plates it is all the same.
     """
     rays = Rays(origins, directions, course, False, light)
@@ -104,7 +104,7 @@ def _following(plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pause
 
 
 def _steps_of(plan: Plan, rays: Rays, ways: kernel.Ways) -> Iterator[Step]:
-    """What became of rays at each event, from their ways."""
+    """The rays at each event, from their ways."""
     for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
         some, left = np.flatnonzero(met >= 0), np.flatnonzero(ways.left_at == event)
         if not len(some) + len(left):
@@ -163,7 +163,7 @@ class _Sides:
         plan = self.plan
 
         def accept(i: Ints, hits: Hits) -> tuple[Bools, Bools]:
-            # what touches may be a little behind; not so other faces of what was just met, however thin it is
+            # touching faces may be a little behind; not so others of the surface just met, however thin it is
             t = hits.distance
             part = plan.part[numbers[hits.triangle]]
             bit = plan.bit[part]
@@ -192,7 +192,7 @@ def _first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
     nearest = np.full(len(live), np.inf)
-    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    # glass comes first: most other parts lie beyond, and then need not be asked
     for number in sorted(range(len(plan.layers)), key=lambda number: not plan.layers[number].has_engine):
         layer, (numbers, closed_bits, bits) = plan.layers[number], plan.layer_parts[number]
         tolerance = max(layer.tolerance, plan.merge_distance)
@@ -231,7 +231,7 @@ def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> No
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
-    """Raise ReachedError when a ray, on its way of a length of `distance` (n,), enters the box of what stands aside."""
+    """Raise ReachedError when a ray, on its way of a length of `distance` (n,), enters the box of glass aside."""
     reached = set()
     for number, box in enumerate(plan.aside_boxes):
         enter, leave = slab(box, origins, directions)

@@ -1,1 +1,1 @@
-"""Error against time, and what a result is compared with."""
+"""Error against time, and the references for it."""

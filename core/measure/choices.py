@@ -1,4 +1,4 @@
-"""What Ghosts and Suppress Glare cost or gain on a rig, by how near what is seen comes to the ideal image."""
+"""The cost or gain of Ghosts and Suppress Glare on a rig, by how near the seen image comes to the ideal one."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -14,9 +14,9 @@ GLARES = (0.0, 0.5, 1.0)
 
 
 class Choice(NamedTuple):
-    """One way to settle what display pixels show that are seen several times, or beside the glass.
+    """One way to settle the colours of display pixels that are seen several times, or beside the glass.
 
-    seen_psnr : dB, white is 1: what is seen in all of the viewer's image, light beside the glass included, against the
+    seen_psnr : dB, white is 1: all of the viewer's image, light beside the glass included, against the
         ideal image; None where they are the same
     """
 

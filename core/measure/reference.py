@@ -1,8 +1,8 @@
-"""What view maps and source images are compared with: traced landings, and a much finer solve.
+"""References for view maps and source images: traced landings, and a much finer solve.
 
 The map is compared with rays traced exactly, in float64, at random points of the viewer's image. Images are compared
 with those of the finer solve, for a picture of fine detail in the place of the rig's own: where a picture is smooth, a
-wrong place has the right colour. What the viewer sees of a source image is simulated through the finer solve's shares.
+wrong place has the right colour. The seen image of a source image is simulated through the finer solve's shares.
 """
 
 from collections.abc import Generator
@@ -40,7 +40,7 @@ PROBES = 256  # rays along each side of the viewer's image that look for the pic
 
 
 class Mapping(Protocol):
-    """What of a view map is compared with the trace."""
+    """The part of a view map that is compared with the trace."""
 
     def display_from_view(self, xy: Floats) -> Floats:
         """Display px (n, 2) of viewer px (n, 2), NaN where nothing lands."""
@@ -62,7 +62,7 @@ class MapErrors:
 
 @dataclass(frozen=True)
 class ImageErrors:
-    """How far off a source image is, and what the viewer sees of it.
+    """How far off a source image is, and its seen image.
 
     source_rmse : linear values, over the display pixels that show the picture and no more (Reference.is_shown)
     holes : those of them that stay black, where the picture is nowhere black; they count in source_rmse
@@ -90,11 +90,11 @@ class Reference:
     plan : of the rig, with the picture of fine detail
     dotted : the same rig with the lattice of dots as picture
     solution, dots : solves of both at a much finer tolerance
-    source : (H, W, 3), what the display has to show of the picture of fine detail: from a display of finer pixels
+    source : (H, W, 3), the display's image for the picture of fine detail: from a display of finer pixels
     points, landed : (n, 2) viewer px and where their rays land, display px, NaN where not on the display
     is_shown : (H, W), display pixels that the viewer sees by half or more, and that show nothing but the picture
     is_seen : (h, w), viewer pixels in which nothing but the picture is seen
-    seconds_a_ray : what the trace took
+    seconds_a_ray : of the trace
     """
 
     plan: Plan
@@ -126,7 +126,7 @@ class Reference:
         return ImageErrors(_rms(found - wanted), int((found == 0).all(axis=1).sum()), psnr(seen), *self._shift(dotted))
 
     def own_errors(self) -> ImageErrors:
-        """What is left when nothing but the reference's own errors is: the PSNR is against the ideal image."""
+        """The rest, when only the reference's own errors are left: the PSNR is against the ideal image."""
         seen = (self.solution.seen(self.source) - self.solution.ideal())[self.is_seen]
         holes = int((self.source[self.is_shown] == 0).all(axis=1).sum())
         return ImageErrors(0.0, holes, psnr(seen), *self._shift(self.dots.source))
@@ -156,7 +156,7 @@ def _on_display(xy: Floats, rig: Rig) -> Floats:
 
 
 def zone_plate(pixels: int) -> Image:
-    """Rings that grow finer outward: detail in all directions, and nowhere black, so that what is black is a hole.
+    """Rings that grow finer outward: detail in all directions, and nowhere black, so that a black pixel is a hole.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def showing(rig: Rig, image: Image) -> Rig:
 
 
 def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
-    """The rig with a picture of fine detail and with the lattice of dots, and what the first is.
+    """The rig with a picture of fine detail and with the lattice of dots, and the name of the first.
 
     One pixel of the zone plate is one of the viewer's: shares are no larger, so that all methods read the same picture.
     """
@@ -198,7 +198,7 @@ def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
 
 
 def make_reference(detailed: Rig, dotted: Rig, settings: Settings) -> Generator[float, None, Reference]:
-    """Solve and trace what the rest is compared with; yields progress 0..1.
+    """Solve and trace the reference; yields progress 0..1.
 
     Raises
     ------

@@ -68,7 +68,7 @@ def as_csv(found: WorkPrecision) -> str:
 
 
 def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
-    """All numbers, and what the errors are against."""
+    """All numbers, and the references of the errors."""
     own = found.own
     tolerance = found.tolerance
     seconds = dict(own.parts)
@@ -97,7 +97,7 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
 
 
 def statement(found: WorkPrecision) -> tuple[str, ...]:
-    """What the numbers are of and against, a sentence a line."""
+    """The subjects and references of the numbers, a sentence a line."""
     finer = found.ladder[-1][0] / found.reference.setting
     shown = f"{found.n_shown} display pixels that show nothing else"
     return (
@@ -159,7 +159,7 @@ def table(found: WorkPrecision) -> str:
 
 
 def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") -> str:
-    """Error of the source image against seconds, a curve for each method; what has no error to see is left out."""
+    """Error of the source image against seconds, a curve for each method; points without an error are left out."""
     curves, n_exact = [], 0
     for method, name, unit in (("adaptive", "Kiriko, by tolerance", "px"), ("splat", "splat, by samples", "spp")):
         run = [rung for rung in found.rungs if rung.method == method and rung.seconds and rung.image]

@@ -1,6 +1,6 @@
 """Error against run time: a rig solved at a ladder of tolerances, beside the brute-force splat at a ladder of samples.
 
-What the errors are against says core/measure/reference.py.
+core/measure/reference.py makes the reference.
 """
 
 import sys
@@ -39,14 +39,14 @@ STEPS = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}  # between black and whi
 
 @dataclass(frozen=True)
 class Rung:
-    """One way to make a source image, what it took and how far off it is. None: not known, or not run.
+    """One way to make a source image, its time and its error. None: not known, or not run.
 
     Parameters
     ----------
     method : adaptive or splat
     setting : tolerance in display px, or samples a pixel
     seconds : median of `runs` runs, from the plan to the source image with its own estimate of errors
-    predicted_seconds : what a splat that was not run would have taken
+    predicted_seconds : of a splat that was not run
     repaint_seconds : median, for another picture with nothing else changed
     parts : (name, median seconds) of the solve's parts, the plan included
     n_rays : rays traced
@@ -76,10 +76,10 @@ class WorkPrecision:
     Parameters
     ----------
     rungs : the ladder of tolerances, coarse to fine, then the splat's
-    reference : what they are compared with. Its map is compared with the trace, and what is seen of its source image
+    reference : of all rungs. Its map is compared with the trace, and the seen image of its source image
         with the ideal image
     tessellation_error : rms display px, the same for all rungs
-    quantisation : rms of what rounding changes in the encoded source image (0..1), by number format
+    quantisation : rms of the changes by rounding in the encoded source image (0..1), by number format
     tolerance : display px, of the scene itself; one of the rungs
     read_seconds, write_seconds : medians, for reading the scene and writing the source image; None: not measured
     peak_memory : bytes, the most that the whole process has held up to the first solve; None: not known
@@ -87,7 +87,7 @@ class WorkPrecision:
     n_checked : points at which the map was compared with the trace
     times_finer : each way, the display's pixels from which the reference's source image is made
     picture : which picture the image errors are of
-    choices : what Ghosts and Suppress Glare cost or gain, with the rig's own picture
+    choices : the cost or gain of Ghosts and Suppress Glare, with the rig's own picture
     view_size, display_size : (width, height), px
     """
 
@@ -118,7 +118,7 @@ class WorkPrecision:
         return [(rung.setting, rung.seconds) for rung in self.rungs if rung.method == "adaptive"]
 
     def splat_seconds(self, source_rmse: float) -> float | None:
-        """About what the splat takes to an error (linear values) of the source image; None: not known.
+        """About the time of the splat to an error (linear values) of the source image; None: not known.
 
         Between its rungs a straight line in logarithms. Beyond the last, error goes as samples to the power -1/2, if no
         holes are left: as long as there are some it falls faster, and the time is not known.
@@ -159,7 +159,7 @@ def measure(
     Raises
     ------
     RigError, MeshError
-        One sentence on what makes the rig unsolvable.
+        One sentence on the fault of the rig.
     """
     own_settings = settings or Settings()
     own_settings.check()
@@ -208,7 +208,7 @@ def _adaptive(
     rungs: list[Rung] = []
     times: list[list[dict[str, float]]] = [[] for _ in ladder]
     repaints: list[list[float]] = [[] for _ in ladder]
-    for run in range(runs):  # all tolerances in turn: what else the machine does meets them alike
+    for run in range(runs):  # all tolerances in turn: other work of the machine meets them alike
         for k, tolerance in enumerate(ladder):
             session, here = Session(), replace(settings, tolerance=tolerance)
             solution = finish(session.solve(detailed, here))
@@ -254,7 +254,7 @@ def _splats(reference: Reference, spps: Sequence[int], runs: int, budget: float)
     Where it goes to one run only, that is of the picture of fine detail.
     """
     plan, viewer = reference.plan, reference.plan.rig.viewer
-    plans = plan, replace(plan, rig=reference.dotted)  # what is traced is the same
+    plans = plan, replace(plan, rig=reference.dotted)  # the same is traced
     n_rays = viewer.width * viewer.height
     a_sample, spent = reference.seconds_a_ray * n_rays, 0.0
     rungs: list[Rung] = []
@@ -293,7 +293,7 @@ def _clocked(
 
 
 def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
-    """Rms of what number formats change in an image (..., 3), linear, sRGB-encoded to 0..1; clipping is not counted."""
+    """Rms changes by number formats in an image (..., 3), linear, sRGB-encoded to 0..1; clipping is not counted."""
     encoded = encode(source)
     changed = {name: np.rint(encoded * top) / top - encoded for name, top in STEPS.items()}
     changed["half float"] = encode(np.asarray(source, np.float16)) - encoded
@@ -310,7 +310,7 @@ def peak_memory() -> int | None:
 
 
 def _timed(work: Callable[[], Result]) -> tuple[float, Result]:
-    """Seconds that a call takes, and what it returns."""
+    """Seconds that a call takes, and its result."""
     clock = perf_counter()
     result = work()
     return perf_counter() - clock, result

@@ -1,1 +1,1 @@
-"""The lattice of dots or lines by which a photograph tells what is off."""
+"""The lattice of dots or lines by which a photograph tells a bench's errors."""

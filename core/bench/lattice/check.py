@@ -19,7 +19,7 @@ from .growth import (
     without_strangers,
 )
 
-MISTAKEN = 0.3  # spacings off, what is pointed out to people
+MISTAKEN = 0.3  # spacings off, from which on a point is pointed out to people
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
 COMPARED, LIKER = 400, 0.005  # places each way; by how much more another way has to be like the photograph
 WAYS = {
@@ -112,7 +112,7 @@ def check_picture(points: Floats, lattice: Lattice, photograph: NDArray, picture
     Parameters
     ----------
     points : (m, 2) px of the photograph, as they were told apart; NaN where not
-    photograph, picture : (h, w, c), row 0 at the top; the picture is what the lattice is on
+    photograph, picture : (h, w, c), row 0 at the top; the picture has the lattice on it
     """
     is_known = np.isfinite(points).all(axis=1)
     u, v = lattice.uv.T

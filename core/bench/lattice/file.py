@@ -26,7 +26,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
 
     Raises
     ------
-    ImageError : the file cannot be read, or says what cannot be
+    ImageError : the file cannot be read, or has places that cannot be
     """
     path = Path(path)
     data = read_bytes(path)

@@ -9,10 +9,10 @@ from ...arrays import Floats
 
 # how a lattice goes on
 NEAR = 0.3  # spacings, from where a point should be by its neighbours
-STRANGE = 0.1  # spacings off: what never is too far
+STRANGE = 0.1  # spacings off: this is never too far
 UNLIKE = np.log(2.2)  # in size, two neighbours
 FAR = 1e9  # px
-BY_CHANCE, FEW_BY_CHANCE = 9, 0.6  # fewer points than these are a lattice only if they are most of what was found
+BY_CHANCE, FEW_BY_CHANCE = 9, 0.6  # fewer points than these are a lattice only if they are most of those found
 N_AROUND = 24  # nearest neighbours that tell a point's spacings
 N_SEEDS, N_GROWN = 80, 8
 SHAPES = 1j * np.concatenate([[0.5, 0.7, 1.0, 1.4, 2.0], np.exp(1j * np.radians([-30.0, 30.0]))])

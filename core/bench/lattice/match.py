@@ -21,9 +21,9 @@ CLEAR_TURN, CLEAR = np.radians(4.0), 1.5  # how much the second best has to be w
 def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     """Points told apart by how the lattice goes on from one to the next: (m, 2), NaN where none was found.
 
-    They may be shifted by any amount against what is expected, turned by up to 45 degrees, scaled by 0.5 to 2 and bent;
+    They may be shifted by any amount against those expected, turned by up to 45 degrees, scaled by 0.5 to 2 and bent;
     some may be missing, a few may be none of the lattice's. Where whole rows or columns at the border are missing, the
-    place nearest to what is expected is taken.
+    place nearest to the expected one is taken.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
 
 
 def _nearest_placement(places: list[tuple[int, Ints]], at: Floats, expected: Floats, lattice: Lattice) -> Ints:
-    """That which is turned least against what is expected, of these the nearest; ImageError where it is not clear."""
+    """The placement turned least against those expected, of these the nearest; ImageError where it is not clear."""
     turned: dict[int, float] = {}
     distance = []
     for number, place in places:

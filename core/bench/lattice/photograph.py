@@ -21,15 +21,15 @@ LEAST_CONTRAST = 5e-4  # of the image's range: of 8 bits the smallest step
 MOST_CANDIDATES = 4000  # of a level, the strongest
 AROUND = 20  # px of a level on each side of a candidate
 AT_ONCE = 500  # candidates
-# what a dot is
+# dots
 LEAST_AREA = 9.0  # px of a level, where it is brighter than half
 SOLID = 0.85  # of the area of an ellipse of its moments
 LONGEST = 3.0  # times its width
 LARGEST = 9.5  # px of a level, half its length: the ring around it has to lie in the window
-UNQUIET = 0.2  # of its contrast: rms of what is around it
+UNQUIET = 0.2  # of its contrast: rms around it
 FREE = 0.6  # of the ring around it
 DRAWN_BY_LIGHT = 0.05  # radii, between the centroids of its light and of its outline
-# what a crossing is
+# crossings
 RADII = np.arange(5.0, 14.0)  # px of a level at which arms are looked for
 ANGLES = 2 * np.pi * np.arange(72) / 72
 BENT = np.radians(40.0)  # an arm against its opposite
@@ -44,7 +44,7 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
     Parameters
     ----------
     image : (h, w) or (h, w, c), row 0 at the top; linear or encoded, for symmetric dots stay so
-    style : what to look for; by default, whichever is found more often
+    style : dots or crossings; by default, whichever is found more often
 
     Raises
     ------
@@ -75,9 +75,9 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
         if len(sites) > len(best) and is_lattice(points, sites):
             best = points[list(sites.values())]
     if not len(best):
-        what = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
+        marks = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
         raise ImageError(
-            f"No lattice of bright {what} was found in the photograph: take one in focus, in which more of it is seen."
+            f"No lattice of bright {marks} was found in the photograph: take one in focus, in which more of it is seen."
         )
     return best
 
@@ -208,7 +208,7 @@ def _dots(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
         calm = ring & (np.abs(off) < 0.35 * contrast[:, None])
     n_calm = calm.sum(axis=1)
     rms = np.sqrt((calm * off**2).sum(axis=1) / np.maximum(n_calm, 1))
-    # what shines in from beside is cut off, so that it hardly draws the centroid
+    # light from beside is cut off, so that it hardly draws the centroid
     bright = contrast[:, None] * np.where(rho < (1.1 + 0.5 / radius)[:, None], 1.3, 0.25)
     weight = np.where(rho < inner, np.clip(windows - plane, -0.25 * contrast[:, None], bright), 0)
     total = np.maximum(weight.sum(axis=1), 1e-12 * contrast)
@@ -219,7 +219,7 @@ def _dots(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
 
 
 def _flooded(mask: Bools) -> Bools:
-    """What of masks (k, s, s) is connected with their middle pixel."""
+    """The parts of masks (k, s, s) that are connected with their middle pixel."""
     region = np.zeros_like(mask)
     middle = mask.shape[1] // 2
     region[:, middle, middle] = mask[:, middle, middle]
