@@ -6,7 +6,7 @@ the nodes of a quartic triangle: 12 offsets from the facet. On an edge only the 
 neighbours meet without a crack. Edges to flat faces, and sharp ones, stay straight.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,6 +112,23 @@ def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
     return stands_out | stands_in
 
 
+@dataclass(frozen=True, eq=False)
+class _Faces:
+    """Curved faces in the making.
+
+    chosen (n,) numbers of their triangles; coefficients (n, 14, 3) m; own (n, 15, 3) unit normals at nodes and corners;
+    is_swollen (n,)
+    """
+
+    chosen: Ints
+    coefficients: Floats
+    own: Floats
+    is_swollen: Bools
+
+    def at(self, which: Bools) -> "_Faces":
+        return _Faces(self.chosen[which], self.coefficients[which], self.own[which], self.is_swollen[which])
+
+
 def make_curved(
     vertices: Floats,
     triangles: Ints,
@@ -135,38 +152,90 @@ def make_curved(
     has_mean_normals : normals are means of the faces around: the surface's own are found from the vertices
     is_automatic : faces that are no nearer to the surface meant than the facets are doubted, and left flat
     """
-    corners = taken(vertices, triangles)
-    area, asked = areas_of(corners), wanted
+    # the vertices, with normals that may be found from their places
+    corners, asked = taken(vertices, triangles), wanted
     least = np.einsum("tij,tj->ti", corner_normals, facets).min(axis=1)
     wanted = wanted & (least > STEEPEST)
     is_joined = is_joined & ~edges.is_same_way
     v = find_vertices(vertices, triangles, corner_normals, least > 0, edges, is_joined)
-    is_used = np.zeros(len(v.at), bool)
-    is_used[v.of_corner[wanted]] = True
-    given = v.normal
+    given, is_used = v.normal, _are_corners(v, wanted)
     yield 0
     if has_mean_normals:
         v = replace(v, normal=find_normals(v, is_used))
         wanted &= (np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), facets) > STEEPEST).all(axis=1)
     yield 0
+
+    # a face over each triangle that does not contradict itself
+    wanted, face = _in_agreement(v, wanted, asked, is_used, edges, is_joined, facets)
+    yield 0
+    fields = fit_fields(v, _are_corners(v, wanted))
+    faces, is_whole = yield from _fit_faces(v, fields, corners, facets, np.flatnonzero(wanted))
+    if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
+        is_whole &= ~np.isin(face[faces.chosen], face[faces.chosen[faces.is_swollen]])
+    if not is_whole.all():
+        faces = faces.at(is_whole)
+    beside = Beside.of(faces.chosen, len(triangles), edges, is_joined)
+    yield 0
+
+    # normals that agree at the edges, and faces that are trusted for it
+    area = areas_of(corners)
+    agreed, jump = agree(faces.own, taken(v.normal, v.of_corner[faces.chosen]), area[faces.chosen], beside)
+    yield 0
+    is_doubted = np.zeros(len(triangles), bool)
+    if is_automatic:
+        is_trusted = _are_trusted(v, faces, face, corners, agreed, jump)
+        if not is_trusted.all():
+            is_doubted[faces.chosen] = ~is_trusted
+            faces = faces.at(is_trusted)
+            beside = Beside.of(faces.chosen, len(triangles), edges, is_joined)
+    if not len(faces.chosen):
+        return None, is_doubted
+
+    # drawn faces have the normals that were given: so have the faces around its vertices
+    is_drawn = np.zeros(len(v.at), bool)
+    is_drawn[v.of_corner[beside.row < 0]] = True
+    normal = np.where(is_drawn[:, None], given, v.normal)
+    if len(faces.chosen) < len(triangles):
+        yield 0
+        agreed, jump = agree(faces.own, taken(normal, v.of_corner[faces.chosen]), area[faces.chosen], beside)
+    yield 0
+    return _put_together(corners, v.of_corner[faces.chosen], normal, faces, agreed, jump, beside), is_doubted
+
+
+def _are_corners(v: Vertices, wanted: Bools) -> Bools:
+    """Which vertices are corners of wanted triangles (t,)?"""
+    is_used = np.zeros(len(v.at), bool)
+    is_used[v.of_corner[wanted]] = True
+    return is_used
+
+
+def _in_agreement(
+    v: Vertices, wanted: Bools, asked: Bools, is_used: Bools, edges: Edges, is_joined: Bools, facets: Floats
+) -> tuple[Bools, Ints]:
+    """Which wanted triangles (t,) have normals that fit their shape; and the flat face (t,) that each is a part of.
+
+    asked : (t,) triangles that were wanted to begin with; is_used : vertices at their corners
+    """
     is_bad = contradicted(v, v.normal, is_used)
     if is_bad.any():
         n = len(v.at)
         bad = np.concatenate([v.start[is_bad] * n + v.end[is_bad], v.end[is_bad] * n + v.start[is_bad]])
-        wanted &= ~np.isin(v.of_corner * n + np.roll(v.of_corner, -1, axis=1), bad).any(axis=1)
+        wanted = wanted & ~np.isin(v.of_corner * n + np.roll(v.of_corner, -1, axis=1), bad).any(axis=1)
+
     # a flat face in parts is curved as a whole or not at all
     is_flat = is_joined & (np.abs(taken(facets, edges.first) - taken(facets, edges.second)).max(axis=1) < COPLANAR)
-    face = components(len(triangles), edges.first[is_flat], edges.second[is_flat])
-    wanted &= ~np.isin(face, face[asked & ~wanted])
+    face = components(len(wanted), edges.first[is_flat], edges.second[is_flat])
+    wanted = wanted & ~np.isin(face, face[asked & ~wanted])
+
     # nor is it when nothing around it is
     among = is_joined & ~is_flat & wanted[edges.first] & wanted[edges.second]
-    wanted &= np.isin(face, face[np.concatenate([edges.first[among], edges.second[among]])])
-    is_used[:] = False
-    is_used[v.of_corner[wanted]] = True
-    yield 0
-    fields = fit_fields(v, is_used)
+    return wanted & np.isin(face, face[np.concatenate([edges.first[among], edges.second[among]])]), face
 
-    chosen = np.flatnonzero(wanted)
+
+def _fit_faces(
+    v: Vertices, fields: Fields, corners: Floats, facets: Floats, chosen: Ints
+) -> Pauses[tuple[_Faces, Bools]]:
+    """Faces over chosen triangles (n,), and which of them stay near their facets."""
     coefficients, own = np.empty((len(chosen), N_TERMS, 3)), np.empty((len(chosen), len(AT), 3))
     is_whole, is_swollen = np.empty((2, len(chosen)), bool)
     for k in range(0, len(chosen), CHUNK):
@@ -179,51 +248,38 @@ def make_curved(
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
-    if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
-        is_whole &= ~np.isin(face[chosen], face[chosen[is_swollen]])
-    if not is_whole.all():
-        chosen, coefficients, own, is_swollen = (x[is_whole] for x in (chosen, coefficients, own, is_swollen))
-    vertex, beside = v.of_corner[chosen], Beside.of(chosen, len(triangles), edges, is_joined)
-    yield 0
-    agreed, jump = agree(own, taken(v.normal, vertex), area[chosen], beside)
-    yield 0
-    is_doubted = np.zeros(len(triangles), bool)
-    if is_automatic:
-        is_trusted = ~is_swollen & trusted(
-            taken(corners, chosen), coefficients, taken(v.normal, vertex), vertex, agreed, jump
-        )
-        if not is_trusted.all():
-            is_trusted &= ~np.isin(face[chosen], face[chosen[~is_trusted]])
-            is_doubted[chosen] = ~is_trusted
-            chosen, coefficients, own = chosen[is_trusted], coefficients[is_trusted], own[is_trusted]
-            vertex, beside = vertex[is_trusted], Beside.of(chosen, len(triangles), edges, is_joined)
-    if not len(chosen):
-        return None, is_doubted
+    return _Faces(chosen, coefficients, own, is_swollen), is_whole
 
-    # drawn faces have the normals that were given: so have the faces around its vertices
-    is_drawn = np.zeros(len(v.at), bool)
-    is_drawn[v.of_corner[beside.row < 0]] = True
-    normal = np.where(is_drawn[:, None], given, v.normal)
-    if len(chosen) < len(triangles):
-        yield 0
-        agreed, jump = agree(own, taken(normal, vertex), area[chosen], beside)
 
-    yield 0
+def _are_trusted(v: Vertices, faces: _Faces, face: Ints, corners: Floats, agreed: Floats, jump: Floats) -> Bools:
+    """Which faces (n,) are nearer to the surface meant than their facets; all parts of a flat face (t,), or none."""
+    vertex, of_face = v.of_corner[faces.chosen], face[faces.chosen]
+    is_trusted = ~faces.is_swollen & trusted(
+        taken(corners, faces.chosen), faces.coefficients, taken(v.normal, vertex), vertex, agreed, jump
+    )
+    return is_trusted if is_trusted.all() else is_trusted & ~np.isin(of_face, of_face[~is_trusted])
+
+
+def _put_together(
+    corners: Floats, vertex: Ints, normal: Floats, faces: _Faces, agreed: Floats, jump: Floats, beside: Beside
+) -> CurvedFaces:
+    """The curved faces, with straight edges and terms of their normals where they need them."""
+    coefficients = faces.coefficients
     is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
-    bent_row = np.full(len(chosen), -1, np.int32)
+    bent_row = np.full(len(vertex), -1, np.int32)
     bent_row[held] = np.arange(len(held))
     bent = coefficients[held]
     offsets = np.matmul(AT_NODES, bent)
     offsets[:, :N_ON_EDGES] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
     coefficients[held] = np.matmul(FROM_NODES, offsets)
 
-    off = length_of(np.concatenate([agreed, taken(normal, vertex)], axis=1) - own).max(axis=1)
+    off = length_of(np.concatenate([agreed, taken(normal, vertex)], axis=1) - faces.own).max(axis=1)
     with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREE))
-    normal_row = np.full(len(chosen), -1, np.int32)
+    normal_row = np.full(len(vertex), -1, np.int32)
     normal_row[with_terms] = np.arange(len(with_terms))
     normal_terms = np.matmul(FROM_NODES, agreed[with_terms] - np.matmul(NODES, taken(normal, vertex[with_terms])))
-    curved = CurvedFaces(
+    return CurvedFaces(
         corners=corners,
         row=beside.row,
         coefficients=by_term(coefficients),
@@ -237,4 +293,3 @@ def make_curved(
         bent_row=bent_row,
         bent=bent,
     )
-    return curved, is_doubted

@@ -204,11 +204,7 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
 
     plane = display_plane(rig.display, parts.surfaces[-1])
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
-    arrays = {
-        len(solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
-        for i, plate in enumerate(rig.plates)
-        if plate.array is not None
-    }
+    arrays = _array_frames(rig, parts)
     is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
     rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
     n_sheets = len(parts.sheets)
@@ -292,6 +288,15 @@ def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable
         )
 
     return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
+
+
+def _array_frames(rig: Rig, parts: _Parts) -> dict[int, ArrayFrame]:
+    """Where the mirror arrays of plates stand, by the number of their part; plates are the first sheets."""
+    return {
+        len(parts.solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
+        for i, plate in enumerate(rig.plates)
+        if plate.array is not None
+    }
 
 
 def _corner_normals(surfaces: list[Surface]) -> Floats | None:

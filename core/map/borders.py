@@ -132,11 +132,16 @@ def cut(
 
     last = np.concatenate(last)
     expect(_rays_to_come(points, last, chaotic, QUARTERINGS + 1, 0, plan.settings.effort))
-    branch = points.branch[last]
+    points, of_last = yield from _cut_last(plan, points, last)
+    return Pieces(points, np.concatenate(quads), np.concatenate([*triangles, of_last]), np.concatenate(chaotic))
+
+
+def _cut_last(plan: Plan, points: Points, triangles: Ints) -> Generator[int, None, tuple[Points, Ints]]:
+    """Cut triangles (m, 3) that are not looked into any further: all points, and the lit pieces (t, 3)."""
+    branch = points.branch[triangles]
     is_one = (branch == branch[:, :1]).all(axis=1)
-    points, pieces, _ = yield from _cut(plan, points, last[~is_one])
-    triangles = np.concatenate([*triangles, last[is_one & (branch[:, 0] != 0)], pieces])
-    return Pieces(points, np.concatenate(quads), triangles, np.concatenate(chaotic))
+    points, pieces, _ = yield from _cut(plan, points, triangles[~is_one])
+    return points, np.concatenate([triangles[is_one & (branch[:, 0] != 0)], pieces])
 
 
 def _rays_to_come(
