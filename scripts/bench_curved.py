@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 from reference_rigs import bottle, icosphere, mean_normals, rig, torus, uv_ellipsoid, wavy_slab
 
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 

@@ -36,7 +36,7 @@ from reference_rigs import glass_rig
 
 from kiriko.core import kernel
 from kiriko.core.image.ghosts import Paths
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
 from kiriko.core.rig import Mesh, Rig, Viewer
 from kiriko.core.settings import Settings

@@ -19,7 +19,7 @@ from bench_surface import BALL, OPTIONS, SHAPES, TORUS, judged
 from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, torus
 
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh, SurfaceChoice
 from kiriko.core.settings import Settings

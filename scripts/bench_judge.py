@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
 
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import Plan, make_plan
+from kiriko.core.light.plan import Plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import CHUNK, _following
 from kiriko.core.rig import Mesh

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from reference_rigs import ball_rig, rectangle
 
 from kiriko.core.light.optics import transmittance
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import PRESETS, MirrorArray, Plate

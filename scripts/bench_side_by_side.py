@@ -30,7 +30,7 @@ from environments import machine
 from kiriko.core import kernel
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.landings import Landings
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.settings import Settings

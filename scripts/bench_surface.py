@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from reference_rigs import mean_normals, rig, torus, uv_ellipsoid, wavy_slab
 
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings

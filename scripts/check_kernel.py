@@ -27,7 +27,7 @@ from environments import ROOT, ToolError, can_install, clean_environment, instal
 from kiriko.core import kernel
 from kiriko.core.kernel.plans import made_of
 from kiriko.core.kernel.structures import Made
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings

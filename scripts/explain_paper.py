@@ -33,7 +33,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.glass.motion import Motion
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.seen_image import lattice_shift
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import WAVELENGTH, Picture, Rig
 from kiriko.core.settings import Settings

@@ -35,7 +35,7 @@ from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Rig
 from kiriko.core.settings import Settings

@@ -23,7 +23,7 @@ from kiriko.core.arrays import Floats
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.optics import reflect
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import PRESETS, Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..arrays import Floats
 from ..light.kept import Kept
-from ..light.plan import Plan, make_plan
+from ..light.plan import Plan
+from ..light.planning import make_plan
 from ..light.trace import trace_all
 from ..rig import Rig
 from ..settings import Settings

@@ -18,7 +18,8 @@ from ..bench.placement import lattice
 from ..errors import RigError
 from ..image.picture import of_square, picture_from_view
 from ..image.seen_image import lattice_shift
-from ..light.plan import Plan, make_plan
+from ..light.plan import Plan
+from ..light.planning import make_plan
 from ..light.trace import trace_all
 from ..rig import Rig
 from ..settings import MOST_TOLERANCE, Settings

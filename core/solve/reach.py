@@ -8,7 +8,8 @@ from time import perf_counter
 import numpy as np
 
 from ..light.kept import Kept
-from ..light.plan import Plan, planning
+from ..light.plan import Plan
+from ..light.planning import planning
 from ..light.rays import ReachedError
 from ..map.sampling import Sampling
 from ..map.view_map import ViewMap

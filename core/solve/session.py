@@ -19,7 +19,8 @@ from ..image.pyramid import Pyramid
 from ..image.simulation import PlateView, plate_view
 from ..light.kept import Kept
 from ..light.landings import Reason
-from ..light.plan import Plan, make_plan
+from ..light.plan import Plan
+from ..light.planning import make_plan
 from ..map.share_batches import ShareBatches
 from ..map.view_map import ViewMap
 from ..rig import Picture, Rig

@@ -14,7 +14,8 @@ from ..glass.quartics import N_TERMS, POWERS
 from ..kinds import Kind
 from ..light.display import display_pixel
 from ..light.landings import Landings
-from ..light.plan import Plan, planning
+from ..light.plan import Plan
+from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
 from ..rig import Glass, Mirror, Rig, Viewer

@@ -104,7 +104,7 @@ def landing_error(a_rig: Rig, found_rig: Any, through: Callable[..., tuple[Float
     """
     x, y = np.meshgrid(np.linspace(0.3, a_rig.viewer.width - 0.4, 33), np.linspace(0.2, a_rig.viewer.height - 0.3, 33))
     at = np.stack([x.ravel(), y.ravel()], axis=1)
-    plan = core("light.plan").make_plan(found_rig, core("settings").Settings())
+    plan = core("light.planning").make_plan(found_rig, core("settings").Settings())
     found = core("light.trace").trace_all(plan, *found_rig.viewer.rays(at))
     o, d = a_rig.viewer.rays(at)
     return furthest(a_rig, found, through(o, d))

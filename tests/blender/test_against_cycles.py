@@ -68,7 +68,7 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
 def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     """The ball of Add Rig, read back from Blender: landings within 0.05 display px rms of the analytic ball."""
     from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.settings import Settings
 

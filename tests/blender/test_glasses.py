@@ -10,7 +10,7 @@ from reference_rigs import glass_rig
 
 from kiriko.core import kernel
 from kiriko.core.kinds import Kind
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted

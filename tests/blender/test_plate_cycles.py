@@ -37,7 +37,7 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
         "blender.plate",
         "blender.preview",
         "blender.scene",
-        "light.plan",
+        "light.planning",
         "light.plate",
         "light.trace",
         "settings",
@@ -135,7 +135,7 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
     rig = reading.rig
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
-        plan = core.light.plan.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
+        plan = core.light.planning.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
         landings = core.light.trace.trace_all(plan, origins, directions, light=light)
         u, v = (landings.xy / [rig.display.width, rig.display.height]).T
         ours = np.stack([u, 1 - v], axis=1)

@@ -20,7 +20,7 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
         "blender.preview",
         "blender.nested_glass",
         "blender.scene",
-        "light.plan",
+        "light.planning",
         "light.trace",
         "settings",
         "errors",
@@ -51,7 +51,7 @@ def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     reading = core.blender.scene.read(bpy.context)
     by_cycles = core.blender.preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
-    plan = core.light.plan.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
+    plan = core.light.planning.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
     viewer, display = reading.rig.viewer, reading.rig.display
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
     landings = core.light.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))

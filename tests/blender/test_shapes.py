@@ -56,7 +56,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     """
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.blender.preview import render_map
-    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.settings import Settings
 
@@ -114,7 +114,7 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     from work import is_sampled
 
     from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.light.plan import make_plan
+    from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample
     from kiriko.core.settings import Settings

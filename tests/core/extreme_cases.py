@@ -10,7 +10,7 @@ from reference_rigs import box, icosphere, rectangle, rig
 
 from kiriko.core.errors import KirikoError
 from kiriko.core.light.landings import Landings
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Glass, Mesh, Rig
 from kiriko.core.settings import Settings

@@ -36,7 +36,7 @@ from reference_rigs import box, icosphere, rig, uv_ellipsoid
 
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import refract
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import tracing
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.settings import Settings

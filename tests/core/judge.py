@@ -15,7 +15,7 @@ from reference_rigs import box, rig
 
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import refract
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, PlatePath
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh, MirrorArray, Rig

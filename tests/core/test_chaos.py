@@ -15,7 +15,7 @@ from work import drain, solve
 
 from kiriko.core import free_memory
 from kiriko.core.errors import RigError
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.points import Points
 from kiriko.core.map.samples import strata

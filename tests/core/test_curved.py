@@ -27,7 +27,7 @@ from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.tessellate import tessellate
 from kiriko.core.light.hits import Hits
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh

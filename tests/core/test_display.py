@@ -9,7 +9,7 @@ from work import solve
 
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.display import display_plane, uv_islands
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings

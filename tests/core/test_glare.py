@@ -14,7 +14,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
 from kiriko.core.image.simulation import LUMINANCE
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
 from kiriko.core.measure.choices import measure_choices

@@ -10,7 +10,7 @@ from marks import CASES
 from reference_rigs import rig
 
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.settings import Settings

@@ -49,7 +49,7 @@ from kiriko.core.light import plate, ray_engine, thin_parts
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import courses, trace_all, tracing

@@ -13,7 +13,7 @@ from kiriko.core import kernel
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh

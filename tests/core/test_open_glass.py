@@ -10,7 +10,7 @@ from work import drain, solve
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, refract
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import _Sides, trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.settings import Settings

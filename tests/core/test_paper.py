@@ -6,7 +6,7 @@ from paper import GAP, half_before, infloasion
 from reference_rigs import box, cube_rig, rig
 
 from kiriko.core.light.optics import refract
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass

@@ -18,7 +18,7 @@ from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.kinds import Kind
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
 from kiriko.core.light.sheets import find_sheets
 from kiriko.core.light.trace import trace

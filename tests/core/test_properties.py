@@ -16,7 +16,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.light.landings import REASON_WORDS, Reason
 from kiriko.core.light.optics import reflect, refract
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import _following, trace_all
 from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror

@@ -8,7 +8,7 @@ from reference_rigs import ball_rig, box, icosphere, rig
 from work import drain, solve
 
 from kiriko.core.light.kept import Kept
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import ReachedError
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.sampling import sample

@@ -9,7 +9,7 @@ from extreme_cases import changed, joined
 from reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, mean_normals, rig, torus
 from work import drain, solve
 
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig import Mesh

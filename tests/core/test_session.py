@@ -28,7 +28,7 @@ from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light import ray_engine
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import rasterise, share_batches
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh

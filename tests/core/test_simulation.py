@@ -10,7 +10,7 @@ from work import drain, solve
 
 from kiriko.core.image import simulation
 from kiriko.core.image.simulation import LUMINANCE, simulate
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Display, MirrorArray

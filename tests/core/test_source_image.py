@@ -9,7 +9,7 @@ from reference_rigs import ball_rig, box, cube_rig, rig
 from work import drain, solve
 
 from kiriko.core.image.source_image import grow, splat
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 

@@ -5,7 +5,7 @@ from reference_rigs import icosphere
 
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from kiriko.core.bench.spread import SEVERAL, Spread, part_of_picture, points_of, spread_of
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish

@@ -26,7 +26,7 @@ from reference_rigs import ball_rig, bottle, mean_normals, rig, torus
 from kiriko.core import kernel
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.settings import Settings
 from kiriko.core.rig import MirrorArray
 from kiriko.core.solve.session import Session

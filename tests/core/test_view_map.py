@@ -11,7 +11,7 @@ from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle
 from work import drain, is_sampled, solve
 
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.points import is_seen
 from kiriko.core.map.sampling import sample

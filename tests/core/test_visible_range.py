@@ -10,7 +10,7 @@ from work import drain
 from kiriko.core.bench.visible_range import FINE, STEPS, visible_range
 from kiriko.core.errors import RigError
 from kiriko.core.light import trace
-from kiriko.core.light.plan import make_plan
+from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Mesh, MirrorArray
 from kiriko.core.settings import Settings

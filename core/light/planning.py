@@ -1,0 +1,256 @@
+"""Makes a rig ready to be traced, as far as its parts ask for it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Floats, Ints
+from ..fingerprint import fingerprint
+from ..glass.motion import Motion
+from ..glass.surfaces import Surface
+from ..kinds import Kind
+from ..rig import Glass, Rig
+from ..settings import Settings
+from ..steps import Pauses, finish
+from .checks import check_viewer_outside
+from .display import display_plane
+from .engines import engine_kind
+from .kept import Kept
+from .layers import group_parts, grown, make_layer, triangles_of_boxes
+from .media import Media, make_media
+from .plan import LayerParts, Plan
+from .plate import ArrayFrame, array_frame
+from .ray_engine import FLOAT32, Layer
+from .sheets import find_clear, find_sheets, mirrors_among, read_sheets
+from .thin_parts import ThinParts
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A solid of a glass of that number, where it is; where it was made, under its key; how it came from there."""
+
+    surface: Surface
+    key: str
+    number: int
+    glass: Glass
+    made: Surface
+    motion: Motion | None
+
+    @property
+    def key_here(self) -> str:
+        return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
+
+    solids: list[_Solid]
+    sheets: list[tuple[Kind, Surface, str]]
+
+    @cached_property
+    def surfaces(self) -> list[Surface]:
+        return [*(solid.surface for solid in self.solids), *(surface for _, surface, _ in self.sheets)]
+
+    @cached_property
+    def keys(self) -> list[str]:
+        return [*(solid.key_here for solid in self.solids), *(key for *_, key in self.sheets)]
+
+    @cached_property
+    def kind(self) -> Ints:
+        return np.array([Kind.GLASS] * len(self.solids) + [kind for kind, *_ in self.sheets])
+
+    @cached_property
+    def starts(self) -> Ints:
+        """The first triangle (p + 1,) of each, and the number of all."""
+        return np.cumsum([0] + [len(surface.corners) for surface in self.surfaces])
+
+    def joined(self, name: str) -> np.ndarray:
+        """A column of the surfaces, of all triangles."""
+        return np.concatenate([getattr(surface, name) for surface in self.surfaces])
+
+    def of_glass(self, name: str, rig: Rig) -> tuple[int, ...]:
+        """Sums of a number of the solids, for each glass of a rig."""
+        return tuple(sum(getattr(s.surface, name) for s in self.solids if s.glass is glass) for glass in rig.glasses)
+
+    def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
+        """The same, then of each mirror."""
+        of_mirrors = (getattr(surface, name) for kind, surface, _ in self.sheets if kind == Kind.MIRROR)
+        return *self.of_glass(name, rig), *of_mirrors
+
+
+def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_Solid]]:
+    """All solids of a rig but those of glasses with these numbers."""
+    solids = []
+    for number, glass in enumerate(rig.glasses):
+        if number in aside:
+            continue
+        key, made, motion = yield from kept.get_solids(glass.mesh)
+        here = made if motion is None else [surface.moved(motion) for surface in made]
+        for surface in here:
+            check_viewer_outside(rig, glass, surface)
+        solids += [_Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))]
+    return solids
+
+
+def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Plan:
+    """Make a rig ready to be traced, as by `planning`."""
+    return finish(planning(rig, settings, kept, aside))
+
+
+def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Pauses[Plan]:
+    """Make a rig ready to be traced.
+
+    Parameters
+    ----------
+    kept : solids and layers of an earlier plan, to be used again where nothing has changed
+    aside : numbers of glasses to leave out until a ray comes near them: tracing such a ray raises rays.ReachedError
+
+    Raises
+    ------
+    RigError, MeshError
+        One sentence on the fault of the rig.
+    """
+    rig.check()
+    kept = kept or Kept()
+    boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
+    parts = _Parts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
+    solids = [solid.surface for solid in parts.solids]
+
+    # vertices and places are float32: faces of glass that are closer than their rounding touch
+    boxes = np.stack([surface.bounds for surface in parts.surfaces])
+    touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
+    media = make_media(solids, [solid.glass for solid in parts.solids], touching, settings.wavelength)
+    layers, layer_parts = yield from _make_layers(parts, media, touching, kept)
+    thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
+    kept.forget()
+    yield 0
+
+    plane = display_plane(rig.display, parts.surfaces[-1])
+    is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
+    arrays = _array_frames(rig, parts)
+    is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
+    rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
+    n_sheets = len(parts.sheets)
+    return Plan(
+        rig=rig,
+        settings=settings,
+        normals=parts.joined("normals"),
+        corner_normals=_corner_normals(parts.surfaces),
+        is_bent=parts.joined("is_bent"),
+        patch=np.concatenate([s.patch + start for s, start in zip(parts.surfaces, parts.starts, strict=False)]),
+        part=np.repeat(np.arange(len(parts.surfaces)), np.diff(parts.starts)),
+        kind=parts.kind,
+        is_closed=np.array([surface.n_open == 0 for surface in parts.surfaces]),
+        cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
+        bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
+        sheet=find_sheets(parts.surfaces, parts.kind),
+        open_parts=tuple((i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open),
+        owner=np.array([*(solid.number for solid in parts.solids), *mirrors_among(rig, parts.sheets)]),
+        media=media,
+        layers=layers,
+        layer_parts=layer_parts,
+        thin_parts=thin_parts,
+        display_start=int(parts.starts[-2]),
+        display_plane=plane,
+        aside=aside,
+        aside_boxes=boxes_aside,
+        arrays=arrays,
+        is_clear=is_clear,
+        merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
+        used=tuple(name for name, (is_used, _) in rules.items() if is_used),
+        left_out=(
+            *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
+            *(f"'{rig.glasses[i].name}' (no light comes near it)" for i in aside),
+        ),
+        n_open=parts.of_glass("n_open", rig),
+        n_contradicted=parts.of_curved("n_contradicted", rig),
+        n_doubted=parts.of_curved("n_doubted", rig),
+        n_curved=parts.of_curved("n_curved", rig),
+    )
+
+
+def _make_layers(
+    parts: _Parts, media: Media, touching: float, kept: Kept
+) -> Pauses[tuple[tuple[Layer, ...], tuple[LayerParts, ...]]]:
+    """Layers, and the contents of each. A layer of solids that were moved together is moved as a whole."""
+    layers, layer_parts, n_solids = [], [], len(parts.solids)
+    for group in group_parts(parts.surfaces, touching):
+        motions = [parts.solids[i].motion if i < n_solids else None for i in group]
+        if motions[0] is not None and all(motion is motions[0] for motion in motions):
+            members, names = [parts.solids[i].made for i in group], [parts.solids[i].key for i in group]
+        else:
+            members, names, motions[0] = [parts.surfaces[i] for i in group], [parts.keys[i] for i in group], None
+        layer = kept.get("+".join(names), lambda members=members: make_layer(members))
+        layers.append(layer if motions[0] is None else layer.moved(motions[0]))
+        yield 0
+
+        numbers = np.concatenate([np.arange(*parts.starts[i : i + 2]) for i in group])
+        solid = [i for i in group if i < n_solids]
+        is_closed = np.array([parts.surfaces[i].n_open == 0 for i in solid], bool)
+        closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
+        np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * is_closed)
+        np.bitwise_or.at(every, media.cluster[solid], media.bit[solid])
+        layer_parts.append(LayerParts(numbers, closed, every if len(solid) == len(group) else None))
+    return tuple(layers), tuple(layer_parts)
+
+
+def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
+    """Gives all that rays may pass near: all triangles, and the boxes (a, 2, 3) of glass that stands aside."""
+    walls = triangles_of_boxes(boxes_aside)
+    number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
+    surfaces, starts = parts.surfaces, parts.starts
+
+    def find() -> ThinParts:
+        corners = np.concatenate([surface.corners for surface in surfaces])
+        patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
+        part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
+        return ThinParts(
+            np.concatenate([corners, walls]),
+            np.concatenate([patch, number + len(corners)]),
+            np.concatenate([part, number + len(surfaces)]),
+        )
+
+    return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
+
+
+def _array_frames(rig: Rig, parts: _Parts) -> dict[int, ArrayFrame]:
+    """Where the mirror arrays of plates stand, by the number of their part; plates are the first sheets."""
+    return {
+        len(parts.solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
+        for i, plate in enumerate(rig.plates)
+        if plate.array is not None
+    }
+
+
+def _corner_normals(surfaces: list[Surface]) -> Floats | None:
+    """Normals (t, 3, 3) at the corners of all triangles, 0 where they are those of the face; None where all are."""
+    if all(surface.corner_normals is None for surface in surfaces):
+        return None
+    return np.concatenate([
+        np.zeros_like(surface.corners) if surface.corner_normals is None else surface.corner_normals
+        for surface in surfaces
+    ])  # fmt: skip
+
+
+def _rules(
+    parts: _Parts, layers: tuple[Layer, ...], media: Media, has_arrays: bool, is_sent_on: bool, settings: Settings
+) -> dict[str, tuple[bool, str | None]]:
+    """The needs of a plan: whether this one has them, and why not. is_sent_on: beyond plates is one display."""
+    no_kernel = kernel.left_out(layers)
+    has_engine = any(layer.has_engine for layer in layers)
+    no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None
+    engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
+    return {
+        "compiled kernel": (no_kernel is None, no_kernel),
+        engine: (no_engine is None, no_engine),
+        "curved faces": (any(s.curved is not None for s in parts.surfaces), "no face that may be curved turns far"),
+        "bent normals": (any(s.corner_normals is not None for s in parts.surfaces), "no flat face has any"),
+        "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
+        "mirror array": (has_arrays, "the plate is ideal"),
+        "rays beyond the plate": (not is_sent_on, "a flat display is all there is"),
+        "Fresnel": (settings.brightness, "brightness is not asked for"),
+    }

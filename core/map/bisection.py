@@ -1,0 +1,163 @@
+"""Where the border between two branches crosses the edges of cells, and the pieces that it cuts them into."""
+
+from collections.abc import Generator
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Floats, Ints, taken
+from ..light.landings import Words
+from ..light.plan import Plan
+from ..light.trace import courses
+from .points import CHUNK, Points, trace_points
+
+LEAST_DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
+OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, in viewer pixels
+MOST_DIGITS = 4  # that are found in one step
+BATCH = 8192  # rays that numpy traces in not much more time than a few
+KERNEL_BATCH = 512  # and the kernel
+
+
+def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
+    """Courses (n, m) of viewer points (n, 2); yields the number of rays after each chunk of them."""
+    parts = []
+    for first in range(0, len(view), CHUNK):
+        parts.append((yield from courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK]))))
+        yield len(parts[-1])
+    width = max((part.shape[1] for part in parts), default=1)
+    return np.concatenate(
+        [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts] or [np.empty((0, 1), np.uint64)]
+    )
+
+
+def cut_cells(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """Cut cells (m, k) with k corners; returns all points, triangles (t, 3) and the cells (t,) they are pieces of.
+
+    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point on the
+    corner's own branch and the first on the next corner's. The places on one branch, in order, are a convex piece.
+    """
+    (m, k), n = cells.shape, len(points)
+    if not m:
+        return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    cells = cells.astype(np.int64)
+    branch = points.branch[cells]
+    following = np.roll(cells, -1, axis=1)
+    differs = branch != np.roll(branch, -1, axis=1)
+    # each border is looked for once, from each of its two sides that has a landing
+    sides = np.concatenate([
+        np.stack([cells, following], axis=2)[differs & (branch != 0)],
+        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
+    ])  # fmt: skip
+    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    border = yield from _both_ways(plan, points, key // n, key % n)
+    # places: 0 where there is none, else 1 + index of the point
+    places = np.zeros((m, k, 3), np.int64)
+    places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
+    n_from_corner = int((differs & (branch != 0)).sum())
+    number = inverse.ravel() + n + 1
+    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
+    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
+    group = yield from _groups(plan, points, cells)
+    place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 3 * k)
+    places = places.reshape(m, 3 * k)
+    # a leader that leads no corner gives no piece
+    pieces = [_fans(places, (places > 0) & (place_group == leader)) for leader in range(k)]
+    triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    return points.and_more(border), triangles - 1, owner
+
+
+def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
+    """Triangles (t, 3) of convex polygons, whose corners are the members of each row in order, and the rows (t,)."""
+    members = places[is_member]
+    n_corners = is_member.sum(axis=1)
+    first = np.cumsum(n_corners) - n_corners
+    fans, rows = [], []
+    for k in range(1, places.shape[1] - 1):
+        row = np.flatnonzero(n_corners > k + 1)
+        fans.append(members[first[row, None] + np.array([0, k, k + 1])])
+        rows.append(row)
+    return np.concatenate(fans), np.concatenate(rows)
+
+
+def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
+    """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
+
+    Opposite corners on one branch between two that are not belong together only when the middle is on it too.
+    """
+    branch = points.branch[cells]
+    same = branch[:, :, None] == branch[:, None, :]
+    k = cells.shape[1]
+    if k == 4:
+        corner = np.arange(k)
+        opposite = np.abs(corner[:, None] - corner) == 2
+        beside = same & ~opposite & ~np.eye(k, dtype=bool)
+        alone = ~beside.any(axis=2)
+        saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
+        if saddle.any():
+            middle = yield from trace_points(plan, points.view[cells[saddle]].mean(axis=1))
+            holds = middle.branch[:, None] == branch[saddle]
+            split = alone[saddle] & ~holds
+            same[saddle] &= ~(opposite[None] & split[:, :, None])
+    return np.where(branch != 0, same.argmax(axis=2), -1)
+
+
+def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[int, None, Points]:
+    """Last points (n,) on the branch of points `near` (n,) towards points `far`, sorted by near, then far.
+
+    Where both have a landing the other's branch most often begins where the one's ends: it is looked for there first.
+    """
+    n = len(points)
+    key, back = near * n + far, far * n + near
+    at = np.minimum(np.searchsorted(key, back), len(key) - 1)
+    is_second = (key[at] == back) & (near > far)
+    first, second = np.flatnonzero(~is_second), np.flatnonzero(is_second)
+    place, found = yield from _last_on_branch(plan, points, near[first], far[first], np.ones(len(first)))
+    if not len(second):
+        return found
+    rank = np.empty(len(key), np.int64)
+    rank[first] = np.arange(len(first))
+    end = np.minimum(1 - place[rank[at[second]]], 1.0)
+    _, others = yield from _last_on_branch(plan, points, near[second], far[second], end)
+    order = np.argsort(np.concatenate([first, second]))
+    return found.and_more(others).at(order)
+
+
+def _last_on_branch(
+    plan: Plan, points: Points, near: Ints, far: Ints, end: Floats
+) -> Generator[int, None, tuple[Floats, Points]]:
+    """Last points (n,) on the branch of points `near` towards points `far`, by bisection in several parts.
+
+    They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first unless it is `far`.
+    Returned before the points is where (n,) the branch has ended.
+    """
+    xy, throughput = taken(points.xy, near), points.throughput[near]
+    a, b = taken(points.view, near), taken(points.view, far)
+    low, width = np.zeros(len(near)), end.copy()
+    course = yield from _courses(plan, a)
+    todo = np.arange(len(near))
+    digits = max(LEAST_DIGITS, int(np.ceil(-np.log2(OF_TOLERANCE * plan.settings.tolerance))))
+    # where several borders cross one way the kernel and numpy may thus find different ones
+    batch = BATCH if kernel.left_out(plan.layers) else KERNEL_BATCH
+    parts = 1
+    while len(todo):
+        # the first time the end alone is tried; then several places at once, the more the fewer borders there are: a
+        # batch of rays costs as much as hundreds of its rays
+        steps = np.arange(1, parts)[:, None] / parts if parts > 1 else np.ones((1, 1))
+        at = low[todo] + width[todo] * steps
+        view = (a[todo] + at[..., None] * (b - a)[todo]).reshape(-1, 2)
+        if parts > 1 or (end < 1).any():
+            found = yield from trace_points(plan, view, np.tile(course[todo], (len(steps), 1)))
+            holds = found.branch.reshape(at.shape) == points.branch[near[todo]]
+            n_held = np.logical_and.accumulate(holds).sum(axis=0)
+            held = np.flatnonzero(n_held)
+            last = (n_held[held] - 1) * len(todo) + held
+            xy[todo[held]], throughput[todo[held]] = found.xy[last], found.throughput[last]
+            width[todo] /= parts
+            low[todo] += width[todo] * n_held
+            if parts == 1:
+                width[todo[held]] = 0.0
+        todo = todo[width[todo] > 2.0**-digits]
+        left = digits + np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))
+        parts = 2 ** int(np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, MOST_DIGITS))))
+    landed = Points(a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput)
+    return low + width, landed
