@@ -1,6 +1,6 @@
 """How long it takes to rasterise cells and to paint through the shares: medians of a few runs.
 
-Run it with `.dev/link` on PYTHONPATH: `PYTHONPATH=.dev/link python scripts/bench_shares.py [--runs N] [--large]`.
+Run it so: `PYTHONPATH=.dev/link:tests/core python scripts/bench_shares.py [--runs N] [--large]`.
 """
 
 import argparse

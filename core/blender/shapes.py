@@ -17,7 +17,6 @@ from .picture import read_pixels, stored_pixels
 from .plane import chosen_image
 
 MAPPED = {"DISPLAY", "PICTURE"}  # roles whose UV map counts
-
 CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
 
 

@@ -1,6 +1,6 @@
 """The compiled kernel: follows rays, divides cells, paints shares, fits curved faces, one by one, not many at once.
 
-These are the ways of `trace.py`, `shares.py`, `source_image.py` and `surface_fit.py`, with the same tests and slacks.
+These are the ways of `trace.py`, `rasterise.py`, `source_image.py` and `surface_fit.py`, with the same slacks.
 
 It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel` and loaded by
 ctypes, which lets go of Python's lock during each call. numpy's way stays the reference, and takes the place of the
@@ -49,7 +49,7 @@ __all__ = [
 EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
 MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
 LIGHTS = "imaged", "folded", "reflected"
-STATE = {  # of trace.py's Rays: what the kernel reads and writes where it is
+STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
     **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),

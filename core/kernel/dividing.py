@@ -1,4 +1,4 @@
-"""Divides cells among display pixels, and adds shares up, as `shares.py` does, one by one."""
+"""Divides cells among display pixels, and adds shares up, as `rasterise.py` and `shares.py` do, one by one."""
 
 import ctypes
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,5 @@
-/* Fits curved faces: vertex by vertex and face by face what core/glass/surface_fit.py does for many at once. */
+/* Fits curved faces: vertex by vertex and face by face what vertex_fields.py, vertex_normals.py and surface_fit.py
+   of core/glass do for many at once. */
 
 #include <string.h>
 
@@ -6,9 +7,9 @@
 
 #define FITTED_AT_ONCE 256 /* vertices or faces, as in fitting.py */
 #define N_NODES 12
-#define LEAST_UPRIGHT 0.2 /* as in surface_fit.py, like the next two */
+#define LEAST_UPRIGHT 0.2 /* as in vertex_fields.py, like the next */
 #define LEAST_DISTANCE 1e-12
-#define STEPS 2
+#define STEPS 2 /* as in surface_fit.py */
 
 static const int POWERS[N_TERMS][2] = {{1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}, {3, 0}, {2, 1},
                                        {1, 2}, {0, 3}, {4, 0}, {3, 1}, {2, 2}, {1, 3}, {0, 4}};
@@ -264,7 +265,7 @@ static void find_some_offsets(void *context, int64_t first, int64_t last) {
 }
 
 /* Add the offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3) to zeros; nodes (12, 3) and weights
-   (12, 3) are those of curved.py and surface_fit.py. */
+   (12, 3) are those of quartics.py and surface_fit.py. */
 KIRIKO_API void kiriko_find_offsets(const Fit *fit, const double *coefficients, const double *nodes,
                                     const double *weights, const int64_t *corner, int64_t n, double *offsets,
                                     int64_t n_threads) {

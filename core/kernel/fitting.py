@@ -1,4 +1,4 @@
-"""Fits curved faces, as `surface_fit.py` does, vertex by vertex and face by face."""
+"""Fits curved faces vertex by vertex and face by face, as `surface_fit.py` and the files that it asks do at once."""
 
 import ctypes
 from typing import TYPE_CHECKING

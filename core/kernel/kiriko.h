@@ -123,7 +123,7 @@ typedef struct {
     double display_size[2];
 } Plan;
 
-/* State of n rays, as trace.py's _Rays has it, and what is written down of their ways. */
+/* State of n rays, as rays.py's Rays has it, and what is written down of their ways. */
 typedef struct {
     double *positions, *directions;    /* (n, 3) */
     uint64_t *mask;
@@ -153,7 +153,7 @@ typedef struct {
     double facing[3], normal[3];       /* of curved faces, not unit */
 } Hit;
 
-/* Cells to be divided among the pixels of a display, where to go on, and room for shares, as shares.py has them. */
+/* Cells to be divided among the pixels of a display, where to go on, and room for shares, as rasterise.py has them. */
 typedef struct {
     const double *view, *display;      /* (n_cells, n_corners, 2) viewer px and display px */
     int64_t n_cells, n_corners, width, height;
@@ -185,7 +185,7 @@ typedef struct {
     int64_t width, height;
 } Level;
 
-/* Vertices over which the surface is a height field, and those of them that are wanted, as surface_fit.py has them. */
+/* Vertices over which the surface is a height field, and those of them that are wanted, as vertices.py has them. */
 typedef struct {
     const double *at, *normal;         /* (f, 3) */
     const double *axis_x, *axis_y;     /* (f, 3) */

@@ -1,8 +1,8 @@
-/* Paints shares: one by one what find_taps of core/image/picture.py and core/image/source_image.py do for many at once. */
+/* Paints shares: one by one what core/image/pyramid.py and core/image/source_image.py do for many at once. */
 
 #include "kiriko.h"
 
-#define LEAST 1e-100 /* as in picture.py, like the next three */
+#define LEAST 1e-100 /* as in picture.py; the next three as in pyramid.py */
 #define ROUND 0.05
 #define UPRIGHT 1e-3
 #define WIDE 0.5

@@ -1,10 +1,10 @@
-/* Divides cells among the display's pixels: cell by cell what core/map/shares.py does for many at once. */
+/* Divides cells among the display's pixels: cell by cell what core/map/rasterise.py does for many at once. */
 
 #include <float.h>
 
 #include "kiriko.h"
 
-#define THINNEST 1e-5   /* as in shares.py, like all up to FARTHEST */
+#define THINNEST 1e-5   /* as in rasterise.py, like all up to FARTHEST */
 #define SMALLEST 1e-14
 #define LEVEL 1e-100
 #define INSIDE 1e-9

@@ -1,4 +1,4 @@
-/* Follows rays to their ends: ray by ray what core/light/trace.py does for many at once. */
+/* Follows rays to their ends: ray by ray what core/light/trace.py and meetings.py do for many at once. */
 
 #include "kiriko.h"
 

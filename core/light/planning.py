@@ -7,7 +7,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from .. import kernel
-from ..arrays import Floats, Ints
+from ..arrays import Bools, Floats, Ints
 from ..fingerprint import fingerprint
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
@@ -67,6 +67,20 @@ class _Parts:
     def starts(self) -> Ints:
         """The first triangle (p + 1,) of each, and the number of all."""
         return np.cumsum([0] + [len(surface.corners) for surface in self.surfaces])
+
+    @cached_property
+    def patch(self) -> Ints:
+        """The patch of each triangle, in one numbering."""
+        return np.concatenate([s.patch + start for s, start in zip(self.surfaces, self.starts, strict=False)])
+
+    @cached_property
+    def part(self) -> Ints:
+        """The part of each triangle."""
+        return np.repeat(np.arange(len(self.surfaces)), np.diff(self.starts))
+
+    @cached_property
+    def is_closed(self) -> Bools:
+        return np.array([surface.n_open == 0 for surface in self.surfaces])
 
     def joined(self, name: str) -> np.ndarray:
         """A column of the surfaces, of all triangles."""
@@ -141,10 +155,10 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
         normals=parts.joined("normals"),
         corner_normals=_corner_normals(parts.surfaces),
         is_bent=parts.joined("is_bent"),
-        patch=np.concatenate([s.patch + start for s, start in zip(parts.surfaces, parts.starts, strict=False)]),
-        part=np.repeat(np.arange(len(parts.surfaces)), np.diff(parts.starts)),
+        patch=parts.patch,
+        part=parts.part,
         kind=parts.kind,
-        is_closed=np.array([surface.n_open == 0 for surface in parts.surfaces]),
+        is_closed=parts.is_closed,
         cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
         bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
         sheet=find_sheets(parts.surfaces, parts.kind),
@@ -190,9 +204,8 @@ def _make_layers(
 
         numbers = np.concatenate([np.arange(*parts.starts[i : i + 2]) for i in group])
         solid = [i for i in group if i < n_solids]
-        is_closed = np.array([parts.surfaces[i].n_open == 0 for i in solid], bool)
         closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
-        np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * is_closed)
+        np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * parts.is_closed[solid])
         np.bitwise_or.at(every, media.cluster[solid], media.bit[solid])
         layer_parts.append(LayerParts(numbers, closed, every if len(solid) == len(group) else None))
     return tuple(layers), tuple(layer_parts)
@@ -202,16 +215,13 @@ def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable
     """Gives all that rays may pass near: all triangles, and the boxes (a, 2, 3) of glass that stands aside."""
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
-    surfaces, starts = parts.surfaces, parts.starts
 
     def find() -> ThinParts:
-        corners = np.concatenate([surface.corners for surface in surfaces])
-        patch = np.concatenate([surface.patch + start for surface, start in zip(surfaces, starts, strict=False)])
-        part = np.repeat(np.arange(len(surfaces)), np.diff(starts))
+        corners = parts.joined("corners")
         return ThinParts(
             np.concatenate([corners, walls]),
-            np.concatenate([patch, number + len(corners)]),
-            np.concatenate([part, number + len(surfaces)]),
+            np.concatenate([parts.patch, number + len(corners)]),
+            np.concatenate([parts.part, number + len(parts.surfaces)]),
         )
 
     return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))

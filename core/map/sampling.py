@@ -242,7 +242,7 @@ class Sampling:
         """Errors of the map at random places of smooth squares, and of the finest pixels, corners (n, 4)."""
         random = np.random.default_rng(0)
         # light beside the glass carries no picture
-        smooth = smooth.at(~view_map._is_beside_glass(self._at_nodes(smooth)[:, 0]))
+        smooth = smooth.at(~view_map.is_beside_glass(self._at_nodes(smooth)[:, 0]))
         n_smooth, n_pixels = (min(SAMPLED, 16 * len(kind)) for kind in (smooth, pixels))
         squares = smooth.at(
             random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum()) if n_smooth else []
@@ -258,11 +258,11 @@ class Sampling:
         area = np.repeat(
             [(smooth.size**2.0).sum() / max(n_smooth, 1), len(pixels) / max(n_pixels, 1)], [n_smooth, n_pixels]
         )
-        expected = view_map._by_cells(at)
+        expected = view_map.by_cells(at)
         is_sampled = np.zeros(len(at), bool)
-        is_sampled[view_map._nearest_samples(at, np.isnan(expected[:, 0]))[0]] = True
+        is_sampled[view_map.nearest_samples(at, np.isnan(expected[:, 0]))[0]] = True
         seen = is_seen(expected, found.xy, self.display_size) & is_in_image(at, self.view_size)
-        is_beside_glass = view_map._is_beside_glass(some).all(axis=1)
+        is_beside_glass = view_map.is_beside_glass(some).all(axis=1)
         seen[n_smooth:] &= ~is_beside_glass | (found.reason[n_smooth:] != Reason.MISSED_GLASS)
         whole = max(float(area[seen].sum()), 1e-300)
         sampled = float(area[seen & is_sampled].sum() / whole)

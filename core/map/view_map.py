@@ -137,7 +137,7 @@ class ViewMap:
             & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
         )  # fmt: skip
 
-    def _is_beside_glass(self, points: Ints) -> Bools:
+    def is_beside_glass(self, points: Ints) -> Bools:
         """Is light of these landed points beside the glass?"""
         return self.points.reason[points] == Reason.MISSED_GLASS
 
@@ -185,7 +185,7 @@ class ViewMap:
     @property
     def is_whole(self) -> Bools:
         """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
-        some = self._is_inside & ~self._is_beside_glass(self.nodes[:, 0])
+        some = self._is_inside & ~self.is_beside_glass(self.nodes[:, 0])
         return filled(self.view_size, self.corner[some], self.size[some], np.ones(int(some.sum()), bool), False)
 
     def pieces(self, at_pixels: bool = False, beside: bool = False) -> Iterator[Piece]:
@@ -195,17 +195,17 @@ class ViewMap:
         arrays are new each time: whoever asks for them may change them.
         """
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
-        asked = np.flatnonzero(self._is_beside_glass(self.nodes[:, 0]) == beside)
+        asked = np.flatnonzero(self.is_beside_glass(self.nodes[:, 0]) == beside)
         for m, cells in each_value(parts[asked]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
                 yield self._quads_of(asked[cells[first : first + step]], m)
         for kind in (self.quads, self.triangles):
-            asked = kind[self._is_beside_glass(kind[:, 0]) == beside]
+            asked = kind[self.is_beside_glass(kind[:, 0]) == beside]
             for first in range(0, len(asked), QUADS_AT_ONCE):
                 yield self._polygons(asked[first : first + QUADS_AT_ONCE])
         landed = self.points.branch[self.samples] != 0
-        asked = np.flatnonzero(landed & (self._is_beside_glass(self.samples) == beside))
+        asked = np.flatnonzero(landed & (self.is_beside_glass(self.samples) == beside))
         for first in range(0, len(asked), QUADS_AT_ONCE):
             yield self._samples_as_squares(asked[first : first + QUADS_AT_ONCE])
 
@@ -249,12 +249,12 @@ class ViewMap:
         Where light is chaotic this is the landing of the sample that is nearest.
         """
         xy = np.asarray(xy, float)
-        found = self._by_cells(xy)
-        rays, samples = self._nearest_samples(xy, np.isnan(found[:, 0]))
+        found = self.by_cells(xy)
+        rays, samples = self.nearest_samples(xy, np.isnan(found[:, 0]))
         found[rays] = self.points.xy[samples]
         return found
 
-    def _by_cells(self, xy: Floats) -> Floats:
+    def by_cells(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is none."""
         found = np.full(xy.shape, np.nan)
         in_image = np.flatnonzero(is_in_image(xy, self.view_size))
@@ -276,7 +276,7 @@ class ViewMap:
                 found[rays[is_inside]] = at[is_inside]
         return found
 
-    def _nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
+    def nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
         """Which of those viewer pixels (n, 2) that are asked for (n,) are within a stratum's side of a sample.
 
         And the point of the nearest one.

@@ -41,6 +41,16 @@ def kiriko(blender: ModuleType) -> ModuleType:
 
 
 @pytest.fixture
+def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    """Its core, with the files that read, trace and render; and an empty scene."""
+    of_blender = ("nested_glass", "plate", "preview", "scene")
+    of_light = ("planning", "plate", "trace")
+    for name in ("rig", "settings", *(f"blender.{n}" for n in of_blender), *(f"light.{n}" for n in of_light)):
+        importlib.import_module(f"{kiriko.__name__}.core.{name}")
+    return importlib.import_module(f"{kiriko.__name__}.core")
+
+
+@pytest.fixture
 def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
     """Draws a panel by its module and name; returns what it drew."""
 

@@ -1,6 +1,5 @@
 """The plate's node group in Cycles against the tracer: the same rays, class by class."""
 
-import importlib
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -29,23 +28,6 @@ LAYOUTS = {  # values that differ from the defaults, and from one another
 # float32: u and v, 0..1 over 4 m, are off by 0.24 um, directions by a few times 2^-24 over up to 2 m
 SINGLE = 3e-6  # m
 AGREE = 0.999  # a place rounded to float32 may be on the other side of a mirror: 3e-8 m of 5e-4 m, four times a ray
-
-
-@pytest.fixture
-def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    names = (
-        "blender.plate",
-        "blender.preview",
-        "blender.scene",
-        "light.planning",
-        "light.plate",
-        "light.trace",
-        "settings",
-        "rig",
-    )
-    for name in names:
-        importlib.import_module(f"{kiriko.__name__}.core.{name}")
-    return importlib.import_module(f"{kiriko.__name__}.core")
 
 
 def plane(role: str, matrix: Matrix) -> bpy.types.Object:

@@ -1,4 +1,3 @@
-import importlib
 from pathlib import Path
 from types import ModuleType
 
@@ -12,22 +11,6 @@ from small_rigs import cube, inventory, linear_lattice, new_object, pixels, prim
 
 # Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over a display of 0.05 m, times the lever of the bending
 SINGLE = 2e-5  # of the display's width: 0.01 px of 512
-
-
-@pytest.fixture
-def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    names = (
-        "blender.preview",
-        "blender.nested_glass",
-        "blender.scene",
-        "light.planning",
-        "light.trace",
-        "settings",
-        "errors",
-    )
-    for name in names:
-        importlib.import_module(f"{kiriko.__name__}.core.{name}")
-    return importlib.import_module(f"{kiriko.__name__}.core")
 
 
 def solid(make: str, name: str = "Solid", at: tuple[float, ...] = (0, 0, 0), **sizes: float) -> bpy.types.Object:

@@ -33,7 +33,7 @@ from reference_rigs import (
 
 import build_kernel
 from kiriko.core import kernel
-from kiriko.core.glass import curved, surface_fit
+from kiriko.core.glass import curved, surface_fit, vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
@@ -901,7 +901,7 @@ def test_the_environment_switches_it_off():
     "module",
     [
         *(curved, fitting, loading, plate, pyramid, rasterise_module, ray_engine, structures, surface_fit),
-        *(thin_parts, touching),
+        *(thin_parts, touching, vertex_fields),
     ],
 )
 def test_one_number_for_one_name(module):

@@ -89,15 +89,3 @@ class Lattice:
     def name(self, index: int) -> str:
         """A point as people call it: (column, row)."""
         return f"({index % self.columns + 1}, {index // self.columns + 1})"
-
-
-# From a file
-
-
-# In a photograph
-
-
-# How a lattice goes on
-
-
-# Which is which
