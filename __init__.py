@@ -1,4 +1,6 @@
-"""Kiriko: images inside glass. Imports nothing before `register`, so that `core` loads without Blender."""
+"""Kiriko: images inside glass. Imports nothing before
+`register`, so that `core` loads without Blender.
+"""
 
 
 def register() -> None:

@@ -1,4 +1,6 @@
-"""Types of arrays, and work that numpy does several times slower where rows are a few numbers long."""
+"""Types of arrays, and work that numpy does several times slower where rows are a few
+numbers long.
+"""
 
 from collections.abc import Iterator
 
@@ -11,7 +13,9 @@ Bools = NDArray[np.bool_]
 
 
 def taken(values: NDArray, which: Bools | Ints) -> NDArray:
-    """`values[which]`, which is slow to begin each row: of 200 000 rows of two numbers it takes 4 ms, this 0.4."""
+    """`values[which]`, which is slow to begin each row: of 200
+    000 rows of two numbers it takes 4 ms, this 0.4.
+    """
     return values.compress(which, axis=0) if which.dtype == np.bool_ else values.take(which, axis=0)
 
 

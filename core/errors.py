@@ -9,7 +9,9 @@ def one_line(text: str) -> str:
 
 
 class KirikoError(Exception):
-    """Base of all errors whose text is meant for the user: one line, whatever is in the names of objects."""
+    """Base of all errors whose text is meant for the user:
+    one line, whatever is in the names of objects.
+    """
 
     def __str__(self) -> str:
         return one_line(super().__str__())

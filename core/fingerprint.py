@@ -9,13 +9,15 @@ PLAIN = str, bytes, int, float, complex, bool, type(None), np.generic
 
 
 def fingerprint(*things: object) -> str:
-    """Hash of the content of dataclasses, arrays, tuples and plain values: equal content, equal fingerprint.
+    """Hash of the content of dataclasses, arrays, tuples and
+    plain values: equal content, equal fingerprint.
 
     Names do not count: an object may be called otherwise after undo or a file load.
 
     Raises
     ------
-    TypeError : a thing without content, such as a function, whose address may be another's once it is gone
+    TypeError : a thing without content, such as a function, whose
+        address may be another's once it is gone
     """
     digest = hashlib.sha1(usedforsecurity=False)  # many processors have instructions for it
 
@@ -35,7 +37,9 @@ def fingerprint(*things: object) -> str:
         elif isinstance(thing, PLAIN):
             digest.update(repr(thing).encode())
         else:
-            raise TypeError(f"A {type(thing).__name__} has no content to compare: make it a dataclass.")
+            raise TypeError(
+                f"A {type(thing).__name__} has no content to compare: make it a dataclass."
+            )
         digest.update(b";")
 
     for thing in things:

@@ -10,21 +10,28 @@ from .words import number
 
 
 def check_free(needed: float, work: str, remedy: str) -> None:
-    """Raise RigError, with the remedy, when some work would take more memory, bytes, than is free."""
+    """Raise RigError, with the remedy, when some work would take more memory, bytes,
+    than is free.
+    """
     free = available()
     if free is not None and needed > free:
         raise RigError(
-            f"{work} would take about {number(needed / 1e9)} GB of memory, but {number(free / 1e9)} GB are free:"
-            f" {remedy}."
+            f"{work} would take about {number(needed / 1e9)} GB of memory, but"
+            f" {number(free / 1e9)} GB are free: {remedy}."
         )
 
 
 def available() -> float | None:
-    """Bytes of memory that are free; all there is where the system tells no more; None where it tells nothing."""
+    """Bytes of memory that are free; all there is where the
+    system tells no more; None where it tells nothing.
+    """
     if sys.platform == "win32":
         return _available_in_windows()
     try:
-        kibibytes = dict(line.split(":") for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines())
+        kibibytes = dict(
+            line.split(":")
+            for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        )
         return 1024.0 * int(kibibytes["MemAvailable"].split()[0])
     except (OSError, KeyError, ValueError):
         pass
@@ -40,7 +47,8 @@ class _MemoryStatus(ctypes.Structure):
     _fields_ = [
         ("length", ctypes.c_uint32),
         ("load", ctypes.c_uint32),
-        *((name, ctypes.c_uint64) for name in ("total", "available", "page", "page_free", "virtual", "virtual_free")),
+        *((name, ctypes.c_uint64) for name in ("total", "available", "page", "page_free",
+        "virtual", "virtual_free")),
         ("extended", ctypes.c_uint64),
     ]  # fmt: skip
 

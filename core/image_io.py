@@ -18,12 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import ImageError
 
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # chromaticities: red, green, blue, white
+# chromaticities: red, green, blue, white
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of image file: its suffix, type of number, and whether its numbers are linear light or sRGB-encoded."""
+    """A kind of image file: its suffix, type of number, and
+    whether its numbers are linear light or sRGB-encoded.
+    """
 
     suffix: str
     number: str
@@ -44,11 +47,13 @@ SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
 def named_for(path: Path | str, form: str, images: Container[str] = ()) -> Path:
-    """The path with the suffix of a format, in place of another format's if it has one, or of another image's.
+    """The path with the suffix of a format, in place of another
+    format's if it has one, or of another image's.
 
     images : suffixes of images of other kinds, in lower case
     """
-    path, suffix = Path(path), FORMATS[form].suffix
+    path = Path(path)
+    suffix = FORMATS[form].suffix
     if path.suffix.lower().startswith(suffix):  # .tiff is .tif too
         return path
     is_image = path.suffix.lower() in SUFFIXES or path.suffix.lower() in images
@@ -56,11 +61,15 @@ def named_for(path: Path | str, form: str, images: Container[str] = ()) -> Path:
 
 
 def format_for(path: Path | str, form: str) -> str:
-    """The format that a path's suffix asks for: `form` where that fits or there is no such suffix."""
+    """The format that a path's suffix asks for: `form` where that fits or there is no
+    such suffix.
+    """
     suffix = Path(path).suffix.lower().replace(".tiff", ".tif")
     if suffix == FORMATS[form].suffix:
         return form
-    return next((name for name, kind in FORMATS.items() if kind.suffix == suffix and name in PLAIN), form)
+    return next(
+        (name for name, kind in FORMATS.items() if kind.suffix == suffix and name in PLAIN), form
+    )
 
 
 REMEDY = "install it (in Debian python3-openimageio) or take Blender from blender.org"
@@ -77,7 +86,8 @@ def openimageio() -> Any:
 
 
 def why_not(form: str, without: Container[str] = ()) -> str:
-    """Why files of a format cannot be written, with the remedy, as a sentence without its full stop; '' where they can.
+    """Why files of a format cannot be written, with the remedy, as a
+    sentence without its full stop; '' where they can.
 
     without : formats that can be written without OpenImageIO
     """
@@ -85,7 +95,10 @@ def why_not(form: str, without: Container[str] = ()) -> str:
         return ""
     others = sorted({FORMATS[name].suffix for name in FORMATS if name in without})
     instead = "".join(f"choose {suffix}, " for suffix in others)
-    return f"This Blender's Python has no OpenImageIO, which writes {FORMATS[form].suffix}: {instead}{REMEDY}"
+    return (
+        f"This Blender's Python has no OpenImageIO, which writes {FORMATS[form].suffix}:"
+        f" {instead}{REMEDY}"
+    )
 
 
 def encode(linear: ArrayLike) -> np.ndarray:
@@ -101,7 +114,13 @@ def _quantised(pixels: np.ndarray, form: Format) -> np.ndarray:
     return np.ascontiguousarray(np.rint(encode(pixels) * top).astype(form.number))
 
 
-def _spec(oiio: Any, form: Format, shape: tuple[int, int, int], size: tuple[float, float] | None, title: str) -> Any:
+def _spec(
+    oiio: Any,
+    form: Format,
+    shape: tuple[int, int, int],
+    size: tuple[float, float] | None,
+    title: str,
+) -> Any:
     height, width, channels = shape
     spec = oiio.ImageSpec(width, height, channels, form.number)
     spec.attribute("oiio:ColorSpace", "lin_rec709" if form.is_linear else "sRGB")
@@ -111,14 +130,16 @@ def _spec(oiio: Any, form: Format, shape: tuple[int, int, int], size: tuple[floa
         spec.attribute("chromaticities", "float[8]", REC709)
         spec.attribute("compression", "zip")
     if size is not None:
-        # inches everywhere: OpenImageIO turns pixels per cm into pixels per inch the wrong way round for EXR
+        # inches everywhere: OpenImageIO turns pixels per cm into
+        # pixels per inch the wrong way round for EXR
         across, down = (0.0254 * n / side for n, side in zip((width, height), size, strict=True))
         spec.attribute("XResolution", across)
         spec.attribute("YResolution", down)
         spec.attribute("ResolutionUnit", "in")
         spec.attribute("PixelAspectRatio", down / across)
         for name, side in zip(("kiriko:width_mm", "kiriko:height_mm"), size, strict=True):
-            spec.attribute(name, 1000.0 * side)  # PNG and TIFF keep names of their own only, hence the text as well
+            # PNG and TIFF keep names of their own only, hence the text as well
+            spec.attribute(name, 1000.0 * side)
             about.append(f"{name}={1000.0 * side:.6g}")
     spec.attribute("ImageDescription", "; ".join(about))
     return spec
@@ -126,7 +147,8 @@ def _spec(oiio: Any, form: Format, shape: tuple[int, int, int], size: tuple[floa
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
-    """A folder within `folder` to write files to, gone at the end; an ImageError names their place in `folder`.
+    """A folder within `folder` to write files to, gone at the
+    end; an ImageError names their place in `folder`.
 
     Raises
     ------
@@ -136,7 +158,9 @@ def scratch(folder: Path) -> Iterator[Path]:
     try:
         place = _temporary(folder)
     except OSError as reason:
-        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+        raise ImageError(
+            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+        ) from None
     with place as name:
         try:
             yield Path(name)
@@ -145,13 +169,16 @@ def scratch(folder: Path) -> Iterator[Path]:
 
 
 def _temporary(folder: Path) -> Any:
-    """A temporary folder in another one: files moved from one to the other are not copied, and needs no room."""
+    """A temporary folder in another one: files moved from one
+    to the other are not copied, and needs no room.
+    """
     return tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder, ignore_cleanup_errors=True)
 
 
 @contextmanager
 def together(folder: Path) -> Iterator[Path]:
-    """A folder to write files to, all of which take their place in `folder` when all went well, else none.
+    """A folder to write files to, all of which take their place
+    in `folder` when all went well, else none.
 
     Where `folder` has a symbolic link of a file's name, the file that it points to is replaced.
 
@@ -189,7 +216,9 @@ def together(folder: Path) -> Iterator[Path]:
 
 def _unwritable(path: Path, reason: OSError) -> ImageError:
     why = reason.strerror
-    return ImageError(f"The file '{path}' cannot be written ({why}): check the disk or choose another name.")
+    return ImageError(
+        f"The file '{path}' cannot be written ({why}): check the disk or choose another name."
+    )
 
 
 def is_there(path: Path) -> bool:
@@ -198,7 +227,9 @@ def is_there(path: Path) -> bool:
         return path.exists()
     except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
         why = getattr(reason, "strerror", None) or reason
-        raise ImageError(f"The path '{path.parent}' has no room for such a name ({why}): choose another.") from None
+        raise ImageError(
+            f"The path '{path.parent}' has no room for such a name ({why}): choose another."
+        ) from None
 
 
 def check_folder(folder: Path) -> None:
@@ -207,7 +238,9 @@ def check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as reason:
-        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+        raise ImageError(
+            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+        ) from None
 
 
 def write(
@@ -225,12 +258,14 @@ def write(
     Parameters
     ----------
     path : the file; its suffix is set by the format
-    pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0 at the top; sRGB-encoded for formats not linear
+    pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0
+        at the top; sRGB-encoded for formats not linear
     form : a key of FORMATS
     size : width and height in m of the area that the image covers, for the metadata
     title : first words of the description in the metadata
     overwrite : replace an existing file
-    save_png : writes integers (h, w, c) to a new file where there is no OpenImageIO, without metadata
+    save_png : writes integers (h, w, c) to a new file where
+        there is no OpenImageIO, without metadata
 
     Returns
     -------
@@ -244,8 +279,14 @@ def write(
     kind = FORMATS[form]
     path = named_for(path, form)
     if is_there(path) and not overwrite:
-        raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
-    is_plain = save_png is not None and kind.suffix == ".png" and importlib.util.find_spec("OpenImageIO") is None
+        raise ImageError(
+            f"The file '{path}' exists already: choose another name or allow overwriting."
+        )
+    is_plain = (
+        save_png is not None
+        and kind.suffix == ".png"
+        and importlib.util.find_spec("OpenImageIO") is None
+    )
     oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
@@ -255,21 +296,30 @@ def write(
             save_png(part, pixels)
             return path
         out = oiio.ImageOutput.create(str(part))
-        is_written = out is not None and out.open(str(part), _spec(oiio, kind, pixels.shape, size, title))
+        is_written = out is not None and out.open(
+            str(part), _spec(oiio, kind, pixels.shape, size, title)
+        )
         is_written = is_written and out.write_image(pixels) and out.close()
         if not is_written:
-            why = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
+            why = (
+                out.geterror() if out is not None else oiio.geterror()
+            ).strip() or "no reason given"
             out = None  # closes it: not every system removes an open file
             raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.")
         try:
             read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
         except ImageError:
-            raise ImageError(f"The file '{path}' is not whole after writing: check the disk.") from None
+            raise ImageError(
+                f"The file '{path}' is not whole after writing: check the disk."
+            ) from None
     return path
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all; an existing one is replaced. ImageError when it cannot be written."""
+    """Write a text file, whole or not at all.
+
+    An existing one is replaced. ImageError when it cannot be written.
+    """
     with together(path.parent) as new:
         try:
             (new / path.name).write_text(text, encoding="utf-8")
@@ -283,7 +333,8 @@ def _line(text: str) -> str:
 
 
 def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
-    """Numbers of an image file as they stand (h, w, c) float32, integers as 0..1, row 0 at the top; and its metadata.
+    """Numbers of an image file as they stand (h, w, c) float32,
+    integers as 0..1, row 0 at the top; and its metadata.
 
     Raises
     ------
@@ -293,12 +344,16 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise ImageError(f"The image '{path}' cannot be read ({_line(oiio.geterror())}): choose another file.")
+        raise ImageError(
+            f"The image '{path}' cannot be read ({_line(oiio.geterror())}): choose another file."
+        )
     try:
         spec = source.spec()
         pixels = source.read_image(format="float")
         if pixels is None:
-            raise ImageError(f"The image '{path}' is broken ({_line(source.geterror())}): choose another file.")
+            raise ImageError(
+                f"The image '{path}' is broken ({_line(source.geterror())}): choose another file."
+            )
     finally:
         source.close()
     return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
@@ -319,7 +374,9 @@ def read_bytes(path: Path | str) -> bytes:
 
 
 def read_photograph(path: Path | str) -> np.ndarray:
-    """Numbers of an image file as `read`, turned the way the camera was held (Exif orientation): (h, w, c) float32."""
+    """Numbers of an image file as `read`, turned the way the
+    camera was held (Exif orientation): (h, w, c) float32.
+    """
     oiio = openimageio()
     pixels, about = read(path)
     if about.get("Orientation", 1) == 1:

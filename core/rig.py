@@ -26,15 +26,17 @@ class Mesh:
     Parameters
     ----------
     vertices : (v, 3) float64, m
-    triangles : (t, 3) int, indices into vertices, counterclockwise seen from the front (outside of a solid)
+    triangles : (t, 3) int, indices into vertices, counterclockwise
+        seen from the front (outside of a solid)
     corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
-    surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as drawn, on
-        which only the normal is interpolated ("facets"), or whichever the mesh shows to be nearer to the one meant,
-        face by face ("automatic")
-    has_mean_normals : corner normals are means over the faces around, as Blender makes them where the artist gave none;
-        they only say where the surface is smooth, and its own normals are found from the vertices
+    surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as
+        drawn, on which only the normal is interpolated ("facets"), or whichever the mesh shows to
+        be nearer to the one meant, face by face ("automatic")
+    has_mean_normals : corner normals are means over the faces around, as Blender makes them where
+        the artist gave none; they only say where the surface is smooth, and its own normals are
+        found from the vertices
     rounding : m, by which vertices may be off because they were rounded
     """
 
@@ -74,7 +76,8 @@ class Mesh:
         points = self._used_vertices()
         points = points - points.mean(axis=0)
 
-        # without the threads of BLAS (core/products.py); the first axis is the one along which they spread least
+        # without the threads of BLAS (core/products.py); the first
+        # axis is the one along which they spread least
         _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
         thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
 
@@ -83,18 +86,26 @@ class Mesh:
     def check(self, owner: str) -> None:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
         if len(self.triangles) == 0:
-            raise MeshError(f"{owner} has no faces with an area: give it some, or set its role to None.")
+            raise MeshError(
+                f"{owner} has no faces with an area: give it some, or set its role to None."
+            )
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
-            raise MeshError(f"{owner} has faces with corners that it has no vertices for: number them from 0.")
+            raise MeshError(
+                f"{owner} has faces with corners that it has no vertices for: number them from 0."
+            )
         if not np.isfinite(self.vertices).all():
-            raise MeshError(f"{owner} has vertices that are not finite numbers: repair or remove them.")
+            raise MeshError(
+                f"{owner} has vertices that are not finite numbers: repair or remove them."
+            )
 
     def check_uv(self, owner: str) -> None:
         """Raise MeshError when there is no UV map that an image can be put on."""
         if self.uv is None:
             raise MeshError(f"{owner} has no UV map: unwrap it, so that pixels have a place.")
         if not np.isfinite(self.uv).all():
-            raise MeshError(f"{owner} has a UV map with numbers that are not finite: unwrap it again.")
+            raise MeshError(
+                f"{owner} has a UV map with numbers that are not finite: unwrap it again."
+            )
         if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
             raise MeshError(f"{owner} has a UV map without area: unwrap it again.")
 
@@ -114,8 +125,9 @@ class ConstantIndex:
 class Glass:
     """A glass object as drawn: one or more closed shells. Shells inside shells are cavities (air).
 
-    `priority` decides where solids overlap: higher wins; among equals the smaller solid does. `ior` gives the index of
-    refraction at a wavelength, m; it is data, such as a dataclass with the numbers of a formula, no plain function.
+    `priority` decides where solids overlap: higher wins; among equals the smaller solid does. `ior`
+    gives the index of refraction at a wavelength, m; it is data, such as a dataclass with the
+    numbers of a formula, no plain function.
     """
 
     name: str
@@ -126,12 +138,14 @@ class Glass:
 
 @dataclass(frozen=True)
 class MirrorArray:
-    """A plate of upright micro mirrors in glass, of which those in two directions at right angles make a corner.
+    """A plate of upright micro mirrors in glass, of which those
+    in two directions at right angles make a corner.
 
     Parameters
     ----------
-    layout : how the two directions are made: two crossed layers of slits, one above the other (MMAP); square holes,
-        both directions in one layer (DCRA); or such holes, turned with the azimuth about the plate's centre
+    layout : how the two directions are made: two crossed layers of slits, one above the other
+        (MMAP); square holes, both directions in one layer (DCRA); or such holes, turned with the
+        azimuth about the plate's centre
     pitch : m, from mirror to mirror
     height : m, of the mirrors, that of one layer
     ior : index of refraction of the glass between the mirrors
@@ -165,21 +179,30 @@ class MirrorArray:
             if not (np.isfinite(value) and value > 0):
                 raise RigError(f"{owner} has a {name} of {1e3 * value:g} mm: set one above 0.")
         if not 0 < self.reflectance <= 1:
-            raise RigError(f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set one above 0, up to 1.")
+            raise RigError(
+                f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set"
+                f" one above 0, up to 1."
+            )
         if not (np.isfinite(self.ior) and self.ior >= 1):
-            raise RigError(f"{owner} has an index of refraction of {self.ior:g}: set one of 1 or more.")
+            raise RigError(
+                f"{owner} has an index of refraction of {self.ior:g}: set one of 1 or more."
+            )
         if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:
             raise RigError(
                 f"{owner} has layers crossed {np.degrees(self.crossing_error):g} degrees wrong:"
                 f" set at most {np.degrees(MOST_CROSSING_ERROR):g}."
             )
         if self.crossing_error and self.layout != "crossed":
-            raise RigError(f"{owner} has one layer only, which cannot be crossed wrong: set the crossing error to 0.")
+            raise RigError(
+                f"{owner} has one layer only, which cannot be crossed wrong: set the"
+                f" crossing error to 0."
+            )
         if not np.isfinite(self.phase).all():
             raise RigError(f"{owner} has a phase that is no number: set one in pitches.")
 
 
-# the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi 10.1016/j.cag.2021.02.007), and one of finer pitch
+# the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi
+# 10.1016/j.cag.2021.02.007), and one of finer pitch
 PRESETS = {"ASKA3D-488": MirrorArray(), "ASKA3D-200": MirrorArray(pitch=0.3e-3, height=0.75e-3)}
 PRESET_SIDES = {"ASKA3D-488": 0.488, "ASKA3D-200": 0.2}  # m
 
@@ -189,7 +212,8 @@ class Plate:
     """A flat plane-symmetric imaging element; its triangles give plane and outline.
 
     array : the mirrors it is made of; None for the ideal plate
-    side : (3,) world, along one of its sides, to which mirrors stand at 45 degrees; None: its first face's first edge
+    side : (3,) world, along one of its sides, to which mirrors stand
+        at 45 degrees; None: its first face's first edge
     centre : (3,) m, world, from which the mirrors are counted; None: the middle of its extent
     """
 
@@ -218,7 +242,9 @@ class Blocker:
 
 @dataclass(frozen=True, eq=False)
 class Display:
-    """A surface with a UV map that shows the source image on its front; (width, height) in pixels."""
+    """A surface with a UV map that shows the source image on its front; (width, height)
+    in pixels.
+    """
 
     name: str
     mesh: Mesh
@@ -245,7 +271,8 @@ class Picture:
 class Viewer:
     """A pinhole or orthographic camera.
 
-    Viewer pixels (x, y) run right and down from the top left corner of the image; pixel centres at + 0.5.
+    Viewer pixels (x, y) run right and down from the top left
+    corner of the image; pixel centres at + 0.5.
 
     Parameters
     ----------
@@ -266,27 +293,37 @@ class Viewer:
 
     def __post_init__(self) -> None:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
-            raise RigError(f"The axes of the viewer '{self.name}' are not orthonormal: remove shear from the camera.")
+            raise RigError(
+                f"The axes of the viewer '{self.name}' are not orthonormal: remove"
+                f" shear from the camera."
+            )
 
     def check(self) -> None:
         """Raise RigError when it stands nowhere or sees nothing."""
         left, right, bottom, top = self.window
         if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
             raise RigError(
-                f"The viewer '{self.name}' has a place, lens or shift that is no finite number: look for a driver or a"
-                " keyframe."
+                f"The viewer '{self.name}' has a place, lens or shift that is no finite number:"
+                " look for a driver or a keyframe."
             )
         if min(self.width, self.height) < 1:
             raise RigError(f"The viewer '{self.name}' has no pixels: set its resolution.")
         if not (right != left and top != bottom):
-            raise RigError(f"The viewer '{self.name}' sees nothing: its lens or orthographic scale has no size.")
+            raise RigError(
+                f"The viewer '{self.name}' sees nothing: its lens or orthographic scale"
+                f" has no size."
+            )
 
     def plane_from_pixels(self, xy: ArrayLike) -> Floats:
         """Window coordinates (n, 2) of viewer pixels (n, 2)."""
         left, right, bottom, top = self.window
         xy = np.asarray(xy, float)
         return np.stack(
-            [left + (right - left) * (xy[:, 0] / self.width), top + (bottom - top) * (xy[:, 1] / self.height)], axis=1
+            [
+                left + (right - left) * (xy[:, 0] / self.width),
+                top + (bottom - top) * (xy[:, 1] / self.height),
+            ],
+            axis=1,
         )
 
     def rays(self, xy: ArrayLike) -> tuple[Floats, Floats]:
@@ -305,7 +342,9 @@ class Viewer:
         return np.broadcast_to(self.position, directions.shape).copy(), directions
 
     def project(self, points: ArrayLike) -> Floats:
-        """Viewer pixels (n, 2) at which points (n, 3) are seen straight; NaN behind a perspective viewer."""
+        """Viewer pixels (n, 2) at which points (n, 3) are seen
+        straight; NaN behind a perspective viewer.
+        """
         across = (np.asarray(points, float) - self.position) @ self.axes.T
         plane = across[:, :2]
         if self.projection == "perspective":
@@ -357,26 +396,39 @@ class Rig:
         for word, (found, remedy) in parts.items():
             if not found:
                 raise RigError(f"The rig has no {word}: {remedy}.")
-        for word, single in (("displays", self.displays), ("pictures", self.pictures), ("viewers", self.viewers)):
+        for word, single in (
+            ("displays", self.displays),
+            ("pictures", self.pictures),
+            ("viewers", self.viewers),
+        ):
             if len(single) > 1:
                 names = ", ".join(f"'{part.name}'" for part in single)
-                raise RigError(f"The rig has {len(single)} {word} ({names}): keep one and set the others to None.")
+                raise RigError(
+                    f"The rig has {len(single)} {word} ({names}): keep one and set the"
+                    f" others to None."
+                )
         self.viewer.check()
         for glass in self.glasses:
             n = glass.ior(WAVELENGTH)
             if not (np.isfinite(n) and n > 0):
                 raise RigError(
-                    f"The glass '{glass.name}' has an index of refraction that is no number above 0: set one."
+                    f"The glass '{glass.name}' has an index of refraction that is no number above"
+                    f" 0: set one."
                 )
-        kinds = ("glass", self.glasses), ("plate", self.plates), ("mirror", self.mirrors), ("blocker", self.blockers)
+        kinds = (
+            ("glass", self.glasses),
+            ("plate", self.plates),
+            ("mirror", self.mirrors),
+            ("blocker", self.blockers),
+        )
         for kind, group in (*kinds, ("display", self.displays)):
             for part in group:
                 part.mesh.check(f"The {kind} '{part.name}'")
         for glass in self.glasses:
             if glass.mesh.is_flat:
                 raise MeshError(
-                    f"The glass '{glass.name}' is no closed body, but flat: give it a thickness, as by a Solidify"
-                    " modifier, or set its role to None."
+                    f"The glass '{glass.name}' is no closed body, but flat: give it a thickness,"
+                    " as by a Solidify modifier, or set its role to None."
                 )
         for plate in self.plates:
             if plate.array is not None:

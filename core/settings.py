@@ -8,7 +8,9 @@ from .errors import RigError
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
-LEAST_TOLERANCE, MOST_TOLERANCE = 1e-6, 100.0  # px; landings are right to about 1e-7 px where the glass is curved
+# px; landings are right to about 1e-7 px where the glass is curved
+LEAST_TOLERANCE = 1e-6
+MOST_TOLERANCE = 100.0
 MOST_EFFORT = 4096  # rays for a viewer pixel
 
 
@@ -22,13 +24,14 @@ class Settings:
     max_events : surfaces a ray may meet before it counts as lost
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
-    effort : most rays for a viewer pixel where light is chaotic, rounded down to a square; 1 to MOST_EFFORT
+    effort : most rays for a viewer pixel where light is chaotic,
+        rounded down to a square; 1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
-    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be dark; where only light through glass
-        carries the picture
-    ghosts : what a display pixel shows that is seen by several paths: the "mean" of what they ask for, or what the
-        "strongest" of them asks for
+    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be
+        dark; where only light through glass carries the picture
+    ghosts : what a display pixel shows that is seen by several paths: the "mean"
+        of what they ask for, or what the "strongest" of them asks for
     """
 
     tolerance: float = 0.1
@@ -48,25 +51,34 @@ class Settings:
 
     @property
     def of_optics(self) -> "Settings":
-        """These settings, with those that do not count before anything is painted at their defaults."""
+        """These settings, with those that do not count
+        before anything is painted at their defaults.
+        """
         return replace(self, margin=0, ghosts="mean", suppress_glare=float(self.looks_beside))
 
     @property
     def samples_along(self) -> int:
-        """Samples along a viewer pixel's side where light is chaotic; each quarter of a pixel has one at least."""
+        """Samples along a viewer pixel's side where light is chaotic.
+
+        Each quarter of a pixel has one at least.
+        """
         return isqrt(int(self.effort))
 
     def check(self) -> None:
         """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""
-        if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:  # Blender keeps it as float32
+        # Blender keeps it as float32
+        if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:
             raise RigError(
-                f"The tolerance is {self.tolerance:g} display pixels: set one from {LEAST_TOLERANCE:g}"
-                f" to {MOST_TOLERANCE:g}."
+                f"The tolerance is {self.tolerance:g} display pixels: set one from"
+                f" {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}."
             )
         if self.max_events < 1:
             raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
-            raise RigError(f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to {MOST_EFFORT}, whole.")
+            raise RigError(
+                f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to"
+                f" {MOST_EFFORT}, whole."
+            )
         if not 0 <= self.suppress_glare <= 1:
             raise RigError(f"Suppress Glare is {self.suppress_glare:g}: set it from 0 to 1.")
         if self.ghosts not in get_args(Ghosts):

@@ -1,6 +1,7 @@
 """Long work is a generator that yields its progress, 0..1, and returns its result.
 
-Work deep within it yields how many rays were traced since, 0 where it only pauses, so that the work can be stopped.
+Work deep within it yields how many rays were traced since, 0
+where it only pauses, so that the work can be stopped.
 """
 
 from collections.abc import Generator
@@ -19,7 +20,9 @@ def finish(steps: Generator[object, None, Result]) -> Result:
             return end.value
 
 
-def within(work: Generator[float, None, Result], start: float, stop: float) -> Generator[float, None, Result]:
+def within(
+    work: Generator[float, None, Result], start: float, stop: float
+) -> Generator[float, None, Result]:
     """Hand on the progress of one part of the work, from start to stop of the whole."""
     while True:
         try:

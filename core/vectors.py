@@ -11,7 +11,9 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def length_of(vectors: Floats) -> Floats:
-    """Lengths (...) of rows (..., 3); `linalg.norm` over an axis of three takes three times as long."""
+    """Lengths (...) of rows (..., 3); `linalg.norm` over
+    an axis of three takes three times as long.
+    """
     return np.sqrt(dot(vectors, vectors))
 
 

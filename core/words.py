@@ -9,7 +9,10 @@ def number(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as people read it; a share above nothing does not read as nothing, nor one below all as all."""
+    """A share as people read it.
+
+    A share above nothing does not read as nothing, nor one below all as all.
+    """
     value = 100 * round(share, 6)  # less is rounding, not light
     for digits in (0, 1, 2):
         text = f"{value:.{digits}f}"
@@ -35,6 +38,10 @@ def listed(misses: dict[str, float]) -> str:
 
 
 def summary(coverage: float, misses: dict[str, float], display: str = "The display") -> str:
-    """One sentence on how much of the picture the viewer gets to see of a display, and on the fate of the rest."""
+    """One sentence on how much of the picture the viewer gets
+    to see of a display, and on the fate of the rest.
+    """
     lost = listed(misses)
-    return f"{display} shows {percent(coverage)} of the picture" + (f"; {lost}" if lost else "") + "."
+    return (
+        f"{display} shows {percent(coverage)} of the picture" + (f"; {lost}" if lost else "") + "."
+    )

@@ -20,7 +20,9 @@ from . import work
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 WIDE = 2  # times the picture: a display that is wider by itself is worth a sentence
-BESIDE = 0.5  # share of the picture: where more goes beside or through gaps in the glass, the display is no matter
+# share of the picture: where more goes beside or through
+# gaps in the glass, the display is no matter
+BESIDE = 0.5
 CUT = 0.01  # share of the picture that a limit of the display has to cost to be worth a sentence
 SMALLER = 0.7  # of a display's width: it has to save as much to be proposed
 
@@ -32,16 +34,19 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
 
 
 class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
-    """Build plate, display, picture and viewer around the selected glass objects, or around a new ball of glass"""
+    """Build plate, display, picture and viewer around the selected glass, or around a new ball"""
 
     bl_idname = "kiriko.add_rig"
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
-    distance: _length("Distance", "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass")
+    distance: _length(
+        "Distance", "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass"
+    )
     tilt: bpy.props.FloatProperty(
         name="Tilt",
-        description="Of the plate about the horizontal; at 45 degrees the display lies straight below the plate",
+        description="Of the plate about the horizontal; at 45 degrees the display lies straight"
+        " below the plate",
         subtype="ANGLE",
         default=np.pi / 4,
         min=np.radians(5),
@@ -66,7 +71,9 @@ class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
         max=16384,
     )
     plate_size: _length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
-    display_size: _length("Display", "Width of the display; 0: large enough for every ray that carries the picture")
+    display_size: _length(
+        "Display", "Width of the display; 0: large enough for every ray that carries the picture"
+    )
     max_display_size: _length("Display Limit", "Widest automatic display; 0: ten times the picture")
     display_resolution: bpy.props.IntVectorProperty(
         name="Display Resolution",
@@ -86,16 +93,20 @@ class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
         _refuse_second(scene)
         bench = read_bench(context, scene, glass_among(context.selected_objects))
         proposal = propose(bench.bounds, _wishes(self, length_of_unit(scene)))
-        side, pixels = self.viewer_resolution, tuple(self.display_resolution)
+        side = self.viewer_resolution
+        pixels = tuple(self.display_resolution)
         frame = Frame(side, side) if side else frame_of_render(scene.render)
         yield 0.05
 
         viewer = viewer_of(proposal, frame.size, frame.aspect_x / frame.aspect_y)
-        plan = work.session().plan(rig_of(proposal, bench.rig, viewer, pixels), work.settings_of(scene))
+        plan = work.session().plan(
+            rig_of(proposal, bench.rig, viewer, pixels), work.settings_of(scene)
+        )
         yield 0.2
         spread = yield from within(spread_of(plan, proposal.placement.display), 0.2, 1.0)
 
-        aspect, limit = pixels[0] / pixels[1], 0.0 if self.display_size else proposal.display
+        aspect = pixels[0] / pixels[1]
+        limit = 0.0 if self.display_size else proposal.display
         needed = ROOM * spread.width(aspect)
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
@@ -127,11 +138,14 @@ def _refuse_second(scene: bpy.types.Scene) -> None:
         found = work.parts(scene).get(role)
         if found:
             raise RigError(
-                f"The scene has a {role.lower()} already ('{next(iter(found)).name}'): set its role to None first."
+                f"The scene has a {role.lower()} already ('{next(iter(found)).name}'): set its"
+                f" role to None first."
             )
 
 
-def _on_display(scene: bpy.types.Scene, proposal: Proposal, limit: float, spread: Spread, aspect: float) -> str:
+def _on_display(
+    scene: bpy.types.Scene, proposal: Proposal, limit: float, spread: Spread, aspect: float
+) -> str:
     """How large the display is, how much of the picture it shows, and why it is as large as it is.
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
@@ -141,17 +155,23 @@ def _on_display(scene: bpy.types.Scene, proposal: Proposal, limit: float, spread
     if listed(spread.lost):
         text = summary(1 - sum(spread.lost.values()), spread.lost, display)
     if spread.leaked > BESIDE:
-        return f"{text} {percent(spread.leaked)} of the light goes through gaps in the glass: close them."
+        return (
+            f"{text} {percent(spread.leaked)} of the light goes through gaps in the glass: close"
+            f" them."
+        )
     if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
-        return f"{text} The viewer sees most of the picture beside the glass: move it, or turn the glass."
+        return (
+            f"{text} The viewer sees most of the picture beside the glass: move it, or turn the"
+            f" glass."
+        )
     is_cut = spread.beside_weight.sum() > CUT
     if not limit or not (is_cut or proposal.display > WIDE * proposal.picture):
         return text
 
     times = proposal.display / proposal.picture
     why = (
-        f"It is {number(times)} times as wide as the picture, because light of {spread.outermost(aspect)} spreads that"
-        " far"
+        f"It is {number(times)} times as wide as the picture, because light of"
+        f" {spread.outermost(aspect)} spreads that far"
     )
     remedies = ["make Picture smaller"]
     if is_cut:
@@ -162,7 +182,9 @@ def _on_display(scene: bpy.types.Scene, proposal: Proposal, limit: float, spread
     if 0 < smaller < SMALLER * proposal.display:
         share = percent(MOST * (1 - sum(spread.lost.values())))
         remedies.append(f"set Display to {length_text(scene, smaller)}, which would show {share}")
-    return f"{text} {why}: {', '.join(remedies[:-1])}{' or ' if remedies[1:] else ''}{remedies[-1]}."
+    return (
+        f"{text} {why}: {', '.join(remedies[:-1])}{' or ' if remedies[1:] else ''}{remedies[-1]}."
+    )
 
 
 def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> None:
@@ -174,15 +196,20 @@ def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> Non
 def _on_materials(bench: Bench) -> list[str]:
     """A sentence on each glass whose material does not refract."""
     return [
-        f"The material of '{thing.name}' does not refract, so that an index of {DEFAULT_IOR} is used:"
-        f" {'press Make It Glass' if thing.data else 'give its objects glass'}, or set Override IOR."
+        f"The material of '{thing.name}' does not refract, so that an index of {DEFAULT_IOR} is"
+        f" used: {'press Make It Glass' if thing.data else 'give its objects glass'}, or set"
+        " Override IOR."
         for thing in bench.opaque
     ]
 
 
 def _on_camera(scene: bpy.types.Scene) -> list[str]:
     """A sentence where the camera that Blender shows and renders is another than the viewer."""
-    camera, viewer = scene.camera, scene.kiriko.viewer
+    camera = scene.camera
+    viewer = scene.kiriko.viewer
     if camera == viewer:
         return []
-    return [f"Numpad 0 goes on showing '{camera.name}': to look through '{viewer.name}', make it the scene's camera."]
+    return [
+        f"Numpad 0 goes on showing '{camera.name}': to look through '{viewer.name}', make it"
+        f" the scene's camera."
+    ]

@@ -1,4 +1,6 @@
-"""Calibrate: find the errors of a real bench by the places at which a lattice is seen, and solve again."""
+"""Calibrate: find the errors of a real bench by the
+places at which a lattice is seen, and solve again.
+"""
 
 import json
 from collections.abc import Generator
@@ -35,7 +37,7 @@ TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others ar
 
 
 class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
-    """Find the errors of the real bench, from a photograph of the lattice or its points, and solve again"""
+    """Find the errors of the real bench from a photograph of the lattice, and solve again"""
 
     bl_idname = "kiriko.calibrate"
     bl_label = "Calibrate"
@@ -55,7 +57,9 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         path = self.filepath or context.scene.kiriko.calibration.filepath
         if not path:
-            raise ImageError("There is nothing to calibrate by: choose a photograph or a CSV of points.")
+            raise ImageError(
+                "There is nothing to calibrate by: choose a photograph or a CSV of points."
+            )
         use_bundled_modules()
         reading = work.read(context)
         reading.rig.check()
@@ -64,19 +68,26 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
 
 
 def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generator[float, None, str]:
-    """Fit, solve again, and keep the result as set; returns the report. The last step changes the scene."""
-    scene, ours = context.scene, context.scene.kiriko.calibration
+    """Fit, solve again, and keep the result as set.
+
+    Returns the report. The last step changes the scene.
+    """
+    scene = context.scene
+    ours = context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
     digest = image_io.digest(path)
     found_before = json.loads(ours.found or "{}")
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
-            f"What '{path.name}' tells is in the scene already: solve, and take another photograph of what is seen."
+            f"What '{path.name}' tells is in the scene already: solve, and take another photograph"
+            f" of what is seen."
         )
     offset = json.loads(ours.offset or "[]")
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
-        offset.pop()  # the same file once more, as with other tolerances: in place of the offset of before
-    rig, settings = with_offset(reading.drawn, offset)[0], work.settings_of(scene)
+        # the same file once more, as with other tolerances: in place of the offset of before
+        offset.pop()
+    rig = with_offset(reading.drawn, offset)[0]
+    settings = work.settings_of(scene)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
     expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
     tolerances = tolerances_of(ours)
@@ -89,8 +100,8 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     is_shown = ((bench.display >= 0) & (bench.display <= size)).all(axis=1)
     if is_shown.sum() < FEWEST:
         raise RigError(
-            f"Only {is_shown.sum()} of {len(expected)} points of the lattice are seen in this rig: compare its columns,"
-            " rows and margin with the picture."
+            f"Only {is_shown.sum()} of {len(expected)} points of the lattice are seen in this"
+            " rig: compare its columns, rows and margin with the picture."
         )
     due = np.where(is_shown[:, None], expected, np.nan)
     measured, scale = measured_points(path, lattice, due, rig, tuple(ours.size))
@@ -121,13 +132,17 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
 def tolerances_of(ours: bpy.types.PropertyGroup) -> dict[str, float]:
     """Likely errors by the settings, by the parameters' kind and in their units."""
     angles = {kind: float(np.degrees(getattr(ours, kind))) for kind in ("turn", "crossing")}
-    return {**{kind: getattr(ours, kind) for kind in ("shift", "index", "mirror", "focal")}, **angles}
+    return {
+        **{kind: getattr(ours, kind) for kind in ("shift", "index", "mirror", "focal")},
+        **angles,
+    }
 
 
 def measured_points(
     path: Path, lattice: Lattice, expected: Floats, rig: Rig, size: tuple[int, int]
 ) -> tuple[Floats, float]:
-    """Points of the lattice (m, 2) in viewer px, NaN where not measured; and viewer px in a pixel they are given in.
+    """Points of the lattice (m, 2) in viewer px, NaN where not
+    measured; and viewer px in a pixel they are given in.
 
     path : of a photograph, or of a CSV of positions in an image of a size; (0, 0): in the viewer's
     expected : (m, 2) viewer px, NaN for points that the display does not show
@@ -135,7 +150,10 @@ def measured_points(
     viewer_size = np.array([rig.viewer.width, rig.viewer.height], float)
     if path.suffix.lower() in TEXTS:
         if bool(size[0]) != bool(size[1]):
-            raise ImageError(f"The photograph has {size[0]} x {size[1]} pixels: give both numbers, or 0 for both.")
+            raise ImageError(
+                f"The photograph has {size[0]} x {size[1]} pixels: give both numbers,"
+                f" or 0 for both."
+            )
         size = np.array(size, float) if min(size) else viewer_size
         scale = _scale(path, size, viewer_size)
         points = read_points(path, lattice, expected / scale)
@@ -152,11 +170,16 @@ def measured_points(
 
 
 def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
-    """Viewer px (2,) in a pixel of an image; ImageError where their shapes differ by more than rounding."""
+    """Viewer px (2,) in a pixel of an image; ImageError where
+    their shapes differ by more than rounding.
+    """
     scale = viewer_size / size
-    if abs(size[0] * viewer_size[1] - size[1] * viewer_size[0]) > max(size.max(), viewer_size.max()):
+    if abs(size[0] * viewer_size[1] - size[1] * viewer_size[0]) > max(
+        size.max(), viewer_size.max()
+    ):
         raise ImageError(
-            f"'{path.name}' has {size[0]:.0f} x {size[1]:.0f} pixels, the viewer {viewer_size[0]:.0f} x"
+            f"'{path.name}' has {size[0]:.0f} x {size[1]:.0f} pixels, the viewer"
+            f" {viewer_size[0]:.0f} x"
             f" {viewer_size[1]:.0f}: give the viewer's resolution the photograph's shape."
         )
     return scale
@@ -185,7 +208,13 @@ def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -
         "after_viewer_px": found.after,
         "condition": _number(found.condition),
         "amounts": [
-            {"name": p.name, "unit": p.unit, "amount": float(a), "error": float(e), "tolerance": float(t)}
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "amount": float(a),
+                "error": float(e),
+                "tolerance": float(t),
+            }
             for p, a, e, t in rows
         ],
         "correlation": np.round(found.correlation, 4).tolist(),

@@ -1,4 +1,6 @@
-"""Choose the picture, among the file's images or from a file: its plane shows it, in the image's own shape."""
+"""Choose the picture, among the file's images or from a
+file: its plane shows it, in the image's own shape.
+"""
 
 from pathlib import Path
 
@@ -28,7 +30,11 @@ def lacking(context: bpy.types.Context) -> list[str]:
     picture = the_picture(context)
     if picture is None:
         return ["Select the picture: an object whose role is Picture"]
-    return [] if picture.is_editable else ["The picture is linked from another file: choose its image there"]
+    return (
+        []
+        if picture.is_editable
+        else ["The picture is linked from another file: choose its image there"]
+    )
 
 
 class ChoosePicture:
@@ -54,7 +60,9 @@ class ChoosePicture:
 
         problems = []
         if not picture.kiriko.is_image_shown:
-            problems.append("its material is not its own to be changed, and goes on showing the same image")
+            problems.append(
+                "its material is not its own to be changed, and goes on showing the same image"
+            )
         try:
             if self.fit:
                 blender_plane.fit(context, picture)
@@ -83,14 +91,18 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
 
     image: bpy.props.StringProperty(name="Image", description="Name of the image")
     library: bpy.props.StringProperty(
-        name="Library", description="File that the image is linked from; empty for one of this file", options={"HIDDEN"}
+        name="Library",
+        description="File that the image is linked from; empty for one of this file",
+        options={"HIDDEN"},
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with work.told(self):
             image = bpy.data.images.get((self.image, self.library or None))
             if image is None:
-                raise ImageError(f"The file has no image '{self.image}': open it from its own file.")
+                raise ImageError(
+                    f"The file has no image '{self.image}': open it from its own file."
+                )
             self.choose(context, image)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -104,7 +116,10 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     filepath: bpy.props.StringProperty(
-        name="File", description="The image file", subtype="FILE_PATH", options={"SKIP_SAVE", *RELATIVE_PATH}
+        name="File",
+        description="The image file",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
@@ -112,7 +127,9 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
-            self.filepath = str(Path(bpy.path.abspath(image.filepath, library=image.library)).parent / "")
+            self.filepath = str(
+                Path(bpy.path.abspath(image.filepath, library=image.library)).parent / ""
+            )
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -130,7 +147,9 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
 
 
 def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
-    """The image of a file, as Blender's own Open has it: loaded once, by a path as the preferences want it."""
+    """The image of a file, as Blender's own Open has it:
+    loaded once, by a path as the preferences want it.
+    """
     if not filepath:
         raise ImageError("No file is chosen: choose an image.")
     path = str(absolute(filepath))

@@ -1,4 +1,6 @@
-"""`blender --background FILE --command kiriko VERB --out DIR`: solve, measure or calibrate a saved rig."""
+"""`blender --background FILE --command kiriko VERB --out
+DIR`: solve, measure or calibrate a saved rig.
+"""
 
 import argparse
 import json
@@ -39,15 +41,24 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """Arguments of `--command kiriko`."""
     top = _Parser(
-        prog="blender --background FILE --command kiriko", description="Images inside glass, without a window."
+        prog="blender --background FILE --command kiriko",
+        description="Images inside glass, without a window.",
     )
     verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
-        "--out", required=True, type=_folder_name, metavar="DIR", help="folder for the results; made if need be"
+        "--out",
+        required=True,
+        type=_folder_name,
+        metavar="DIR",
+        help="folder for the results; made if need be",
     )
-    shared.add_argument("--overwrite", action="store_true", help="replace results that are there already")
-    measure = verbs.add_parser("report", parents=[shared], help="measure error against run time and write a report")
+    shared.add_argument(
+        "--overwrite", action="store_true", help="replace results that are there already"
+    )
+    measure = verbs.add_parser(
+        "report", parents=[shared], help="measure error against run time and write a report"
+    )
     measure.add_argument(
         "--seconds",
         type=_seconds,
@@ -57,7 +68,9 @@ def parser() -> argparse.ArgumentParser:
     )
     measure.set_defaults(run=_report)
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
-    pictures.add_argument("--preview", action="store_true", help="render the viewer's image in Cycles, too")
+    pictures.add_argument(
+        "--preview", action="store_true", help="render the viewer's image in Cycles, too"
+    )
     pictures.add_argument(
         "--simulate",
         type=_count,
@@ -65,16 +78,24 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="simulate N rays a pixel through the plate's mirrors, too",
     )
-    pictures.add_argument("--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)")
     pictures.add_argument(
-        "--format", choices=image_io.FORMATS, default="PNG8", help="of source.png or source.tif (PNG8)"
+        "--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)"
     )
-    solve = verbs.add_parser("solve", parents=[pictures], help="compute the source image and write it to a folder")
+    pictures.add_argument(
+        "--format",
+        choices=image_io.FORMATS,
+        default="PNG8",
+        help="of source.png or source.tif (PNG8)",
+    )
+    solve = verbs.add_parser(
+        "solve", parents=[pictures], help="compute the source image and write it to a folder"
+    )
     solve.set_defaults(run=_solve)
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
-        help="find the errors of a real bench, solve for it, and write both, and a .blend of it, to a folder",
+        help="find the errors of a real bench, solve for it, and write both, and a .blend of it,"
+        " to a folder",
     )
     calibrate.add_argument(
         "--measured",
@@ -175,12 +196,17 @@ def _files(arguments: argparse.Namespace) -> dict[str, Path]:
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Measure error against run time and write the report; yields lines of progress, then the table."""
+    """Measure error against run time and write the report.
+
+    Yields lines of progress, then the table.
+    """
     rig = work.read(bpy.context).rig
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
     yield f"measuring '{Path(bpy.data.filepath).name}'"
-    found = yield from _progress(report.measured(bpy.context, rig, arguments.out, arguments.seconds))
+    found = yield from _progress(
+        report.measured(bpy.context, rig, arguments.out, arguments.seconds)
+    )
     report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
     yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"
@@ -189,11 +215,13 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Fit, keep the result, solve and write the files; yields lines of progress."""
     image_io.openimageio()
-    details, file = arguments.out / "calibration.json", arguments.out / "calibrated.blend"
+    details = arguments.out / "calibration.json"
+    file = arguments.out / "calibrated.blend"
     if not arguments.overwrite:
         paths = (details, file, *_files(arguments).values())
         folder.refuse_existing(arguments.out, (path.name for path in paths), "add --overwrite")
-    context, ours = bpy.context, bpy.context.scene.kiriko.calibration
+    context = bpy.context
+    ours = bpy.context.scene.kiriko.calibration
     ours.keep = arguments.keep.upper()
     reading = work.read(context)
     reading.rig.check()
@@ -205,7 +233,9 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
         bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
     except RuntimeError as reason:
         why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
-        raise ImageError(f"The file '{file}' cannot be written ({why}): choose another folder.") from None
+        raise ImageError(
+            f"The file '{file}' cannot be written ({why}): choose another folder."
+        ) from None
     yield f"wrote '{details.name}' and '{file.name}' there, too"
 
 
@@ -214,7 +244,9 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     image_io.openimageio()
     files = _files(arguments)
     if not arguments.overwrite:
-        folder.refuse_existing(arguments.out, (path.name for path in files.values()), "add --overwrite")
+        folder.refuse_existing(
+            arguments.out, (path.name for path in files.values()), "add --overwrite"
+        )
     context = bpy.context
     scene = context.scene
     reading = work.read_to_solve(context)
@@ -238,7 +270,9 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     numbers = _numbers(scene, text)
     if arguments.preview:
         yield "rendering the preview in Cycles"
-        with Preview(scene, reading, scene.kiriko.result.source, samples=arguments.samples) as preview:
+        with Preview(
+            scene, reading, scene.kiriko.result.source, samples=arguments.samples
+        ) as preview:
             jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
         numbers["preview_notes"] = preview.notes
     if arguments.simulate:
@@ -250,11 +284,15 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
             "rays_a_pixel": found.spp,
             "noise": found.error,
             "luminance": {path.name.lower(): light for path, light in found.luminance.items()},
-            "luminance_error": {path.name.lower(): error for path, error in found.luminance_error.items()},
+            "luminance_error": {
+                path.name.lower(): error for path, error in found.luminance_error.items()
+            },
         }
     with image_io.together(arguments.out) as scratch:
         for image, pixels, form, area in jobs:
-            image_io.write(scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image")
+            image_io.write(
+                scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
+            )
         image_io.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
     yield f"wrote {len(files)} files to '{arguments.out}'"
 

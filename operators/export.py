@@ -12,7 +12,8 @@ from ..core.errors import ImageError
 from . import watch, work
 
 WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
-OLD, ALL_THE_SAME = "Export the old image?", "Export All the Same"
+OLD = "Export the old image?"
+ALL_THE_SAME = "Export All the Same"
 
 
 def use_bundled_modules() -> None:
@@ -47,7 +48,7 @@ def unwritable(form: str) -> list[str]:
 
 
 class KIRIKO_OT_export(bpy.types.Operator):
-    """Write the source image to a file, at the display's own resolution, with colour space and physical size"""
+    """Write the source image to a file in the display's own pixels, with colour space and size"""
 
     bl_idname = "kiriko.export"
     bl_label = "Export Source Image"
@@ -60,24 +61,30 @@ class KIRIKO_OT_export(bpy.types.Operator):
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
-        name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE", "HIDDEN"}
+        name="Overwrite",
+        description="Replace the file if there is one already",
+        options={"SKIP_SAVE", "HIDDEN"},
     )
     allow_stale: bpy.props.BoolProperty(
         name="Allow Stale",
         description="Export the image although the scene has changed since it was solved",
         options={"SKIP_SAVE", "HIDDEN"},
     )
-    # the file dialogue asks an operator for these: show names that are taken in red, and only images
+    # the file dialogue asks an operator for these: show
+    # names that are taken in red, and only images
     check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
     filter_glob: bpy.props.StringProperty(
-        default=";".join(f"*{suffix}" for suffix in sorted(image_io.SUFFIXES)), options={"SKIP_SAVE", "HIDDEN"}
+        default=";".join(f"*{suffix}" for suffix in sorted(image_io.SUFFIXES)),
+        options={"SKIP_SAVE", "HIDDEN"},
     )
 
     is_in_dialogue = is_to_ask = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.unsolved(context.scene) + unwritable(context.scene.kiriko.export_format))
+        return work.can_run(
+            cls, work.unsolved(context.scene) + unwritable(context.scene.kiriko.export_format)
+        )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
@@ -85,13 +92,17 @@ class KIRIKO_OT_export(bpy.types.Operator):
         with work.told(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
             # the path is relative to a file that was never saved
-            is_nowhere = not bpy.data.filepath and (self.filepath or ours.export_path or "//").startswith("//")
+            is_nowhere = not bpy.data.filepath and (
+                self.filepath or ours.export_path or "//"
+            ).startswith("//")
             if is_nowhere and is_stale:
                 self.is_to_ask = self.allow_stale = True
                 return ask(self, event, title=OLD, message=watch.CHANGED, confirm_text=ALL_THE_SAME)
             if is_nowhere:
                 name = Path(self.filepath or ours.export_path).name or "source"
-                self.filepath = str(image_io.named_for(name, self._form(context), bpy.path.extensions_image))
+                self.filepath = str(
+                    image_io.named_for(name, self._form(context), bpy.path.extensions_image)
+                )
                 self.is_in_dialogue = True
                 context.window_manager.fileselect_add(self)
                 return {"RUNNING_MODAL"}
@@ -102,17 +113,33 @@ class KIRIKO_OT_export(bpy.types.Operator):
             self.allow_stale |= is_stale
             if is_stale:
                 taken = f" The file '{path}' is replaced." if is_taken else ""
-                return ask(self, event, title=OLD, message=f"{watch.CHANGED}{taken}", confirm_text=ALL_THE_SAME)
+                return ask(
+                    self,
+                    event,
+                    title=OLD,
+                    message=f"{watch.CHANGED}{taken}",
+                    confirm_text=ALL_THE_SAME,
+                )
             if is_taken:
-                return ask(self, event, title="Replace the file?", message=str(path), confirm_text="Replace")
+                return ask(
+                    self,
+                    event,
+                    title="Replace the file?",
+                    message=str(path),
+                    confirm_text="Replace",
+                )
             return self.execute(context)
         return {"CANCELLED"}
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialogue: complete the name as it will be written, so that one that is taken is red."""
+        """Called by the file dialogue: complete the name as it
+        will be written, so that one that is taken is red.
+        """
         if not Path(self.filepath).name:
             return False
-        named = str(image_io.named_for(self.filepath, self._form(context), bpy.path.extensions_image))
+        named = str(
+            image_io.named_for(self.filepath, self._form(context), bpy.path.extensions_image)
+        )
         is_other = named != self.filepath
         self.filepath = named
         return is_other
@@ -123,7 +150,9 @@ class KIRIKO_OT_export(bpy.types.Operator):
             return self._ask_where()
         with work.told(self):
             if not self.allow_stale and watch.has_changed(context):
-                raise ImageError(f"{watch.CHANGED.rstrip('.')}, or export the old image with allow_stale=True.")
+                raise ImageError(
+                    f"{watch.CHANGED.rstrip('.')}, or export the old image with allow_stale=True."
+                )
             details = json.loads(ours.result.details or "{}")
             size = details.get("display_size_m")
             use_bundled_modules()
@@ -140,7 +169,8 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 save_png=save_png,
             )
             if self.is_in_dialogue:
-                ours.export_path, ours.export_format = str(written), form
+                ours.export_path = str(written)
+                ours.export_format = form
             self.report({"INFO"}, f"Wrote '{written}'.")
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -149,7 +179,9 @@ class KIRIKO_OT_export(bpy.types.Operator):
         return image_io.format_for(self.filepath, context.scene.kiriko.export_format)
 
     def _ask_where(self) -> set[str]:
-        """The old image is wanted: begin again, with that answer. An operator of a dialogue cannot open another."""
+        """The old image is wanted: begin again, with that answer.
+        An operator of a dialogue cannot open another.
+        """
         try:
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True)
             return {"FINISHED"}

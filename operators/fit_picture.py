@@ -33,6 +33,10 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
                 before = fit(context, picture)
             except RigError as why:
                 raise RigError(f"'{picture.name}' keeps its shape, for {why}.") from None
-            self.report({"INFO"}, f"'{picture.name}' has the shape of its image now; it was {squeezed_words(before)}.")
+            self.report(
+                {"INFO"},
+                f"'{picture.name}' has the shape of its image now; it was"
+                f" {squeezed_words(before)}.",
+            )
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -1,4 +1,6 @@
-"""A folder that results are written to: made if need be, seen to be writable before any work, gone again if unused."""
+"""A folder that results are written to: made if need be, seen
+to be writable before any work, gone again if unused.
+"""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -10,12 +12,17 @@ from ..core.errors import ImageError
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Make the folder and see that it can be written, before any work is done for it; gone again if it stays empty."""
+    """Make the folder and see that it can be written, before any work is done for it.
+
+    Gone again if it stays empty.
+    """
     new = [path for path in (folder, *folder.parents) if not image_io.is_there(path)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise ImageError(f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one.") from None
+        raise ImageError(
+            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+        ) from None
     try:
         image_io.check_folder(folder)
         yield
@@ -27,7 +34,11 @@ def made(folder: Path) -> Iterator[None]:
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
-    """Raise ImageError when files of these names are in the folder already; `remedy` ends its sentence."""
+    """Raise ImageError when files of these names are in the
+    folder already; `remedy` ends its sentence.
+    """
     there = [name for name in names if image_io.is_there(folder / name)]
     if there:
-        raise ImageError(f"The folder '{folder}' has {', '.join(there)} already: choose another or {remedy}.")
+        raise ImageError(
+            f"The folder '{folder}' has {', '.join(there)} already: choose another or {remedy}."
+        )

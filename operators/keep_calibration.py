@@ -14,7 +14,7 @@ def without_offset(scene: bpy.types.Scene) -> list[str]:
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):
-    """Move the objects, and set their optical properties, as the calibration's offset says; the offset goes"""
+    """Move the objects and set their optics as the calibration's offset says; the offset goes"""
 
     bl_idname = "kiriko.apply_calibration"
     bl_label = "Apply to Scene"
@@ -32,9 +32,13 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
             is_current = not watch.has_changed(context)
             with put_into_scene(context.scene, reading, lambda: work.read(context)):
                 result = context.scene.kiriko.result
-                if result.solved_for and is_current:  # it is the same rig as before, written another way
+                # it is the same rig as before, written another way
+                if result.solved_for and is_current:
                     result.solved_for = work.scene_now(context).as_text()
-                self.report({"INFO"}, f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.")
+                self.report(
+                    {"INFO"},
+                    f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.",
+                )
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -23,7 +23,7 @@ def _pixels(context: bpy.types.Context, picture: bpy.types.Object) -> tuple[int,
 
 
 class KIRIKO_OT_lattice_picture(bpy.types.Operator):
-    """Make the lattice the picture: solve, show the source image on the real display, photograph what is seen"""
+    """Make the lattice the picture: solve, show it on the real display, photograph the glass"""
 
     bl_idname = "kiriko.lattice_picture"
     bl_label = "Show Lattice"
@@ -36,17 +36,23 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
         return work.can_run(cls, [] if is_there else ["No picture: set a plane's role to Picture"])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        scene, ours = context.scene, context.scene.kiriko.calibration
+        scene = context.scene
+        ours = context.scene.kiriko.calibration
         with work.told(self):
-            lattice, style = Lattice(ours.columns, ours.rows, ours.margin), ours.style.lower()
+            lattice = Lattice(ours.columns, ours.rows, ours.margin)
+            style = ours.style.lower()
             if scene.kiriko.picture_source == "IMAGE":
                 image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
-                scene.kiriko.picture_image, where = image, "the scene's picture"
+                scene.kiriko.picture_image = image
+                where = "the scene's picture"
             else:
                 picture = next(iter(work.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
                 picture.kiriko.image, where = image, f"'{picture.name}'"
-            text = f"The lattice is in {where}: solve, show it on the display, and photograph what is seen."
+            text = (
+                f"The lattice is in {where}: solve, show it on the display, and photograph what"
+                f" is seen."
+            )
             self.report({"INFO"}, text)
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -1,9 +1,10 @@
 """Live: follow every change of the rig with a new source image, coarse first and then finer.
 
-The work is done in turns of a timer of the application, and not by a modal operator: such a timer also runs while
-objects are dragged, whose operator takes all events of its window; it belongs to no window, and holds up neither undo
-nor auto-save. Only numbers and session uids are remembered from turn to turn; datablocks are looked up anew each
-turn, so that undo, deletion and file load leave nothing behind that points nowhere.
+The work is done in turns of a timer of the application, and not by a modal operator: such a timer
+also runs while objects are dragged, whose operator takes all events of its window; it belongs to no
+window, and holds up neither undo nor auto-save. Only numbers and session uids are remembered from
+turn to turn; datablocks are looked up anew each turn, so that undo, deletion and file load leave
+nothing behind that points nowhere.
 """
 
 from collections.abc import Generator
@@ -37,22 +38,35 @@ NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
 
 @dataclass(frozen=True)
 class Step:
-    """The next step: a phrase for the status bar, the key of its duration, and a first guess at that, s."""
+    """The next step: words for the status bar, the key of its duration, a guess at that, s."""
 
     phrase: str
     key: tuple[object, ...] = ()
     guess: float = field(default=2 * LONG, compare=False)
 
 
-READING, WRITING = "reading the scene", "writing the source image"
+READING = "reading the scene"
+WRITING = "writing the source image"
 
 
 def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
-    """All that Kiriko's own settings say, cheaply: Blender does not tell when a script changes them."""
+    """All that Kiriko's own settings say, cheaply: Blender
+    does not tell when a script changes them.
+    """
     ours = scene.kiriko
     camera = ours.viewer or scene.camera
     objects = [
-        (thing.session_uid, o.role, o.use_ior, o.ior, o.priority, o.surface, *o.resolution, uid(o.image), mirrors_of(o))
+        (
+            thing.session_uid,
+            o.role,
+            o.use_ior,
+            o.ior,
+            o.priority,
+            o.surface,
+            *o.resolution,
+            uid(o.image),
+            mirrors_of(o),
+        )
         for things in work.parts(scene).values()
         for thing in things
         for o in (thing.kiriko,)
@@ -76,25 +90,29 @@ def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
 
 
 def uid(block: bpy.types.ID | None) -> int:
-    """The number that a datablock keeps through undo, when its place in memory changes; 0 for none."""
+    """The number that a datablock keeps through undo, when its place in memory changes;
+    0 for none.
+    """
     return 0 if block is None else block.session_uid
 
 
 class Live:
-    """One scene that is followed. `turn` does a little work; it needs no window of its own and no event."""
+    """One scene that is followed. `turn` does a little work; it needs no window and no event."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.uid = scene.session_uid
         self.problem = ""
         self.n_pictures = 0
         self.is_unpacked = False
-        self.seconds: tuple[float, float] | None = None  # from a change to the first and to the last picture of it
+        # from a change to the first and to the last picture of it
+        self.seconds: tuple[float, float] | None = None
         self.longest: dict[str, float] = {}  # s by phrase of the step
         self.kept = Kept()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
         self._text = ""
         self._lasted: dict[Step, float] = {}
-        self._whole_lasted: dict[tuple[object, ...], float] = {}  # s of tracing and painting, by kind of rig
+        # s of tracing and painting, by kind of rig
+        self._whole_lasted: dict[tuple[object, ...], float] = {}
         self._settings: tuple[object, ...] = ()
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
@@ -116,10 +134,11 @@ class Live:
         return self._work is not None
 
     def turn(self) -> float | None:
-        """Do a little work; returns seconds until the next turn is due, or None when the scene is not shown any more.
+        """Do a little work; returns seconds until the next turn is
+        due, or None when the scene is not shown any more.
 
-        Single steps are done until TURN is over; before one that may take longer than LONG it returns once, so that
-        the status bar can say so.
+        Single steps are done until TURN is over; before one that may take longer
+        than LONG it returns once, so that the status bar can say so.
         """
         window = next((w for w in all_windows() if w.scene.session_uid == self.uid), None)
         if window is None:
@@ -137,7 +156,9 @@ class Live:
                 if step is None:
                     self._say("")
                     return IDLE
-                if self._lasted.get(step, step.guess) > LONG and self._say(f"Kiriko Live: {step.phrase} ..."):
+                if self._lasted.get(step, step.guess) > LONG and self._say(
+                    f"Kiriko Live: {step.phrase} ..."
+                ):
                     return NOTICE
                 self._do(step, bpy.context)
         return PAUSE
@@ -148,12 +169,15 @@ class Live:
         self._say("")
 
     def _drop(self) -> None:
-        self._work: Generator[Step, None, None] | None = None  # a generator is closed when nothing holds it
+        # a generator is closed when nothing holds it
+        self._work: Generator[Step, None, None] | None = None
         self._pending: Step | None = None
         self._has_picture = False
 
     def _upcoming(self) -> Step | None:
-        """The next single step. A first picture is not given up for a newer change, or a drag would never show any."""
+        """The next single step. A first picture is not given up for
+        a newer change, or a drag would never show any.
+        """
         if self.is_changed and (self._work is None or self._has_picture):
             return Step(READING, (self.kept.is_whole,))
         return self._pending
@@ -186,8 +210,14 @@ class Live:
             self._key = None
             raise
         optics = fingerprint(replace(reading.rig, pictures=()), settings.of_optics)
-        # the pixels are the same array as long as they are the same numbers (see Kept), and kept alive by the reading
-        key = (optics, settings, fingerprint(reading.rig.picture.mesh), id(reading.rig.picture.image))
+        # the pixels are the same array as long as they are the same
+        # numbers (see Kept), and kept alive by the reading
+        key = (
+            optics,
+            settings,
+            fingerprint(reading.rig.picture.mesh),
+            id(reading.rig.picture.image),
+        )
         if key == self._key:
             self._reading = replace(reading, solved_for=self._reading.solved_for)
             return
@@ -197,7 +227,9 @@ class Live:
         self._work = self._update(context.scene.session_uid, settings, optics)
         self._pending = next(self._work)
 
-    def _update(self, scene_uid: int, settings: Settings, optics: str) -> Generator[Step, None, None]:
+    def _update(
+        self, scene_uid: int, settings: Settings, optics: str
+    ) -> Generator[Step, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
         first = None
@@ -205,14 +237,18 @@ class Live:
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
-        # with the optics of the last solve a new picture costs one product: nothing coarse is faster
-        is_traced, kind = optics == self._optics, (*_sizes(rig), is_same, settings.of_optics)
+        # with the optics of the last solve a new picture costs
+        # one product: nothing coarse is faster
+        is_traced = optics == self._optics
+        kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
         if not is_traced:
-            check_memory(rig, settings)  # of the last of them: nothing is shown of a rig that cannot be solved
+            # of the last of them: nothing is shown of a rig that cannot be solved
+            check_memory(rig, settings)
         for n, (a_rig, how) in enumerate(rungs):
-            is_last, began = n == len(rungs) - 1, perf_counter()
+            is_last = n == len(rungs) - 1
+            began = perf_counter()
             try:
                 found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
             except KirikoError:
@@ -233,15 +269,23 @@ class Live:
             self._note_ours(scene)
             first = perf_counter() - started if first is None else first
             redraw()
-        self._optics, self.seconds = optics, (first, perf_counter() - started)
+        self._optics = optics
+        self.seconds = (first, perf_counter() - started)
         self._show_problem("")
 
-    def _solve(self, rig: Rig, settings: Settings, is_built: bool, is_last: bool) -> Generator[Step, None, Any]:
-        """The solution, or a coarse source image alone. Names each step before it, and the time that it may take."""
-        sizes, session, n = (*_sizes(rig), is_built), work.session(), 0
+    def _solve(
+        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
+    ) -> Generator[Step, None, Any]:
+        """The solution, or a coarse source image alone. Names each
+        step before it, and the time that it may take.
+        """
+        sizes = (*_sizes(rig), is_built)
+        session = work.session()
+        n = 0
         steps = (session.solve if is_last else session.glance)(rig, settings)
         phrase = "solving" if is_built else "solving for changed glass"
-        # solved with these sizes before, it may take a step more than then, which is no reason to speak
+        # solved with these sizes before, it may take a step
+        # more than then, which is no reason to speak
         guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
         while True:
             yield Step(phrase, (*sizes, n), guess)
@@ -254,7 +298,10 @@ class Live:
     def _note_ours(self, scene: bpy.types.Scene) -> None:
         display = bpy.data.objects.get(self._reading.display_object)
         materials = [] if display is None else [slot.material for slot in display.material_slots]
-        self.ours = {uid(scene.kiriko.result.source), *(uid(m) for m in materials if m is not None and m.get(OURS))}
+        self.ours = {
+            uid(scene.kiriko.result.source),
+            *(uid(m) for m in materials if m is not None and m.get(OURS)),
+        }
 
     def _show_problem(self, text: str) -> None:
         self.problem = text
@@ -273,7 +320,9 @@ class Live:
 
 
 def _sizes(rig: Rig) -> tuple[int, ...]:
-    """Sizes by which the time of a solve is guessed: pixels, and the number of triangles up to a factor of two."""
+    """Sizes by which the time of a solve is guessed: pixels, and
+    the number of triangles up to a factor of two.
+    """
     n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
     images = (side for part in (rig.viewer, rig.display) for side in (part.width, part.height))
     return (*images, n_triangles.bit_length())
@@ -371,7 +420,10 @@ def tick() -> float | None:
 
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender evaluated a change or another frame; whether it counts shows when the scene is read."""
+    """Blender evaluated a change or another frame.
+
+    Whether it counts shows when the scene is read.
+    """
     for live in _lives:
         live.kept.notice(depsgraph.updates, live.ours)
         live.touch()
@@ -379,7 +431,9 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @persistent
 def on_undo(*_: object) -> None:
-    """The work under way is dropped and begun anew from the scene as it is now: an artist undoes often."""
+    """The work under way is dropped and begun anew from the
+    scene as it is now: an artist undoes often.
+    """
     for live in _lives:
         live.start_over()
 
@@ -424,7 +478,7 @@ HANDLERS = (
 
 
 class KIRIKO_OT_live(bpy.types.Operator):
-    """Follow every change of rig and settings with a new source image, coarse first and then finer; again to stop"""
+    """Follow every change with a new source image, coarse first, then finer; press again to stop"""
 
     bl_idname = "kiriko.live"
     bl_label = "Live"

@@ -12,7 +12,9 @@ NAME = "Kiriko Glass"
 
 def can_be_given(thing: bpy.types.Object) -> bool:
     """Is it glass whose own material does not refract, and can it have another?"""
-    has_slots = hasattr(thing.data, "materials") and (bool(thing.material_slots) or thing.data.is_editable)
+    has_slots = hasattr(thing.data, "materials") and (
+        bool(thing.material_slots) or thing.data.is_editable
+    )
     return thing.kiriko.role == "GLASS" and thing.is_editable and has_slots and not refracts(thing)
 
 
@@ -22,7 +24,7 @@ def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 class KIRIKO_OT_make_glass(bpy.types.Operator):
-    """Give the selected glass, where its material does not refract, one that does; its own stays in the file"""
+    """Give the selected glass a material that refracts, where its own does not; its own is kept"""
 
     bl_idname = "kiriko.make_glass"
     bl_label = "Make It Glass"
@@ -30,7 +32,9 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, [] if _chosen(context) else ["Select glass whose material does not refract"])
+        return work.can_run(
+            cls, [] if _chosen(context) else ["Select glass whose material does not refract"]
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         things = _chosen(context)
@@ -45,16 +49,28 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
             names = ", ".join(f"'{thing.name}'" for thing in things)
             result = context.scene.kiriko.result
             told = tuple(f"The material of '{thing.name}' does not refract" for thing in things)
-            result.notes = "\n".join(note for note in result.notes.splitlines() if not note.startswith(told))
-            stays = f"; {', '.join(kept)} stay{'s' if len(kept) == 1 else ''} in the file" if kept else ""
-            text = f"The material of {names} is '{glass.name}' now, with an index of {DEFAULT_IOR}{stays}."
+            result.notes = "\n".join(
+                note for note in result.notes.splitlines() if not note.startswith(told)
+            )
+            stays = (
+                f"; {', '.join(kept)} stay{'s' if len(kept) == 1 else ''} in the file"
+                if kept
+                else ""
+            )
+            text = (
+                f"The material of {names} is '{glass.name}' now, with an index of"
+                f" {DEFAULT_IOR}{stays}."
+            )
             self.report({"INFO"}, text)
             return {"FINISHED"}
         return {"CANCELLED"}
 
 
 def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
-    """Link the material to an object in place of those of its mesh, which may be others', too; returns their names."""
+    """Link the material to an object in place of those of its mesh, which may be others', too.
+
+    Returns their names.
+    """
     if not thing.material_slots:
         thing.data.materials.append(None)
     kept = []

@@ -14,16 +14,24 @@ from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 FILE = FOLDER / "kiriko_plate.blend"
-MARK = "kiriko_plate"  # by it a material of ours is known, whatever its name: the layout of its mirrors
+# by it a material of ours is known, whatever its name: the layout of its mirrors
+MARK = "kiriko_plate"
 UNIT = "kiriko_unit"  # m: of a Blender unit, when the material came into the file
 NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
 SIZE = 0.488  # m, of a new plane
 
 
 def _material(layout: str, metres: float) -> bpy.types.Material:
-    """The plate's material: the one in the file already, else appended; a Blender unit is `metres` long."""
+    """The plate's material: the one in the file already, else appended.
+
+    A Blender unit is `metres` long.
+    """
     for material in bpy.data.materials:
-        if material.get(MARK) == layout and material.get(UNIT, 1.0) == metres and material.library is None:
+        if (
+            material.get(MARK) == layout
+            and material.get(UNIT, 1.0) == metres
+            and material.library is None
+        ):
             return material
     name = NAMES[layout]
     try:
@@ -44,7 +52,9 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
 
 
 def _own_material(thing: bpy.types.Object, metres: float) -> bpy.types.Material | None:
-    """A material with the mirrors that a plate of a rig has by its settings; None where it has none."""
+    """A material with the mirrors that a plate of a rig
+    has by its settings; None where it has none.
+    """
     if thing.kiriko.role != "PLATE" or thing.kiriko.plate.model == "IDEAL":
         return None
     material = bpy.data.materials.new(f"{thing.name} Mirrors")
@@ -61,7 +71,7 @@ def _is_flat(mesh: bpy.types.Mesh) -> bool:
 
 
 class KIRIKO_OT_add_plate_material(bpy.types.Operator):
-    """Make the active flat mesh, or a new plane, a mirror array plate, whose mid-air image Cycles shows"""
+    """Make the active flat mesh, or a new plane, a mirror array plate that Cycles renders"""
 
     bl_idname = "kiriko.add_plate_material"
     bl_label = "Add Plate Material"
@@ -71,9 +81,17 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         name="Mirrors",
         description="How the plate's mirrors stand",
         items=(
-            ("crossed", "Crossed Layers", "Two layers of slits, one above the other (MMAP, ASKA3D)"),
+            (
+                "crossed",
+                "Crossed Layers",
+                "Two layers of slits, one above the other (MMAP, ASKA3D)",
+            ),
             ("holes", "Square Holes", "Both directions in one layer (DCRA)"),
-            ("radial", "Radial Holes", "Square holes, turned round the object's origin (radially arranged DCRA)"),
+            (
+                "radial",
+                "Radial Holes",
+                "Square holes, turned round the object's origin (radially arranged DCRA)",
+            ),
         ),
     )
 
@@ -89,7 +107,9 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         with work.told(self):
             if not is_new:
                 self._check(thing)
-            material = (None if is_new else _own_material(thing, metres)) or _material(self.layout, metres)
+            material = (None if is_new else _own_material(thing, metres)) or _material(
+                self.layout, metres
+            )
         if material is None:
             return {"CANCELLED"}
         if is_new:
@@ -98,7 +118,10 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
             thing.name = thing.data.name = "Kiriko Plate"
         thing.active_material = material
         if context.scene.render.engine != "CYCLES":
-            self.report({"WARNING"}, f"'{material.name}' is seen in Cycles only: choose it as the render engine.")
+            self.report(
+                {"WARNING"},
+                f"'{material.name}' is seen in Cycles only: choose it as the render engine.",
+            )
         else:
             self.report({"INFO"}, f"'{thing.name}' is a plate by its material '{material.name}'.")
         return {"FINISHED"}
@@ -107,9 +130,13 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         if not (thing.is_editable and thing.data.is_editable):
             raise MeshError(f"'{thing.name}' is linked from another file: make it local first.")
         if not len(thing.data.polygons):
-            raise MeshError(f"'{thing.name}' has no faces: give it some, or deselect it for a new plane.")
+            raise MeshError(
+                f"'{thing.name}' has no faces: give it some, or deselect it for a new plane."
+            )
         if not _is_flat(thing.data):
-            raise MeshError(f"'{thing.name}' is not flat, as a plate has to be: deselect it for a new plane.")
+            raise MeshError(
+                f"'{thing.name}' is not flat, as a plate has to be: deselect it for a new plane."
+            )
 
 
 def library_path() -> str:
@@ -121,26 +148,36 @@ def library_path() -> str:
 
 
 def libraries_page() -> str:
-    """The page of the preferences that has the asset libraries; up to 4.5 they are among the file paths."""
+    """The page of the preferences that has the asset libraries.
+
+    Up to 4.5 they are among the file paths.
+    """
     pages = bpy.types.Preferences.bl_rna.properties["active_section"].enum_items
     return pages.get("ASSETS", pages["FILE_PATHS"]).name
 
 
 class KIRIKO_OT_add_asset_library(bpy.types.Operator):
-    """Add Kiriko's materials to the asset libraries of your preferences, to drag them from the asset browser"""
+    """Add Kiriko's materials to your asset libraries, to drag them from the asset browser"""
 
     bl_idname = "kiriko.add_asset_library"
     bl_label = "Add Asset Library"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, ["Kiriko is among your asset libraries already"] if library_path() else [])
+        return work.can_run(
+            cls, ["Kiriko is among your asset libraries already"] if library_path() else []
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not FILE.exists():
             self.report({"ERROR"}, f"The file {FILE} is missing: install Kiriko again.")
             return {"CANCELLED"}
-        library = context.preferences.filepaths.asset_libraries.new(name="Kiriko", directory=str(FOLDER))
+        library = context.preferences.filepaths.asset_libraries.new(
+            name="Kiriko", directory=str(FOLDER)
+        )
         context.preferences.is_dirty = True
-        self.report({"INFO"}, f"The asset library '{library.name}' is in Preferences > {libraries_page()}: {FOLDER}.")
+        self.report(
+            {"INFO"},
+            f"The asset library '{library.name}' is in Preferences > {libraries_page()}: {FOLDER}.",
+        )
         return {"FINISHED"}

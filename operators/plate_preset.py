@@ -10,7 +10,7 @@ from . import work
 
 
 class KIRIKO_OT_plate_preset(bpy.types.Operator):
-    """Make the active plate one that can be bought: its mirrors, and its size about the plate's middle"""
+    """Make the active plate one that can be bought: its mirrors and its size, about its middle"""
 
     bl_idname = "kiriko.plate_preset"
     bl_label = "Plate Preset"
@@ -32,7 +32,8 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        thing, reasons = context.active_object, []
+        thing = context.active_object
+        reasons = []
         if thing is None or thing.kiriko.role != "PLATE":
             reasons.append("Select a plate: an object whose role is Plate")
         elif not thing.is_editable:
@@ -40,17 +41,24 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
         return work.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        plate, side = context.active_object, PRESET_SIDES[self.preset]
+        plate = context.active_object
+        side = PRESET_SIDES[self.preset]
         length = length_text(context.scene, side)
         with work.told(self):
             try:
                 give_side(context, plate, side / length_of_unit(context.scene))
             except RigError as why:
                 level = "WARNING"
-                text = f"'{plate.name}' has the mirrors of {self.preset} now, but not its size of {length}: {why}."
+                text = (
+                    f"'{plate.name}' has the mirrors of {self.preset} now, but not its size of"
+                    f" {length}: {why}."
+                )
             else:
                 level = "INFO"
-                text = f"'{plate.name}' has the mirrors of {self.preset} now, and its size: {length} a side."
+                text = (
+                    f"'{plate.name}' has the mirrors of {self.preset} now, and its size: {length}"
+                    f" a side."
+                )
             _set_mirrors(plate, self.preset)
             self.report({level}, text)
             return {"FINISHED"}
@@ -58,9 +66,13 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
 
 
 def _set_mirrors(plate: bpy.types.Object, preset: str) -> None:
-    array, ours = PRESETS[preset], plate.kiriko.plate
+    array = PRESETS[preset]
+    ours = plate.kiriko.plate
     ours.model = array.layout.upper()
     ours.pitch = 1e3 * array.pitch
     ours.height = array.height / array.pitch
-    ours.ior, ours.reflectance = array.ior, array.reflectance
-    ours.crossing_error, ours.fresnel, ours.phase = array.crossing_error, array.has_fresnel, array.phase
+    ours.ior = array.ior
+    ours.reflectance = array.reflectance
+    ours.crossing_error = array.crossing_error
+    ours.fresnel = array.has_fresnel
+    ours.phase = array.phase

@@ -17,7 +17,7 @@ NAME = "Kiriko Preview"
 
 
 class KIRIKO_OT_preview(bpy.types.Operator):
-    """Render the viewer's image in Cycles, in a scene of its own, and show it as the image Kiriko Preview"""
+    """Render the viewer's image in Cycles, in a scene of its own, as the image Kiriko Preview"""
 
     bl_idname = "kiriko.preview"
     bl_label = "Preview"
@@ -48,11 +48,14 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     )
     reflections: bpy.props.BoolProperty(
         name="Reflections",
-        description="Glass reflects a part of the light; without, there is no noise, and total reflection is black",
+        description="Glass reflects a part of the light; without, there is no noise, and total"
+        " reflection is black",
         default=True,
     )
     surroundings: bpy.props.BoolProperty(
-        name="Surroundings", description="The world, lights and objects without a role are there too", default=True
+        name="Surroundings",
+        description="The world, lights and objects without a role are there too",
+        default=True,
     )
     filepath: bpy.props.StringProperty(
         name="File",
@@ -61,7 +64,9 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
-        name="Overwrite", description="Replace the file if there is one already", options={"SKIP_SAVE"}
+        name="Overwrite",
+        description="Replace the file if there is one already",
+        options={"SKIP_SAVE"},
     )
 
     @classmethod
@@ -88,7 +93,8 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             self._preview = self._prepare(context)
         if self._preview is None:
             return {"CANCELLED"}
-        # Blender renders in a job of its own and puts no setting back after Esc; a temporary scene needs none put back
+        # Blender renders in a job of its own and puts no setting back
+        # after Esc; a temporary scene needs none put back
         self._preview.scene.render.use_lock_interface = True
         self._timer = context.window_manager.event_timer_add(work.TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -109,7 +115,9 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             self.cancel(context)
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Remove all that was made; Blender calls this too when it closes or loads another file meanwhile."""
+        """Remove all that was made; Blender calls this too when
+        it closes or loads another file meanwhile.
+        """
         context.window_manager.event_timer_remove(self._timer)
         self._preview.close()
 
@@ -118,7 +126,10 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         self._file()
         left, right, bottom, top = self.border
         if left >= right or bottom >= top:
-            raise RigError("The preview's border is empty: left has to be less than right, and bottom less than top.")
+            raise RigError(
+                "The preview's border is empty: left has to be less than right, and"
+                " bottom less than top."
+            )
         self._remarks = [watch.CHANGED] if watch.has_changed(context) else []
         whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
         return Preview(
@@ -133,14 +144,21 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         )
 
     def _file(self) -> Path | None:
-        """Where the preview is written, if anywhere; ImageError before the render where it cannot be."""
+        """Where the preview is written, if anywhere;
+        ImageError before the render where it cannot be.
+        """
         if not self.filepath:
             return None
         if Path(self.filepath).suffix.lower() not in {"", ".png", ".exr"}:
-            raise ImageError(f"The preview '{self.filepath}' would be neither .png nor .exr: choose one of these.")
+            raise ImageError(
+                f"The preview '{self.filepath}' would be neither .png nor .exr:"
+                f" choose one of these."
+            )
         path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
         if not self.overwrite and image_io.is_there(path):
-            raise ImageError(f"The file '{path}' exists already: choose another name or allow overwriting.")
+            raise ImageError(
+                f"The file '{path}' exists already: choose another name or allow overwriting."
+            )
         image_io.check_folder(path.parent)
         return path
 
@@ -149,13 +167,24 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if self.filepath:
             use_bundled_modules()
             form = image_io.format_for(self.filepath, "PNG8")
-            image_io.write(self._file(), pixels[..., :3], form, title=NAME, overwrite=self.overwrite, save_png=save_png)
+            image_io.write(
+                self._file(),
+                pixels[..., :3],
+                form,
+                title=NAME,
+                overwrite=self.overwrite,
+                save_png=save_png,
+            )
         result = context.scene.kiriko.result
         result.preview = image = replace_image(result.preview, NAME, pixels)
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 space = area.spaces.active
-                if area.type == "IMAGE_EDITOR" and space.image and space.image.type == "RENDER_RESULT":
+                if (
+                    area.type == "IMAGE_EDITOR"
+                    and space.image
+                    and space.image.type == "RENDER_RESULT"
+                ):
                     space.image = image
         remarks = self._remarks + preview.notes
         if remarks:

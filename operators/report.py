@@ -14,7 +14,16 @@ from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_ladder
 from ..core.errors import ImageError
 from ..core.image.simulation import plate_view
-from ..core.measure.report import NAMES, PLATE_NAMES, as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from ..core.measure.report import (
+    NAMES,
+    PLATE_NAMES,
+    as_csv,
+    as_json,
+    as_svg,
+    plate_csv,
+    plate_svg,
+    table,
+)
 from ..core.measure.work_precision import BUDGET, WorkPrecision, measure
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
@@ -37,7 +46,8 @@ def _array_plate(rig: Rig) -> Plate | None:
 def measured(
     context: bpy.types.Context, rig: Rig, target: Path, budget: float
 ) -> Generator[float, None, WorkPrecision]:
-    """Measure the scene's rig, reading, and writing to the folder `target`, included; yields progress 0..1.
+    """Measure the scene's rig, reading, and writing to the
+    folder `target`, included; yields progress 0..1.
 
     Scene and folder stay as they are.
     """
@@ -69,7 +79,9 @@ def _can_write() -> bool:
 
 
 def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> None:
-    """Write the report's files to a folder, all of them or none; ImageError when they cannot be written."""
+    """Write the report's files to a folder, all of them or
+    none; ImageError when they cannot be written.
+    """
     about = {
         "file": Path(bpy.data.filepath).name,
         "blender": bpy.app.version_string,
@@ -92,7 +104,7 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
 
 
 class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
-    """Measure the cost of accuracy on this rig: error against time, as a table, a diagram and numbers in a folder"""
+    """Measure the cost of accuracy on this rig: error against time, as table and diagram"""
 
     bl_idname = "kiriko.report"
     bl_label = "Write Report"
@@ -105,11 +117,14 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     overwrite: bpy.props.BoolProperty(
-        name="Overwrite", description="Replace a report that is there already", options={"SKIP_SAVE"}
+        name="Overwrite",
+        description="Replace a report that is there already",
+        options={"SKIP_SAVE"},
     )
     seconds: bpy.props.FloatProperty(
         name="Brute Force",
-        description="Time for the brute-force comparison: with more, it gets to more samples a pixel",
+        description="Time for the brute-force comparison: with more, it gets to more samples a"
+        " pixel",
         default=BUDGET,
         min=0.0,
         soft_max=3600.0,

@@ -1,4 +1,6 @@
-"""Simulate: the viewer's image of the source image, with all that the plate's mirrors do to its light."""
+"""Simulate: the viewer's image of the source image, with
+all that the plate's mirrors do to its light.
+"""
 
 from collections.abc import Generator
 
@@ -37,13 +39,14 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        rig, source = work.read(context).rig, scene.kiriko.result.source
+        rig = work.read(context).rig
+        source = scene.kiriko.result.source
         is_changed = watch.has_changed(context)
         rig.check()
         if tuple(source.size) != (rig.display.width, rig.display.height):
             raise RigError(
-                f"The source image has {source.size[0]} x {source.size[1]} pixels, the display '{rig.display.name}'"
-                f" {rig.display.width} x {rig.display.height}: solve again."
+                f"The source image has {source.size[0]} x {source.size[1]} pixels, the display"
+                f" '{rig.display.name}' {rig.display.width} x {rig.display.height}: solve again."
             )
         shown = pixels_from_image(source)
         yield 0.0
@@ -69,5 +72,7 @@ def told(found: Simulation) -> str:
         light = sum(found.luminance[path] for path in paths)
         error = np.linalg.norm([found.luminance_error[path] for path in paths])
         if light > 0:
-            words.append(f"{percent(light / whole)} (+- {percent(float(error) / whole)}) of it {word}")
+            words.append(
+                f"{percent(light / whole)} (+- {percent(float(error) / whole)}) of it {word}"
+            )
     return "".join(f", {text}" for text in (*words, f"noise {number(found.error)} of white"))

@@ -12,7 +12,7 @@ from . import live, work
 
 
 class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
-    """Compute the source image: with it on the display, the viewer sees the picture undistorted inside the glass"""
+    """Compute the source image, which shows the viewer the picture undistorted inside the glass"""
 
     bl_idname = "kiriko.solve"
     bl_label = "Solve"
@@ -26,7 +26,8 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene, self.shown = context.scene, 0
-        reading, settings = work.read_to_solve(context), work.settings_of(scene)
+        reading = work.read_to_solve(context)
+        settings = work.settings_of(scene)
 
         def show(pixels: NDArray[np.float32]) -> None:
             nonlocal reading
@@ -42,5 +43,6 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
         return write_solution(scene, reading, solution)
 
     def stays(self) -> str:
-        is_there = any(image.session_uid == self.shown for image in bpy.data.images)  # not undone by now
+        # not undone by now
+        is_there = any(image.session_uid == self.shown for image in bpy.data.images)
         return "a coarse source image" if is_there else ""

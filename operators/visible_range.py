@@ -16,7 +16,7 @@ NAME = "Kiriko Visible Range"
 
 
 class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
-    """Add an object that shows from where, at the viewer's distance, the picture is seen, and how bright"""
+    """Add a surface that shows where the picture is seen, at the viewer's distance, how bright"""
 
     bl_idname = "kiriko.visible_range"
     bl_label = "Visible Range"
@@ -43,14 +43,19 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
         is_seen = found.share >= self.share
         if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
             raise RigError(
-                f"From nowhere within {np.degrees(FARTHEST):.0f} degrees is {percent(self.share)} of the picture seen,"
-                f" at best {percent(found.best)}: enlarge the display or the plate, or ask for less."
+                f"From nowhere within {np.degrees(FARTHEST):.0f} degrees is {percent(self.share)}"
+                f" of the picture seen, at best {percent(found.best)}: enlarge the display or the"
+                " plate, or ask for less."
             )
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
-            return f"'{NAME}' shows from where {percent(self.share)} of the picture is seen; the viewer is not there."
+            return (
+                f"'{NAME}' shows from where {percent(self.share)} of the picture is seen; the"
+                f" viewer is not there."
+            )
         return (
-            f"{percent(self.share)} of the picture is seen from {left:.1f} degrees left of the viewer to {right:.1f}"
+            f"{percent(self.share)} of the picture is seen from {left:.1f} degrees left of the"
+            f" viewer to {right:.1f}"
             f" right, and from {down:.1f} below to {up:.1f} above: '{NAME}'."
         )

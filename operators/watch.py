@@ -1,8 +1,10 @@
-"""Watch: tells when the scene is no longer the one that the result was solved for, and when it is again.
+"""Watch: tells when the scene is no longer the one that
+the result was solved for, and when it is again.
 
-Handlers only note that something may have changed. A timer of the application waits until nothing has changed for a
-while and no work is under way, and then reads the scene as `core/blender/solved_for.py` does, which puts no mesh into
-the world. Nothing is read where there is no result. Only numbers and session uids are remembered.
+Handlers only note that something may have changed. A timer of the application waits until nothing
+has changed for a while and no work is under way, and then reads the scene as
+`core/blender/solved_for.py` does, which puts no mesh into the world. Nothing is read where there is
+no result. Only numbers and session uids are remembered.
 """
 
 from dataclasses import dataclass, field
@@ -19,18 +21,20 @@ from . import live, work
 CHANGED = "The scene has changed since: solve again."
 QUIET = 0.4  # s without a change before the scene is read
 TICK = 0.2  # s between two looks
-SHARE = 5.0  # times as long as the last reading of its kind took it has to be quiet before the next one
+# times as long as the last reading of its kind took it has to be quiet before the next one
+SHARE = 5.0
 POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
-PATIENCE = 10.0  # s after which an operator that only waits, as some add-ons' do, is no reason not to read
+# s after which an operator that only waits, as some add-ons' do, is no reason not to read
+PATIENCE = 10.0
 
 
 @dataclass(eq=False)
 class Watched:
     """A scene that has a result.
 
-    verdict : the scene that the result was solved for, as text, and whether the scene has changed since
+    verdict : the scene that the result was solved for, as text, and whether it has changed since
     changed_at : when the last change was noticed; None where all has been looked at
-    lasted : s that the last reading took, with nothing but places and settings changed, and with more
+    lasted : s that the last reading took, where only places and settings had changed, and else
     """
 
     kept: Kept = field(default_factory=Kept)
@@ -42,7 +46,9 @@ class Watched:
     lasted: dict[bool, float] = field(default_factory=dict)
 
     def poll(self, scene: bpy.types.Scene) -> None:
-        """Compare the parts that Blender does not tell of: settings, and the result itself. It takes little time."""
+        """Compare the parts that Blender does not tell of:
+        settings, and the result itself. It takes little time.
+        """
         started = monotonic()
         if started < self.polled_next:
             return
@@ -70,8 +76,8 @@ _watched: dict[int, Watched] = {}  # by session uid of the scene
 def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
     """Is the scene, read now, another one than the result was solved for?
 
-    A result that does not know its scene is taken as it is. A scene that cannot be read has changed, for
-    when it was solved it could be read.
+    A result that does not know its scene is taken as it is. A scene that
+    cannot be read has changed, for when it was solved it could be read.
     """
     before = from_text(context.scene.kiriko.result.solved_for)
     if before is None:
@@ -83,7 +89,10 @@ def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
 
 
 def is_told_changed(scene: bpy.types.Scene) -> bool:
-    """The panels' verdict, by the last look; while Live follows the scene its results are of the scene as it is."""
+    """The panels' verdict, by the last look.
+
+    While Live follows the scene its results are of the scene as it is.
+    """
     watched = _watched.get(scene.session_uid)
     if watched is None or is_followed(scene):
         return False

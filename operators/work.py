@@ -74,7 +74,9 @@ def stop_listening(handlers: Iterable[tuple[str, Callable]]) -> None:
 
 
 def is_busy() -> bool:
-    """Is one of the operators at work, or a render, so that nothing else may touch session and results?"""
+    """Is one of the operators at work, or a render, so that
+    nothing else may touch session and results?
+    """
     return bool(_running) or bpy.app.is_job_running("RENDER")
 
 
@@ -95,7 +97,9 @@ def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor
     """The fingerprint of the scene as it is now."""
     context.view_layer.update()
     scene = context.scene
-    return blender_solved_for.scene_now(context.evaluated_depsgraph_get(), scene, settings_of(scene), kept)
+    return blender_solved_for.scene_now(
+        context.evaluated_depsgraph_get(), scene, settings_of(scene), kept
+    )
 
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
@@ -115,7 +119,9 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
 
 
 def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
-    """Objects of the scene by role, those in instanced collections too, each with what hides it, '' if shown."""
+    """Objects of the scene by role, those in instanced
+    collections too, each with what hides it, '' if shown.
+    """
     found: dict[str, dict[bpy.types.Object, str]] = {}
     shown = Shown(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
@@ -148,7 +154,8 @@ def missing(scene: bpy.types.Scene) -> list[str]:
 
 def _missing(scene: bpy.types.Scene) -> dict[str, str]:
     """Parts that the rig lacks, by role, and a phrase on each."""
-    found, ours = parts(scene), scene.kiriko
+    found = parts(scene)
+    ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
     if ours.viewer or scene.camera:
         there.add("VIEWER")
@@ -162,7 +169,9 @@ def _missing(scene: bpy.types.Scene) -> dict[str, str]:
 
 
 def lacking(scene: bpy.types.Scene) -> list[str]:
-    """Missing parts that cannot be there all the same: modifiers may instance objects from anywhere in a file."""
+    """Missing parts that cannot be there all the same: modifiers
+    may instance objects from anywhere in a file.
+    """
     lacks = _missing(scene)
     if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
@@ -179,14 +188,17 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
-    """The answer of `poll`: are there no reasons against it? The first one is told where the button is grey."""
+    """The answer of `poll`: are there no reasons against it?
+    The first one is told where the button is grey.
+    """
     if reasons:
         operator.poll_message_set(f"{reasons[0]}.")
     return not reasons
 
 
 def sentence(error: BaseException, label: str, stays: str = "") -> str:
-    """The report on an error, foreseen or not, in the work called `label`, of which nothing stays but what is named.
+    """The report on an error, foreseen or not, in the work called
+    `label`, of which nothing stays but what is named.
 
     The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
     """
@@ -204,7 +216,10 @@ def sentence(error: BaseException, label: str, stays: str = "") -> str:
             " lower the resolution of display or viewer, or raise the tolerance."
         )
     if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
-        return f"{label} was stopped, for undo or a script took away what it worked on: start it again."
+        return (
+            f"{label} was stopped, for undo or a script took away what it worked on: start it"
+            f" again."
+        )
     if isinstance(error, OSError):
         return f"{label} could not read or write a file ({text}); {state}: check the disk."
     return (
@@ -215,15 +230,21 @@ def sentence(error: BaseException, label: str, stays: str = "") -> str:
 
 @contextmanager
 def told(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
-    """Report whatever goes wrong within, and what stays then, as one sentence: no traceback reaches an artist."""
+    """Report whatever goes wrong within, and what stays then,
+    as one sentence: no traceback reaches an artist.
+    """
     try:
         yield
     except (Exception, KeyboardInterrupt) as error:
         operator.report({"ERROR"}, sentence(error, operator.bl_label, stays()))
 
 
-def _at_pointer(context: bpy.types.Context, steps: Generator[float, None, Result]) -> Generator[float, None, Result]:
-    """Hand on the progress of work, and show it at the mouse pointer where there is one: nothing else is drawn."""
+def _at_pointer(
+    context: bpy.types.Context, steps: Generator[float, None, Result]
+) -> Generator[float, None, Result]:
+    """Hand on the progress of work, and show it at the mouse
+    pointer where there is one: nothing else is drawn.
+    """
     if bpy.app.background or context.window is None:
         return (yield from steps)
     manager = context.window_manager
@@ -240,10 +261,10 @@ def _at_pointer(context: bpy.types.Context, steps: Generator[float, None, Result
 
 
 class LongWork:
-    """Mix-in for an operator whose work is a generator: stepped with Esc in the interface, drained elsewhere.
+    """Mix-in for an operator with long work: stepped with Esc in the interface, drained elsewhere.
 
-    `steps` yields progress 0..1 and returns the sentence to report; it changes nothing before its last step but what
-    `stays` names, and that only where somebody watches.
+    `steps` yields progress 0..1 and returns the sentence to report; before its last step it changes
+    nothing but what `stays` names, and that only where somebody watches.
     level : of the report at the end, which `steps` may raise
     """
 
@@ -271,7 +292,8 @@ class LongWork:
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        self._work, self.window = self.steps(context), context.window
+        self._work = self.steps(context)
+        self.window = context.window
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK, window=context.window)
         manager.progress_begin(0, 100)
@@ -286,7 +308,8 @@ class LongWork:
             stays = self.stays()
             ways = f"{stays} stays: Undo brings back what was there, {self.bl_label} makes it final"
             self.report({"INFO"}, f"Stopped; {ways if stays else 'the scene is as it was'}.")
-            return {"FINISHED"} if stays else {"CANCELLED"}  # Blender makes an undo step of finished work
+            # Blender makes an undo step of finished work
+            return {"FINISHED"} if stays else {"CANCELLED"}
         if event.type != "TIMER":
             # no other key or button may change the scene meanwhile
             return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
@@ -294,8 +317,10 @@ class LongWork:
         is_done = False
         with told(self, self.stays):
             try:
-                stays, progress = self.stays(), next(self._work)
-                while perf_counter() < end and self.stays() == stays:  # a new image is drawn at once
+                stays = self.stays()
+                progress = next(self._work)
+                # a new image is drawn at once
+                while perf_counter() < end and self.stays() == stays:
                     progress = next(self._work)
                 self._show(context, progress)
                 return {"PASS_THROUGH"}
@@ -316,7 +341,9 @@ class LongWork:
         context.window_manager.progress_update(round(100 * progress))
         stays = self.stays()
         stop = f"shown is {stays}, Esc keeps it" if stays else "Esc stops"
-        context.workspace.status_text_set(f"Kiriko: {self.bl_label} {100 * progress:.0f} %   ({stop})")
+        context.workspace.status_text_set(
+            f"Kiriko: {self.bl_label} {100 * progress:.0f} %   ({stop})"
+        )
 
     def _end(self, context: bpy.types.Context) -> None:
         _running.remove(self)

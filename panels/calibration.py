@@ -26,7 +26,10 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
         column.prop(ours, "rows")
         layout.prop(ours, "margin")
         layout.prop(ours, "style")
-        layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME" if bpy.app.version >= (4, 1) else "GRID")
+        layout.operator(
+            "kiriko.lattice_picture",
+            icon="LIGHTPROBE_VOLUME" if bpy.app.version >= (4, 1) else "GRID",
+        )
         layout.prop(ours, "filepath")
         layout.prop(ours, "size")
         layout.prop(ours, "keep")
@@ -37,7 +40,10 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
             n = len(json.loads(ours.offset))
             kept = "An offset is" if n == 1 else f"Offsets of {n} calibrations are"
             sentence(
-                layout, context, f"{kept} kept: the rig that is solved is not quite where it is drawn.", icon="INFO"
+                layout,
+                context,
+                f"{kept} kept: the rig that is solved is not quite where it is drawn.",
+                icon="INFO",
             )
             row = layout.row(align=True)
             row.operator("kiriko.apply_calibration")
@@ -74,20 +80,29 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
         layout = self.layout
         found = json.loads(context.scene.kiriko.calibration.found)
         text = (
-            f"'{found['measured']}', {found['points']} of {found['of']} points: {found['before_viewer_px']:.3g} px off,"
+            f"'{found['measured']}', {found['points']} of {found['of']} points:"
+            f" {found['before_viewer_px']:.3g} px off,"
             f" {found['after_viewer_px']:.2g} with the fit."
         )
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
         if found["left_out"]:
-            text = f"Left out, for they lie far from where the others have them: {', '.join(found['left_out'])}."
+            text = (
+                f"Left out, for they lie far from where the others have them:"
+                f" {', '.join(found['left_out'])}."
+            )
             sentence(layout, context, text, icon="ERROR")
         amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
         for entry in amounts[:MOST]:
-            text = f"{entry['name']}: {entry['amount']:+.2g} (+- {entry['error']:.1g}) {entry['unit']}"
+            text = (
+                f"{entry['name']}: {entry['amount']:+.2g} (+- {entry['error']:.1g}) {entry['unit']}"
+            )
             sentence(layout, context, text.rstrip(), icon="DOT")
         n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
         condition = "infinite" if found["condition"] is None else f"{found['condition']:.1g}"
-        text = f"The photograph tells of {n_told} of {len(amounts)} amounts; condition number {condition}."
+        text = (
+            f"The photograph tells of {n_told} of {len(amounts)} amounts; condition number"
+            f" {condition}."
+        )
         sentence(layout, context, text, icon="INFO")
         if found["extra_photographs"]:
             sentence(layout, context, advice(found), icon="OUTLINER_OB_CAMERA")
@@ -106,7 +121,9 @@ class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
         for group in found["alike"]:
             sentence(layout, context, f"Almost alike: {', '.join(group)}.", icon="DUPLICATE")
         if found["still"]:
-            sentence(layout, context, f"Not seen in it: {', '.join(found['still'])}.", icon="HIDE_ON")
+            sentence(
+                layout, context, f"Not seen in it: {', '.join(found['still'])}.", icon="HIDE_ON"
+            )
 
 
 def advice(found: dict) -> str:
@@ -115,7 +132,8 @@ def advice(found: dict) -> str:
     rows = {entry["name"]: entry for entry in found["amounts"]}
     gains = sorted((extra["errors"][name] / entry["error"], name) for name, entry in rows.items())
     words = [
-        f"{name} to {extra['errors'][name]:.2g} instead of {rows[name]['error']:.2g} {rows[name]['unit']}".rstrip()
+        f"{name} to {extra['errors'][name]:.2g} instead of {rows[name]['error']:.2g}"
+        f" {rows[name]['unit']}".rstrip()
         for _, name in gains[:2]
     ]
     return f"A photograph from {extra['where']} would tell most: {', '.join(words)}."

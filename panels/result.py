@@ -41,7 +41,9 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         for note in result.notes.splitlines():
             sentence(layout, context, note, icon="ERROR" if note in warnings else "INFO")
 
-    def draw_cost(self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
+    def draw_cost(
+        self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict
+    ) -> None:
         """The error beside the time it took, and the time for another tolerance."""
         if "total_seconds" not in details:  # a result of an earlier version
             return
@@ -66,8 +68,8 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
 def plate_words(plate: dict) -> str:
     """Brightness and blur by a plate's mirrors, with their standard errors."""
     words = (
-        f"Plate: {percent(plate['brightness'])} (+- {percent(plate['brightness_error'])}) of the light,"
-        f" {percent(plate['least'])} to {percent(plate['most'])}"
+        f"Plate: {percent(plate['brightness'])} (+- {percent(plate['brightness_error'])}) of the"
+        f" light, {percent(plate['least'])} to {percent(plate['most'])}"
     )
     if plate["blur"] is None:
         return words

@@ -25,9 +25,13 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
         for image in bpy.data.images:
             if image.type not in UNREADABLE and image not in made:
                 choice = self.layout.operator(
-                    "kiriko.choose_picture", text=image.name, icon_value=self.layout.icon(image), translate=False
+                    "kiriko.choose_picture",
+                    text=image.name,
+                    icon_value=self.layout.icon(image),
+                    translate=False,
                 )
-                choice.image, choice.library = image.name, "" if image.library is None else image.library.filepath
+                choice.image = image.name
+                choice.library = "" if image.library is None else image.library.filepath
         self.layout.separator()
         self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 
@@ -65,12 +69,17 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         if scene.camera != viewer:
             shown = "no camera" if scene.camera is None else f"'{scene.camera.name}'"
             sentence(column, context, f"Numpad 0 shows {shown}, not '{viewer.name}'.", icon="INFO")
-            switch = column.operator("wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA")
+            switch = column.operator(
+                "wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA"
+            )
             switch.data_path, switch.value = "scene.camera", viewer.name
             return
         shown = frame_of_render(scene.render)
         if not frame_of(viewer, scene.render).has_shape_of(shown):
-            text = f"Numpad 0 shows it in the shape of the render, {shown.size[0]} x {shown.size[1]} px."
+            text = (
+                f"Numpad 0 shows it in the shape of the render, {shown.size[0]} x {shown.size[1]}"
+                f" px."
+            )
             sentence(column, context, text, icon="INFO")
 
     def _draw_resolution(
@@ -84,7 +93,9 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             width, height = frame_of(camera, context.scene.render).size
             layout.label(text=f"As the render: {width} x {height} px", icon="BLANK1")
 
-    def _draw_object(self, box: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object) -> None:
+    def _draw_object(
+        self, box: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+    ) -> None:
         ours = thing.kiriko
         box.label(text=thing.name, icon="OBJECT_DATA")
         if thing.type == "CAMERA":
@@ -92,17 +103,32 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         why = bodiless(thing)
         if why and ours.role == "NONE":
             if thing.type != "CAMERA":
-                sentence(box, context, f"{why[:1].upper()}{why[1:]}, and can be no part of the rig.", icon="INFO")
+                sentence(
+                    box,
+                    context,
+                    f"{why[:1].upper()}{why[1:]}, and can be no part of the rig.",
+                    icon="INFO",
+                )
             return
         box.prop(ours, "role")
         if why:
-            sentence(box, context, f"{why[:1].upper()}{why[1:]}: set the role to None.", icon="ERROR")
+            sentence(
+                box, context, f"{why[:1].upper()}{why[1:]}: set the role to None.", icon="ERROR"
+            )
             return
         if ours.role == "GLASS" and thing.data is not None and min(thing.dimensions) == 0:
-            text = "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
+            text = (
+                "It is flat: give it a thickness, as by a Solidify modifier, or set the role to"
+                " None."
+            )
             sentence(box, context, text, icon="ERROR")
         if ours.role == "GLASS" and can_be_given(thing) and not ours.use_ior:
-            sentence(box, context, f"Its material does not refract: an index of {DEFAULT_IOR} is used.", icon="ERROR")
+            sentence(
+                box,
+                context,
+                f"Its material does not refract: an index of {DEFAULT_IOR} is used.",
+                icon="ERROR",
+            )
             box.operator("kiriko.make_glass", icon="MATSPHERE")
         if ours.role == "GLASS":
             row = box.row(heading="Override IOR")
@@ -121,7 +147,10 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             self._draw_picture(box, thing)
 
     def _draw_picture(self, box: bpy.types.UILayout, picture: bpy.types.Object) -> None:
-        """The image that is solved, wherever it was chosen; choosing another here fits the plane to it."""
+        """The image that is solved, wherever it was chosen.
+
+        Choosing another here fits the plane to it.
+        """
         image = image_of(picture)
         line = box.split(factor=0.4)  # as Blender splits properties, of which this is none
         label = line.row()

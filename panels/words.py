@@ -16,7 +16,9 @@ class Sidebar:
     bl_category = "Kiriko"
 
 
-def sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+def sentence(
+    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE"
+) -> None:
     """Draw a sentence over as many lines as it takes; the icon stands at the first."""
     scale = context.preferences.system.ui_scale
     columns = max(16, int((context.region.width / scale - MARGIN) / LETTER))

@@ -1,4 +1,6 @@
-"""What curved faces cost a ray, beside the same mesh as drawn: `dev.py curved`. Processor seconds, in turns."""
+"""What curved faces cost a ray, beside the same mesh as
+drawn: `dev.py curved`. Processor seconds, in turns.
+"""
 
 import argparse
 import statistics
@@ -12,11 +14,14 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 
-N_RAYS, PIXELS = 60_000, 256
+N_RAYS = 60_000
+PIXELS = 256
 MESHES = {
     "ball, 20 k triangles": lambda: icosphere(0.025, 5),
     "ellipsoid, 32 x 16 faces": lambda: mean_normals(uv_ellipsoid((0.025, 0.02, 0.015), 32, 16)),
-    "ellipsoid, 320 x 160 faces": lambda: mean_normals(uv_ellipsoid((0.025, 0.02, 0.015), 320, 160)),
+    "ellipsoid, 320 x 160 faces": lambda: mean_normals(
+        uv_ellipsoid((0.025, 0.02, 0.015), 320, 160)
+    ),
     "torus, 32 x 16 faces": lambda: mean_normals(torus(0.018, 0.007)),
     "wavy slab, 32 x 16 faces": lambda: mean_normals(wavy_slab()),
     "bottle, 33 k triangles": bottle,
@@ -29,7 +34,9 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{N_RAYS} rays\n{'mesh':<28} {'curved s':>9} {'drawn s':>9} {'ratio':>7}")
     for name, make in MESHES.items():
-        rigs = [rig(replace(make(), surface=surface), pixels=PIXELS) for surface in ("smooth", "facets")]
+        rigs = [
+            rig(replace(make(), surface=surface), pixels=PIXELS) for surface in ("smooth", "facets")
+        ]
         plans = [make_plan(a_rig, Settings()) for a_rig in rigs]
         rays = rigs[0].viewer.rays(np.random.default_rng(0).uniform(0, PIXELS, (N_RAYS, 2)))
         times = []

@@ -1,10 +1,11 @@
 """Where the light of each viewer pixel lands, beside Cycles, through glass as artists bring it.
 
-`python3 scripts/dev.py cycles [--glass NAME ...] [--surface CHOICE ...] [--pixels N]`. Add Rig sets each glass up, and
-Cycles traces the middle of each viewer pixel; in single precision, and without total reflection. Differences in display
-px, of 512. `apart` is the share, of what arrives in Cycles, that lands more than a pixel elsewhere or nowhere in
-Kiriko: pixels on a border between two ways. `compared` is the share of Kiriko's light that arrives in Cycles, too.
-Where faces are curved, Cycles sees them cut into as many triangles as memory allows.
+`python3 scripts/dev.py cycles [--glass NAME ...] [--surface CHOICE ...] [--pixels N]`. Add Rig sets
+each glass up, and Cycles traces the middle of each viewer pixel; in single precision, and without
+total reflection. Differences in display px, of 512. `apart` is the share, of what arrives in
+Cycles, that lands more than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two
+ways. `compared` is the share of Kiriko's light that arrives in Cycles, too. Where faces are curved,
+Cycles sees them cut into as many triangles as memory allows.
 """
 
 from __future__ import annotations
@@ -22,20 +23,40 @@ from kiriko.core.blender.scene import read
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--glass", nargs="+", metavar="NAME", choices=GLASSES, default=list(GLASSES), help="only these")
-    parser.add_argument(
-        "--surface", nargs="+", choices=CHOICES, default=["facets", "automatic"], help="only these choices"
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--pixels", type=int, default=256, metavar="N", help="of the viewer, across")
+    parser.add_argument(
+        "--glass",
+        nargs="+",
+        metavar="NAME",
+        choices=GLASSES,
+        default=list(GLASSES),
+        help="only these",
+    )
+    parser.add_argument(
+        "--surface",
+        nargs="+",
+        choices=CHOICES,
+        default=["facets", "automatic"],
+        help="only these choices",
+    )
+    parser.add_argument(
+        "--pixels", type=int, default=256, metavar="N", help="of the viewer, across"
+    )
     arguments = parser.parse_args()
     kiriko.register()
-    rows = [f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}{'apart %':>9}{'compared %':>12}"]
+    rows = [
+        f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}"
+        f"{'apart %':>9}{'compared %':>12}"
+    ]
     for name in arguments.glass:
         for choice in arguments.surface:
             scene = set_up(name, choice, arguments.pixels)
             found = judge(scene, read(bpy.context.evaluated_depsgraph_get(), scene))
-            told = f"{found['median']:11.4f}{found['most']:9.4f}{100 * found['apart']:9.2f}{100 * found['both']:12.1f}"
+            apart = 100 * found["apart"]
+            both = 100 * found["both"]
+            told = f"{found['median']:11.4f}{found['most']:9.4f}{apart:9.2f}{both:12.1f}"
             rows.append(f"{name:<16}{choice:>10}{told}")
     print("", *rows, sep="\n")  # not among what Blender prints
 
@@ -45,7 +66,8 @@ def set_up(name: str, choice: str, pixels: int) -> bpy.types.Scene:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
     thing.matrix_world = Matrix.Scale(SIZE, 4) @ fitting(thing)
-    thing.kiriko.use_ior, thing.kiriko.ior = True, INDICES.get(name, 1.49)
+    thing.kiriko.use_ior = True
+    thing.kiriko.ior = INDICES.get(name, 1.49)
     thing.kiriko.surface = choice.upper()
     bpy.context.view_layer.objects.active = thing
     thing.select_set(True)

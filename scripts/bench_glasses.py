@@ -1,19 +1,21 @@
 """Seconds and rays of solves through glass as artists bring it, by each choice of *Surface*.
 
-`python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy] [--threads N]`.
-Seconds, and processor seconds of all threads, of whole solves at default settings, 512 x 512 pixels. `step` is the
-longest step, in which no Esc is heard; `rest` how many times the rest of the time differs from what the progress tells,
-from 10 % to 90 %. `MB` is the memory taken, on Linux, and `told` how many times that differs from what was told.
-`curved` is the share of the triangles with a curved face, `beyond` that of what is seen off by more than the tolerance,
+`python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
+[--threads N]`. Seconds, and processor seconds of all threads, of whole solves at default settings,
+512 x 512 pixels. `step` is the longest step, in which no Esc is heard; `rest` how many times the
+rest of the time differs from what the progress tells, from 10 % to 90 %. `MB` is the memory taken,
+on Linux, and `told` how many times that differs from what was told. `curved` is the share of the
+triangles with a curved face, `beyond` that of what is seen off by more than the tolerance,
 `sampled` where light is chaotic.
 
-With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each to the pixel that it
-starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
+With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
+to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
 
-With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic. `glare` is the share of
-the light that comes beside the glass; `contested` that of the view whose display pixel has a stronger path. Then
-the PSNR in dB of all that is seen against the ideal image: by the mean and by the strongest path with the glare as it
-is, and by the mean with Suppress Glare at 0.5 and 1.
+With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic.
+`glare` is the share of the light that comes beside the glass; `contested` that of the view whose
+display pixel has a stronger path. Then the PSNR in dB of all that is seen against the ideal image:
+by the mean and by the strongest path with the glare as it is, and by the mean with Suppress Glare
+at 0.5 and 1.
 """
 
 from __future__ import annotations
@@ -47,18 +49,43 @@ from kiriko.core.steps import finish
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--glass", nargs="+", metavar="NAME", choices=GLASSES, default=list(GLASSES), help="only these")
-    parser.add_argument("--surface", nargs="+", choices=CHOICES, default=list(CHOICES), help="only these choices")
-    parser.add_argument("--effort", type=int, default=Settings().effort, metavar="RAYS", help="where light is chaotic")
-    parser.add_argument("--light", action="store_true", help="what Ghosts and Suppress Glare cost or gain, instead")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--glass",
+        nargs="+",
+        metavar="NAME",
+        choices=GLASSES,
+        default=list(GLASSES),
+        help="only these",
+    )
+    parser.add_argument(
+        "--surface", nargs="+", choices=CHOICES, default=list(CHOICES), help="only these choices"
+    )
+    parser.add_argument(
+        "--effort",
+        type=int,
+        default=Settings().effort,
+        metavar="RAYS",
+        help="where light is chaotic",
+    )
+    parser.add_argument(
+        "--light", action="store_true", help="what Ghosts and Suppress Glare cost or gain, instead"
+    )
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="of the kernel; as many as there are")
-    parser.add_argument("--rays", action="store_true", help="how many rays a viewer pixel takes, instead")
+    parser.add_argument(
+        "--threads", type=int, default=0, metavar="N", help="of the kernel; as many as there are"
+    )
+    parser.add_argument(
+        "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
+    )
     arguments = parser.parse_args()
     kernel.use_threads(arguments.threads)
     with kernel.off() if arguments.numpy else nullcontext():
-        (print_light if arguments.light else print_rays if arguments.rays else print_table)(arguments)
+        (print_light if arguments.light else print_rays if arguments.rays else print_table)(
+            arguments
+        )
 
 
 @dataclass
@@ -86,8 +113,11 @@ class Steps:
 
     @property
     def off(self) -> float:
-        """How many times the rest of the time is longer or shorter than the progress tells, from 10 % to 90 %."""
-        told, seconds = np.array(self.told), np.array(self.seconds)
+        """How many times the rest of the time is longer or
+        shorter than the progress tells, from 10 % to 90 %.
+        """
+        told = np.array(self.told)
+        seconds = np.array(self.seconds)
         some = (told >= 0.1) & (told <= 0.9)
         expected = seconds[:-1][some] * (1 / told[some] - 1)
         rest = seconds[-1] - seconds[:-1][some]
@@ -121,7 +151,10 @@ def rig_of(name: str, mesh: Mesh) -> Rig:
 
 def print_light(arguments: argparse.Namespace) -> None:
     """Print a line for each glass on glare and ghosts."""
-    print(f"{'glass':<16}{'glare %':>8}{'contested %':>12}{'mean':>7}{'strongest':>10}{'0.5':>7}{'1':>7}  where")
+    print(
+        f"{'glass':<16}{'glare %':>8}{'contested %':>12}{'mean':>7}{'strongest':>10}"
+        f"{'0.5':>7}{'1':>7}  where"
+    )
     settings = Settings(effort=arguments.effort)
     for name in arguments.glass:
         a_rig = rig_of(name, replace(made(name), surface="automatic"))
@@ -134,7 +167,12 @@ def print_light(arguments: argparse.Namespace) -> None:
         share = 100 * float((weight * contested).sum() / weight.sum())
         told = "".join(
             f"{seen[choice]:{width}.1f}"
-            for choice, width in ((("mean", 0), 7), (("strongest", 0), 10), (("mean", 0.5), 7), (("mean", 1), 7))
+            for choice, width in (
+                (("mean", 0), 7),
+                (("strongest", 0), 10),
+                (("mean", 0.5), 7),
+                (("mean", 1), 7),
+            )
         )
         glare = solution.glare
         print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
@@ -142,8 +180,11 @@ def print_light(arguments: argparse.Namespace) -> None:
 
 @contextmanager
 def counted(width: int, height: int) -> Iterator[NDArray[np.int64]]:
-    """Count the rays (h + 1, w + 1) that start in each viewer pixel meanwhile, right and lower edges included."""
-    counts, rays_of = np.zeros((height + 1, width + 1), np.int64), Viewer.rays
+    """Count the rays (h + 1, w + 1) that start in each viewer
+    pixel meanwhile, right and lower edges included.
+    """
+    counts = np.zeros((height + 1, width + 1), np.int64)
+    rays_of = Viewer.rays
 
     def rays(viewer: Viewer, xy: NDArray) -> tuple[NDArray, NDArray]:
         column, row = np.clip(np.floor(xy), 0, (width, height)).astype(np.int64).T
@@ -159,7 +200,10 @@ def counted(width: int, height: int) -> Iterator[NDArray[np.int64]]:
 
 def print_rays(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice on the rays of a viewer pixel."""
-    print(f"{'glass':<16}{'surface':>10}{'rays':>9}{'pixels':>8}{'mean':>7}{'99 %':>6}{'99.9 %':>8}{'most':>6}")
+    print(
+        f"{'glass':<16}{'surface':>10}{'rays':>9}{'pixels':>8}"
+        f"{'mean':>7}{'99 %':>6}{'99.9 %':>8}{'most':>6}"
+    )
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:
@@ -168,15 +212,20 @@ def print_rays(arguments: argparse.Namespace) -> None:
                 finish(Session().solve(a_rig, Settings(effort=arguments.effort)))
             several = counts[counts > 1]
             most = "".join(
-                f"{np.quantile(several, part):{width}.0f}" for part, width in ((0.99, 6), (0.999, 8), (1, 6))
+                f"{np.quantile(several, part):{width}.0f}"
+                for part, width in ((0.99, 6), (0.999, 8), (1, 6))
             )
-            print(f"{name:<16}{choice:>10}{counts.sum():9d}{len(several):8d}{several.mean():7.1f}{most}", flush=True)
+            print(
+                f"{name:<16}{choice:>10}{counts.sum():9d}{len(several):8d}{several.mean():7.1f}{most}",
+                flush=True,
+            )
 
 
 def print_table(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice."""
     numbers = (
-        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'MB':>6}{'told x':>7}{'rays':>9}{'curved':>7}{'beyond %':>9}"
+        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'MB':>6}{'told x':>7}"
+        f"{'rays':>9}{'curved':>7}{'beyond %':>9}"
     )
     print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
     settings = Settings(effort=arguments.effort)
@@ -187,10 +236,14 @@ def print_table(arguments: argparse.Namespace) -> None:
             share = sum(make_plan(a_rig, settings).n_curved) / len(mesh.triangles)
             solution = None  # or the last one would be there still
             memory = Memory()
-            steps, started, of_processor = Steps(), perf_counter(), process_time()
+            steps = Steps()
+            started = perf_counter()
+            of_processor = process_time()
             solution = steps.watch(Session().solve(a_rig, settings))
-            seconds, of_processor = perf_counter() - started, process_time() - of_processor
-            taken, error = memory.taken, solution.map_error
+            seconds = perf_counter() - started
+            of_processor = process_time() - of_processor
+            taken = memory.taken
+            error = solution.map_error
             estimate = sum(estimated(a_rig, settings, solution.view_map).values())
             off = max(estimate / taken, taken / estimate) if taken else float("nan")
             beyond = 100 * (error.facet_limited + error.unresolved)

@@ -1,6 +1,8 @@
-"""How time and rays grow with display pixels, viewer pixels and triangles, on the ball: `dev.py growth`.
+"""How time and rays grow with display pixels, viewer
+pixels and triangles, on the ball: `dev.py growth`.
 
-Slopes are of straight lines in logarithms. Each solve is from scratch but for the ray engine, which is kept.
+Slopes are of straight lines in logarithms. Each solve is
+from scratch but for the ray engine, which is kept.
 """
 
 import argparse
@@ -19,12 +21,19 @@ PICTURE = 1024
 
 
 def measure(a_rig: Rig, runs: int) -> tuple[float, float, int]:
-    """Median seconds of a solve and of its tracing, and rays; the viewer is moved by a hair before each."""
-    session, solve, tracing = Session(), [], []
+    """Median seconds of a solve and of its tracing, and rays.
+
+    The viewer is moved by a hair before each.
+    """
+    session = Session()
+    solve = []
+    tracing = []
     finish(session.solve(a_rig))
     for _ in range(runs):
         viewer = a_rig.viewer
-        a_rig = replace(a_rig, viewers=(replace(viewer, position=viewer.position + np.array([1e-6, 0, 0])),))
+        a_rig = replace(
+            a_rig, viewers=(replace(viewer, position=viewer.position + np.array([1e-6, 0, 0])),)
+        )
         solution = finish(session.solve(a_rig))
         solve.append(sum(solution.seconds.values()))
         tracing.append(solution.seconds["tracing"])
@@ -46,12 +55,22 @@ def table(head: str, cases: Iterable[tuple[int, Rig]], runs: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--most", type=int, default=4096, help="largest side of display and viewer, px")
+    parser.add_argument(
+        "--most", type=int, default=4096, help="largest side of display and viewer, px"
+    )
     arguments = parser.parse_args()
     image = lattice_image(PICTURE)
     sides = [256 * 2**k for k in range(5) if 256 * 2**k <= arguments.most]
-    table("display pixels", ((n * n, ball_rig(5, display_pixels=n, image=image)) for n in sides), arguments.runs)
-    table("viewer pixels", ((n * n, ball_rig(5, pixels=n, image=image)) for n in sides), arguments.runs)
+    table(
+        "display pixels",
+        ((n * n, ball_rig(5, display_pixels=n, image=image)) for n in sides),
+        arguments.runs,
+    )
+    table(
+        "viewer pixels",
+        ((n * n, ball_rig(5, pixels=n, image=image)) for n in sides),
+        arguments.runs,
+    )
     levels = ((20 * 4**k, ball_rig(k, image=image)) for k in range(3, 9))
     table("triangles", levels, arguments.runs)
 

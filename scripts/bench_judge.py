@@ -1,9 +1,11 @@
-"""Core at its hardest: against mpmath at fifty digits on random cases, and with rays at vertices that may not leak.
+"""Core at its hardest: against mpmath at fifty digits on random
+cases, and with rays at vertices that may not leak.
 
-The first table is of 1e5 cases of each kind, hard ones among them: the worst relative error where the problem is a
-good one (k > 1e-6), the worst part of its mark (1e-12 there, 4 eps / sqrt k below), how many cases are of the wrong
-class and by how much others missed the class. The second is of rays aimed at all vertices and all middles of edges of
-closed meshes, from outside and from inside, straight on and refracted.
+The first table is of 1e5 cases of each kind, hard ones among them: the worst relative error where
+the problem is a good one (k > 1e-6), the worst part of its mark (1e-12 there, 4 eps / sqrt k
+below), how many cases are of the wrong class and by how much others missed the class. The second is
+of rays aimed at all vertices and all middles of edges of closed meshes, from outside and from
+inside, straight on and refracted.
 """
 
 import argparse
@@ -29,8 +31,10 @@ from kiriko.core.steps import finish
 
 Floats = NDArray[np.float64]
 
-TRANSVERSE = 0.1  # cosine to all facets around from which on a ray to a place has to meet the surface, flat or curved
-STRAIGHT, BENT = 1.0, 1.49
+# cosine to all facets around from which on a ray to a place has to meet the surface, flat or curved
+TRANSVERSE = 0.1
+STRAIGHT = 1.0
+BENT = 1.49
 
 
 def lumpy(levels: int) -> Mesh:
@@ -47,7 +51,9 @@ def fine_box(n: int) -> Mesh:
     size = np.array([0.05, 0.04, 0.03])
     u, v = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-0.5, 0.5, n + 1)], indexing="ij"))
     faces = [
-        np.roll(np.stack([side * (u * 0 + 0.5), side * u, v], axis=1), k, axis=1) for k in range(3) for side in (1, -1)
+        np.roll(np.stack([side * (u * 0 + 0.5), side * u, v], axis=1), k, axis=1)
+        for k in range(3)
+        for side in (1, -1)
     ]
     index = np.arange(len(u)).reshape(n + 1, n + 1)
     triangles = np.concatenate([split_quads(index + k * len(u)) for k in range(6)])
@@ -71,7 +77,10 @@ START = (0.13, -0.31, 0.21)  # outside
 
 
 class Leaks(NamedTuple):
-    """Of rays: how many there were, and had to meet something; were lost inside, changed sides unseen, met nothing."""
+    """Of rays: how many there were, and had to meet something.
+
+    Were lost inside, changed sides unseen, met nothing.
+    """
 
     n_rays: int
     certain: int
@@ -84,7 +93,8 @@ class Leaks(NamedTuple):
 
 
 class Aims(NamedTuple):
-    """All vertices and all middles of edges of a mesh, targets (n, 3); and pairs of a target and a facet around it.
+    """All vertices and all middles of edges of a mesh, targets (n,
+    3); and pairs of a target and a facet around it.
 
     around, facet (p,) indices; normals (t, 3) of the facets
     """
@@ -100,7 +110,8 @@ class Aims(NamedTuple):
         So it is where they come to all facets around their target from the same side, and steeply.
         """
         cosine = (d[self.around] * self.normals[self.facet]).sum(axis=1)
-        low, high = np.full(len(d), np.inf), np.full(len(d), -np.inf)
+        low = np.full(len(d), np.inf)
+        high = np.full(len(d), -np.inf)
         np.minimum.at(low, self.around, cosine)
         np.maximum.at(high, self.around, cosine)
         return (low > TRANSVERSE) | (high < -TRANSVERSE)
@@ -110,7 +121,8 @@ def aims_at(mesh: Mesh) -> Aims:
     """Where the rays go that may not leak."""
     n = len(mesh.vertices)
     edges = mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    low, high = edges.min(axis=1), edges.max(axis=1)
+    low = edges.min(axis=1)
+    high = edges.max(axis=1)
     _, first, edge = np.unique(low * n + high, return_index=True, return_inverse=True)
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     return Aims(
@@ -122,7 +134,10 @@ def aims_at(mesh: Mesh) -> Aims:
 
 
 def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) -> Leaks:
-    """Follow rays from a place to targets; straight on, through a solid of index 1, the number of events is known."""
+    """Follow rays from a place to targets.
+
+    Straight on, through a solid of index 1, the number of events is known.
+    """
     d = unit(aims.targets - start)
     certain = aims.must_be_met(d)[::every]
     d = d[::every]
@@ -135,10 +150,14 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
             rays.mask[:] = plan.bit[0]
             rays.has_met_glass[:] = True
         finish(_following(plan, rays))
-        lost = (rays.reason == Reason.LOST_INSIDE) & (is_straight | (rays.n_events < plan.settings.max_events))
+        lost = (rays.reason == Reason.LOST_INSIDE) & (
+            is_straight | (rays.n_events < plan.settings.max_events)
+        )
         odd = is_straight & ~lost & (rays.n_events % 2 != is_inside)
         missed = certain[some] & (rays.n_events == 0)
-        found += Leaks(len(lost), int(certain[some].sum()), int(lost.sum()), int(odd.sum()), int(missed.sum()))
+        found += Leaks(
+            len(lost), int(certain[some].sum()), int(lost.sum()), int(odd.sum()), int(missed.sum())
+        )
     return found
 
 
@@ -153,7 +172,9 @@ def leak_cases(size: int) -> Iterator[tuple[str, str, Mesh]]:
 
 def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
     """All leaks of a mesh, or of a part of its targets."""
-    aims, inside, outside = aims_at(mesh), np.array(SHAPES[shape][1]), np.array(START)
+    aims = aims_at(mesh)
+    inside = np.array(SHAPES[shape][1])
+    outside = np.array(START)
     straight = make_plan(rig(mesh, ior=STRAIGHT, distance=10.0), Settings())
     glass = replace(straight.rig.glasses[0], ior=judge.ConstantIndex(BENT))
     media = replace(straight.media, indices=np.array([1.0, BENT]))
@@ -166,31 +187,43 @@ def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
 
 
 def print_verdicts(n: int, seed: int) -> None:
-    head = f"{'what':<32} {'cases':>7} {'worst error':>12} {'of its mark':>12} {'wrong':>6} {'off':>8}"
+    head = (
+        f"{'what':<32} {'cases':>7} {'worst error':>12} {'of its mark':>12} {'wrong':>6} {'off':>8}"
+    )
     print(f"{head} {'kept':>5} {'s':>5}  where")
     for ask in judge.JUDGES:
         started = time.process_time()
         for v in ask(n, seed):
-            seconds, started = time.process_time() - started, time.process_time()
-            line = f"{v.what:<32} {v.n_cases:7d} {v.error:12.1e} {v.part:12.2g} {v.n_wrong:6d} {v.off:8.0e}"
+            seconds = time.process_time() - started
+            started = time.process_time()
+            line = (
+                f"{v.what:<32} {v.n_cases:7d} {v.error:12.1e} {v.part:12.2g} {v.n_wrong:6d}"
+                f" {v.off:8.0e}"
+            )
             print(f"{line} {'yes' if v.is_kept else 'NO':>5} {seconds:5.0f}  {v.where}", flush=True)
 
 
 def print_leaks() -> None:
-    print(f"{'mesh':<16} {'triangles':>9} {'rays':>8} {'lost inside':>12} {'side unseen':>12} {'missed':>7} {'s':>5}")
+    print(
+        f"{'mesh':<16} {'triangles':>9} {'rays':>8} {'lost inside':>12} {'side unseen':>12}"
+        f" {'missed':>7} {'s':>5}"
+    )
     for size in (0, 1):
         for shape, kind, mesh in leak_cases(size):
             started = time.process_time()
             found = leaks_of(shape, mesh)
             line = (
-                f"{shape + ', ' + kind:<16} {len(mesh.triangles):9d} {found.n_rays:8d} {found.lost:12d} {found.odd:12d}"
+                f"{shape + ', ' + kind:<16} {len(mesh.triangles):9d} {found.n_rays:8d}"
+                f" {found.lost:12d} {found.odd:12d}"
             )
             print(f"{line} {found.missed:7d} {time.process_time() - started:5.0f}", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=100_000, help="of each kind, to be judged by mpmath")
+    parser.add_argument(
+        "--cases", type=int, default=100_000, help="of each kind, to be judged by mpmath"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--leaks", action="store_true", help="only the rays that may not leak")
     arguments = parser.parse_args()

@@ -1,4 +1,6 @@
-"""Updates a second of Live, and its longest single steps, on balls and a wine glass. Runs inside Blender, by dev.py."""
+"""Updates a second of Live, and its longest single steps, on
+balls and a wine glass. Runs inside Blender, by dev.py.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,10 @@ def wine_glass() -> None:
 
 BALL = {"field": 0.05, "picture_size": 0.03, "display_size": 0.05}
 MIDDLE = 0.1  # m, of the whole glass's height, where a rig puts it
-BOWL = {"field": 0.06, "picture_size": 0.035, "display_size": 0.1}  # as on the bench of `dev.py marks`
-GLASS = {  # by triangles; how far, m, the glass is lowered in its rig, so that its bowl is in the middle
+# as on the bench of `dev.py marks`
+BOWL = {"field": 0.06, "picture_size": 0.035, "display_size": 0.1}
+# by triangles; how far, m, the glass is lowered in its rig, so that its bowl is in the middle
+GLASS = {
     "20 k": (lambda: ball(100, 103), BALL, 0.0),
     "100 k": (lambda: ball(224, 225), BALL, 0.0),
     "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - MIDDLE),
@@ -53,21 +57,27 @@ class Times:
 
     def lines(self, name: str) -> str:
         """A row of the table."""
-        first, last = statistics.median(self.first), statistics.median(self.last)
+        first = statistics.median(self.first)
+        last = statistics.median(self.last)
         kind, worst = max(self.longest.items(), key=lambda step: step[1])
         late = sum(seconds > BLOCKING for seconds in self.turns) / len(self.turns)
         return (
-            f"{name:<28} {1 / first:10.2f} {1 / last:10.2f} {first:8.3f} {last:8.3f} {1000 * worst:10.0f} {late:7.1%}"
-            f"  {kind}"
+            f"{name:<28} {1 / first:10.2f} {1 / last:10.2f} {first:8.3f} {last:8.3f}"
+            f" {1000 * worst:10.0f} {late:7.1%}  {kind}"
         )
 
 
-def rig_of(make: Callable[[], None], sizes: dict[str, float], lower: float, pixels: int) -> dict[str, bpy.types.Object]:
+def rig_of(
+    make: Callable[[], None], sizes: dict[str, float], lower: float, pixels: int
+) -> dict[str, bpy.types.Object]:
     """A rig around a glass; the objects by role, and the viewer."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     make()
     bpy.ops.kiriko.add_rig(**sizes, viewer_resolution=pixels, display_resolution=(pixels, pixels))
-    by_role = {"VIEWER": bpy.context.scene.camera, **{o.kiriko.role: o for o in bpy.context.scene.objects}}
+    by_role = {
+        "VIEWER": bpy.context.scene.camera,
+        **{o.kiriko.role: o for o in bpy.context.scene.objects},
+    }
     by_role["GLASS"].location.z -= lower
     return by_role
 
@@ -77,7 +87,9 @@ def update(times: Times) -> None:
     followed = live.followed() or live.start(bpy.context.scene)
     followed.longest.clear()
     before = followed.n_pictures
-    started, first, wait = perf_counter(), None, 0.0
+    started = perf_counter()
+    first = None
+    wait = 0.0
     while wait != live.IDLE:
         turn = perf_counter()
         wait = live.tick()
@@ -107,7 +119,11 @@ def margin(rig: dict[str, bpy.types.Object], n: int) -> None:
     bpy.context.scene.kiriko.margin = 1 + n % 2
 
 
-CHANGES = {"viewer moved": move("VIEWER"), "glass moved": move("GLASS"), "margin (optics unchanged)": margin}
+CHANGES = {
+    "viewer moved": move("VIEWER"),
+    "glass moved": move("GLASS"),
+    "margin (optics unchanged)": margin,
+}
 
 
 def main() -> None:
@@ -115,11 +131,19 @@ def main() -> None:
     parser.add_argument("--updates", type=int, default=20, help="of each kind; medians are shown")
     parser.add_argument("--pixels", type=int, default=512, help="a side, of viewer and display")
     parser.add_argument("--case", choices=GLASS, help="only this glass")
-    parser.add_argument("--steps", action="store_true", help="list the longest step of each kind, too")
+    parser.add_argument(
+        "--steps", action="store_true", help="list the longest step of each kind, too"
+    )
     arguments = parser.parse_args()
-    print(f"Viewer and display {arguments.pixels} x {arguments.pixels}, median of {arguments.updates} updates; drawing")
+    print(
+        f"Viewer and display {arguments.pixels} x {arguments.pixels}, median of"
+        f" {arguments.updates} updates; drawing"
+    )
     print("in the interface comes on top. 'late' is the share of turns that took more than 0.1 s.")
-    heads = f"{'first /s':>10} {'final /s':>10} {'first s':>8} {'final s':>8} {'longest ms':>10} {'late':>7}"
+    heads = (
+        f"{'first /s':>10} {'final /s':>10} {'first s':>8} {'final s':>8} {'longest ms':>10}"
+        f" {'late':>7}"
+    )
     print(f"{'glass, change':<28} {heads}")
     for triangles, of_glass in GLASS.items():
         if arguments.case not in (None, triangles):

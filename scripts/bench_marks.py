@@ -1,12 +1,14 @@
 """Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
 
-For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x 512 pixels. Mitsuba's
-splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
-drawn*, which is what Mitsuba shows, and by *Automatic*, which follows the curved surface and has no judge here. `s` are
-seconds that passed; an error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
-over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart` is the share of the
-rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps itself, and is no judge there. `--finer`
-gives Kiriko more viewer pixels, for the same display: it takes longer, and errs less where borders run.
+For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
+512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko
+solves at its default settings: the mesh *as drawn*, which is what Mitsuba shows, and by
+*Automatic*, which follows the curved surface and has no judge here. `s` are seconds that passed; an
+error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
+over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart`
+is the share of the rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps
+itself, and is no judge there. `--finer` gives Kiriko more viewer pixels, for the same display: it
+takes longer, and errs less where borders run.
 """
 
 from __future__ import annotations
@@ -40,7 +42,10 @@ def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
     """Glasses and their indices by name, made by Blender, which is not in this process."""
     if run_in_newest_blender("glasses.py", folder, *names):
         sys.exit("The glasses were not made, for the reason above.")
-    return {path.stem: _loaded(path) for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)}
+    return {
+        path.stem: _loaded(path)
+        for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)
+    }
 
 
 def _loaded(path: Path) -> tuple[Mesh, float]:
@@ -59,7 +64,9 @@ def smooth_all_over(mesh: Mesh) -> Mesh:
     if mesh.is_smooth is not None:
         is_usable = mesh.is_smooth & ((mesh.corner_normals * normals).sum(axis=2) > 0).all(axis=1)
         normals = np.where(is_usable[:, None, None], mesh.corner_normals, normals)
-    return replace(mesh, corner_normals=normals, is_smooth=np.ones(len(mesh.triangles), bool), surface="facets")
+    return replace(
+        mesh, corner_normals=normals, is_smooth=np.ones(len(mesh.triangles), bool), surface="facets"
+    )
 
 
 def timed(work: Callable[[], object], rounds: int) -> tuple[float, object]:
@@ -82,7 +89,9 @@ def solved(a_rig: Rig, surface: str) -> Solution:
 def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
     """Print the line of a glass."""
     a_rig = glass_rig(mesh, ior=index, image=zone_plate())
-    splat = MitsubaSplat(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),)))
+    splat = MitsubaSplat(
+        replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),))
+    )
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
     splat.sums(SPP)  # compiled by now
     theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
@@ -91,7 +100,8 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
         drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
         seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
     of_theirs, of_drawn = (
-        f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}" for image in (image_from_sums(sums), drawn.source)
+        f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}"
+        for image in (image_from_sums(sums), drawn.source)
     )
     apart = 100 * share_apart(splat.rig, splat)
     print(
@@ -102,15 +112,36 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--glass", nargs="+", metavar="NAME", default=[], help="only these")
-    parser.add_argument("--reference", type=int, default=1024, metavar="SPP", help="samples of the judge")
+    parser.add_argument(
+        "--reference", type=int, default=1024, metavar="SPP", help="samples of the judge"
+    )
     parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
-    parser.add_argument("--finer", type=int, default=1, metavar="N", help="times finer a viewer for Kiriko, each way")
+    parser.add_argument(
+        "--finer",
+        type=int,
+        default=1,
+        metavar="N",
+        help="times finer a viewer for Kiriko, each way",
+    )
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     arguments = parser.parse_args()
     print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
-    heads = ("Mitsuba", "error", "as seen", "drawn s", "error", "as seen", "auto s", "drawn x", "auto x", "apart")
+    heads = (
+        "Mitsuba",
+        "error",
+        "as seen",
+        "drawn s",
+        "error",
+        "as seen",
+        "auto s",
+        "drawn x",
+        "auto x",
+        "apart",
+    )
     print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
     with tempfile.TemporaryDirectory() as folder:
         for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():

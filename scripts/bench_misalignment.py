@@ -1,6 +1,8 @@
-"""What a real bench does to the lattice in the cube, and what a photograph tells of it: `dev.py misalignment`.
+"""What a real bench does to the lattice in the cube, and what
+a photograph tells of it: `dev.py misalignment`.
 
-The paper's cube rig with an ASKA3D-488, 49 points over 1165 viewer pixels; simulated photographs with noise.
+The paper's cube rig with an ASKA3D-488, 49 points over 1165
+viewer pixels; simulated photographs with noise.
 """
 
 import argparse
@@ -22,7 +24,9 @@ from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 
 ACROSS = 1165  # viewer px from the first to the last point
-WIDTH, FIELD = 0.03, 0.05  # m
+# m
+WIDTH = 0.03
+FIELD = 0.05
 NOISE = 0.3  # viewer px
 BENCHES = 200  # random ones that are fitted
 N_SPREAD = 20_000  # random ones of which only the spread is told
@@ -39,7 +43,9 @@ def cube_bench() -> Bench:
 
 
 def tolerance_of(parameter: Parameter) -> float:
-    """Standard deviation to expect of a bench that was set up with rulers and squares, of any size by its unit."""
+    """Standard deviation to expect of a bench that was set up
+    with rulers and squares, of any size by its unit.
+    """
     by_unit = {"mm": "shift", "deg": "turn", "": "index", "%": "focal"}
     return TOLERANCES.get(parameter.kind, TOLERANCES[by_unit[parameter.unit]])
 
@@ -50,7 +56,9 @@ def tolerances_of(bench: Bench) -> np.ndarray:
 
 def sensitivities(bench: Bench) -> dict[str, Table]:
     """Which screw matters: a table, by what it is about."""
-    d, tolerances, wanted = bench.sensitivity(), tolerances_of(bench), PAPER_DX[SOURCE]
+    d = bench.sensitivity()
+    tolerances = tolerances_of(bench)
+    wanted = PAPER_DX[SOURCE]
     rows = [
         [
             "off by one unit",
@@ -63,10 +71,15 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
         ]
     ]
     for k in np.argsort(-np.linalg.norm(d, axis=2).mean(axis=1) * tolerances):
-        parameter, moved = bench.parameters[k], d[k]
+        parameter = bench.parameters[k]
+        moved = d[k]
         dx, dy = moved.mean(axis=0)
         length = np.linalg.norm(moved, axis=1).mean()
-        alone = f"{wanted / abs(dx):.3g} {parameter.unit}" if abs(dx) > 1e-3 * length and abs(dx) > 0.1 else "cannot"
+        alone = (
+            f"{wanted / abs(dx):.3g} {parameter.unit}"
+            if abs(dx) > 1e-3 * length and abs(dx) > 0.1
+            else "cannot"
+        )
         expected = f"{tolerances[k]:.3g} {parameter.unit}".strip()
         rows.append([
             parameter.name,
@@ -77,22 +90,33 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
         ])  # fmt: skip
     low, middle, high = np.quantile(spread(d, tolerances, N_SPREAD), [0.05, 0.5, 0.95])
     about = (
-        f"How far the lattice moves. On {N_SPREAD} random benches with the deviations to expect the mean displacement"
+        f"How far the lattice moves. On {N_SPREAD} random benches with the deviations to expect"
+        f" the mean displacement"
         f" is {middle:.1f} px in the median, {low:.1f} to {high:.1f} px in 90 % of them"
     )
     return {about: rows}
 
 
 def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
-    """Hidden errors of n benches, found again from one photograph of each: a table, by what it is about."""
+    """Hidden errors of n benches, found again from one
+    photograph of each: a table, by what it is about.
+    """
     tolerances = tolerances_of(bench)
-    before, left, shares, conditions, failed, advised, gains = [], [], [], [], 0, Counter(), []
+    before = []
+    left = []
+    shares = []
+    conditions = []
+    failed = 0
+    advised = Counter()
+    gains = []
     for k in range(n):
         random = np.random.default_rng([seed, k])
         hidden = random.standard_normal(len(tolerances)) * tolerances
         seen = bench.seen(hidden)
         try:
-            found = finish(fit(bench, seen + random.normal(0, NOISE, seen.shape), tolerances, NOISE))
+            found = finish(
+                fit(bench, seen + random.normal(0, NOISE, seen.shape), tolerances, NOISE)
+            )
         except RigError:
             failed += 1
             continue
@@ -108,13 +132,16 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
     good = sum(x < 1 for x in left) / n
     places = ", ".join(f"{where} ({k})" for where, k in advised.most_common())
     about = (
-        f"{n} random benches, one photograph of each with {NOISE} px of noise; not fitted: {failed}. Mean displacement"
-        f" before: {np.median(before):.1f} px in the median; solved again with the fit: {np.median(left):.2f} px, below"
-        f" 1 px in {good:.1%}. Condition number in the median: {np.median(conditions):.1e}. The other photograph that"
-        f" would tell most, of the first {min(n, ASKED)} benches: {places}, by"
-        f" {np.median([gain for gain, _ in gains]):.1f} bits. What stays unknown of each amount, in what was to expect"
+        f"{n} random benches, one photograph of each with {NOISE} px of noise; not fitted:"
+        f" {failed}. Mean displacement before: {np.median(before):.1f} px in the median; solved"
+        f" again with the fit: {np.median(left):.2f} px, below 1 px in {good:.1%}. Condition"
+        f" number in the median: {np.median(conditions):.1e}. The other photograph that would"
+        f" tell most, of the first {min(n, ASKED)} benches: {places}, by"
+        f" {np.median([gain for gain, _ in gains]):.1f} bits. What stays unknown of each amount,"
+        " in what was to expect"
     )
-    one, two = np.median(shares, axis=0), np.median([errors for _, errors in gains], axis=0)
+    one = np.median(shares, axis=0)
+    two = np.median([errors for _, errors in gains], axis=0)
     rows = [["amount", "by one photograph", "with the other"]]
     rows += [[bench.parameters[k].name, f"{one[k]:.1%}", f"{two[k]:.1%}"] for k in np.argsort(one)]
     return {about: rows}
@@ -122,9 +149,13 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--benches", type=int, default=BENCHES, help=f"random benches that are fitted ({BENCHES})")
+    parser.add_argument(
+        "--benches", type=int, default=BENCHES, help=f"random benches that are fitted ({BENCHES})"
+    )
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--no-explain", action="store_true", help="do not ask what would make the paper's numbers")
+    parser.add_argument(
+        "--no-explain", action="store_true", help="do not ask what would make the paper's numbers"
+    )
     arguments = parser.parse_args()
     bench = cube_bench()
     show(sensitivities(bench))

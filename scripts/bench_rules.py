@@ -18,7 +18,8 @@ N_RAYS = 1 << 16
 def measure(rule: Rule, runs: int) -> list[float]:
     """Median seconds: plan and trace obeying the rule, plan and trace without it."""
     a_rig = rule.rig()
-    w, h = a_rig.viewer.width, a_rig.viewer.height
+    w = a_rig.viewer.width
+    h = a_rig.viewer.height
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, (w, h), (N_RAYS, 2)))
     rule.obeyed(a_rig)  # what a rule keeps is there from now on
     seconds: list[list[float]] = [[], [], [], []]
@@ -41,7 +42,11 @@ def main() -> None:
     for name, rule in RULES.items():
         plan, trace, plan_without, trace_without = measure(rule, arguments.runs)
         saved = 1 - (plan + trace) / (plan_without + trace_without)
-        print(f"{name:<54} {plan:8.3f} {plan_without:8.3f} {trace:8.3f} {trace_without:8.3f} {saved:7.1%}", flush=True)
+        print(
+            f"{name:<54} {plan:8.3f} {plan_without:8.3f} {trace:8.3f} {trace_without:8.3f}"
+            f" {saved:7.1%}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -22,10 +22,14 @@ def viewer_pixels(n: int) -> NDArray[np.float64]:
 
 
 def keystone(points: NDArray[np.float64], n: int, size: int) -> NDArray[np.float64]:
-    """Viewer pixels turned, flipped and in perspective, about filling a display of size x size pixels."""
+    """Viewer pixels turned, flipped and in perspective, about
+    filling a display of size x size pixels.
+    """
     x, y = np.moveaxis(points / n - 0.5, -1, 0)
     w = 1 + 0.2 * x - 0.15 * y
-    return size * (np.stack([-0.93 * x - 0.27 * y, -0.25 * x + 0.9 * y], axis=-1) / w[..., None] + 0.5)
+    return size * (
+        np.stack([-0.93 * x - 0.27 * y, -0.25 * x + 0.9 * y], axis=-1) / w[..., None] + 0.5
+    )
 
 
 def median(run: Callable[[], object], runs: int) -> float:
@@ -39,7 +43,9 @@ def median(run: Callable[[], object], runs: int) -> float:
 
 
 def measure(n: int, size: int, runs: int) -> tuple[int, float, float, float]:
-    """Number of shares; seconds to rasterise, to sum onto the display and onto the viewer's image."""
+    """Number of shares; seconds to rasterise, to sum onto the display and onto the
+    viewer's image.
+    """
     view = viewer_pixels(n)
     display = keystone(view, n, size)
     shares = rasterise((size, size), (n, n), view, display)
@@ -55,11 +61,19 @@ def measure(n: int, size: int, runs: int) -> tuple[int, float, float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--large", action="store_true", help="also a viewer of 4096 x 4096 pixels (5 GB of memory)")
+    parser.add_argument(
+        "--large", action="store_true", help="also a viewer of 4096 x 4096 pixels (5 GB of memory)"
+    )
     arguments = parser.parse_args()
     print("viewer display    shares  rasterise  to_display  to_view   (seconds)")
-    for n, size in [(128, 512), (512, 512), (2048, 512), (512, 4096)] + [(4096, 512)] * arguments.large:
-        print("{:6d} {:7d} {:9d}  {:9.3f}  {:10.3f}  {:7.3f}".format(n, size, *measure(n, size, arguments.runs)))
+    for n, size in [(128, 512), (512, 512), (2048, 512), (512, 4096)] + [
+        (4096, 512)
+    ] * arguments.large:
+        print(
+            "{:6d} {:7d} {:9d}  {:9.3f}  {:10.3f}  {:7.3f}".format(
+                n, size, *measure(n, size, arguments.runs)
+            )
+        )
 
 
 if __name__ == "__main__":

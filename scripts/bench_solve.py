@@ -1,6 +1,7 @@
 """Seconds and peak memory of whole solves, each in a process of its own: `dev.py bench`.
 
-With `--engines`: of a ball's solves by Blender's BVH beside Embree, for both in turns, and of the engines alone.
+With `--engines`: of a ball's solves by Blender's BVH beside
+Embree, for both in turns, and of the engines alone.
 """
 
 from __future__ import annotations
@@ -27,17 +28,26 @@ from kiriko.core.steps import finish
 PICTURE = 1024
 CASES = {
     "ball, 20 k triangles, 512 -> 512": lambda: ball_rig(5, image=lattice_image(PICTURE)),
-    "the same as drawn": lambda: rig(replace(icosphere(0.025, 5), surface="facets"), image=lattice_image(PICTURE)),
+    "the same as drawn": lambda: rig(
+        replace(icosphere(0.025, 5), surface="facets"), image=lattice_image(PICTURE)
+    ),
     "ball, 1 k triangles, 512 -> 512": lambda: ball_rig(3, image=lattice_image(PICTURE)),
     "ball, 5 k triangles, 512 -> 512, 1e-4 px": lambda: ball_rig(4, image=lattice_image(PICTURE)),
     "ball, 1.3 M triangles, 512 -> 512": lambda: ball_rig(8, image=lattice_image(PICTURE)),
     "cube, 512 -> 512": lambda: cube_rig(image=lattice_image(PICTURE)),
-    "ball, 20 k triangles, 512 -> 4096": lambda: ball_rig(5, display_pixels=4096, image=lattice_image(PICTURE)),
-    "ball, 20 k triangles, 4096 -> 512": lambda: ball_rig(5, pixels=4096, image=lattice_image(PICTURE)),
-    "ball, 20 k triangles, 512 -> 8192": lambda: ball_rig(5, display_pixels=8192, image=lattice_image(PICTURE)),
+    "ball, 20 k triangles, 512 -> 4096": lambda: ball_rig(
+        5, display_pixels=4096, image=lattice_image(PICTURE)
+    ),
+    "ball, 20 k triangles, 4096 -> 512": lambda: ball_rig(
+        5, pixels=4096, image=lattice_image(PICTURE)
+    ),
+    "ball, 20 k triangles, 512 -> 8192": lambda: ball_rig(
+        5, display_pixels=8192, image=lattice_image(PICTURE)
+    ),
     "slab, 512 -> 512": lambda: rig(box([0.3, 0.03, 0.3]), image=lattice_image(PICTURE)),
 }
-TOLERANCES = {"ball, 5 k triangles, 512 -> 512, 1e-4 px": 1e-4}  # display px, of cases that have their own
+# display px, of cases that have their own
+TOLERANCES = {"ball, 5 k triangles, 512 -> 512, 1e-4 px": 1e-4}
 ENGINES = ("Embree", "Blender's BVH")
 ENGINE_LEVELS = (3, 5, 7)  # of a ball of 20 * 4^level triangles
 N_RAYS = 1 << 16
@@ -50,9 +60,12 @@ def peak() -> float:
 
 def measure(name: str, runs: int) -> dict[str, object]:
     """Solve from scratch `runs` times, then paint another picture as often."""
-    a_rig, settings = CASES[name](), Settings(tolerance=TOLERANCES.get(name, Settings().tolerance))
+    a_rig = CASES[name]()
+    settings = Settings(tolerance=TOLERANCES.get(name, Settings().tolerance))
     before = peak()
-    whole, again, parts = [], [], []
+    whole = []
+    again = []
+    parts = []
     for _ in range(runs):
         session = Session()
         started = perf_counter()
@@ -75,7 +88,10 @@ def measure(name: str, runs: int) -> dict[str, object]:
 
 
 def measure_engine(name: str, level: int) -> dict[str, float]:
-    """Processor seconds of one engine for a ball: to build it, for a ray (us), for a solve; and peak MB of all that."""
+    """Processor seconds of one engine for a ball: to build it, for a ray (us), for a solve.
+
+    And peak MB of all that.
+    """
     import bpy  # noqa: F401 - without it there is no mathutils
 
     os.environ["KIRIKO_KERNEL"] = "off"  # which would ask neither
@@ -87,7 +103,9 @@ def measure_engine(name: str, level: int) -> dict[str, float]:
     built = process_time()
     if engine.name != name:
         sys.exit(f"There is no {name} here, but {engine.name}.")
-    rays = ball_rig(0, pixels=512).viewer.rays(np.random.default_rng(0).uniform(0, 512, (N_RAYS, 2)))
+    rays = ball_rig(0, pixels=512).viewer.rays(
+        np.random.default_rng(0).uniform(0, 512, (N_RAYS, 2))
+    )
     origins, directions = (values.astype(np.float32) for values in (rays[0] / 0.025, rays[1]))
     shot_from = process_time()
     engine.shoot(origins, directions)
@@ -112,10 +130,12 @@ def compare_engines(runs: int) -> None:
                 found[name].append(ask("--engine", name, "--level", str(level)))
         for name, each in found.items():
             least = {key: min(m[key] for m in each) for key in each[0]}
-            ratio = statistics.median(m["solve"] / e["solve"] for m, e in zip(each, found["Embree"], strict=True))
+            ratio = statistics.median(
+                m["solve"] / e["solve"] for m, e in zip(each, found["Embree"], strict=True)
+            )
             print(
-                f"{20 * 4**level:<10} {name:<14} {least['build']:8.3f} {least['ray']:9.2f} {least['solve']:8.2f}"
-                f" {ratio:13.2f} {least['peak']:8.0f}",
+                f"{20 * 4**level:<10} {name:<14} {least['build']:8.3f} {least['ray']:9.2f}"
+                f" {least['solve']:8.2f} {ratio:13.2f} {least['peak']:8.0f}",
                 flush=True,
             )
 
@@ -128,11 +148,19 @@ def ask(*options: str) -> dict[str, object]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=3, help="solves of each case; medians are shown")
+    parser.add_argument(
+        "--runs", type=int, default=3, help="solves of each case; medians are shown"
+    )
     parser.add_argument("--case", choices=CASES, help="measure one case here and print it as JSON")
-    parser.add_argument("--engines", action="store_true", help="Blender's BVH beside Embree instead")
-    parser.add_argument("--engine", choices=ENGINES, help="measure one engine here and print it as JSON")
-    parser.add_argument("--level", type=int, choices=ENGINE_LEVELS, default=5, help="how fine a ball for --engine")
+    parser.add_argument(
+        "--engines", action="store_true", help="Blender's BVH beside Embree instead"
+    )
+    parser.add_argument(
+        "--engine", choices=ENGINES, help="measure one engine here and print it as JSON"
+    )
+    parser.add_argument(
+        "--level", type=int, choices=ENGINE_LEVELS, default=5, help="how fine a ball for --engine"
+    )
     arguments = parser.parse_args()
     if arguments.engine:
         print(json.dumps(measure_engine(arguments.engine, arguments.level)))
@@ -143,7 +171,10 @@ def main() -> None:
     if arguments.case:
         print(json.dumps(measure(arguments.case, arguments.runs)))
         return
-    heads = f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8} {'rays':>9} {'peak MB':>8}"
+    heads = (
+        f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8}"
+        f" {'rays':>9} {'peak MB':>8}"
+    )
     print(f"{'case':<40} {heads} {'told MB':>8}")
     for name in CASES:
         m = ask("--case", name, "--runs", str(arguments.runs))

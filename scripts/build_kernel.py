@@ -1,7 +1,8 @@
-"""Builds the compiled kernel from core/kernel/*.c: the library for this machine, and a wheel for each platform.
+"""Builds the compiled kernel from core/kernel/*.c: the
+library for this machine, and a wheel for each platform.
 
-One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes the wheels; what is
-tested here is built anew whenever the sources have changed.
+One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes
+the wheels; what is tested here is built anew whenever the sources have changed.
 """
 
 from __future__ import annotations
@@ -25,11 +26,14 @@ FLAGS = (
     *("-std=c17", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden"),
     *("-Wall", "-Wextra", "-Werror", "-shared", "-s"),
 )
-EPOCH = "315532800"  # 1980, the earliest that a wheel can hold: wheels of the same sources are the same
+# 1980, the earliest that a wheel can hold: wheels of the same sources are the same
+EPOCH = "315532800"
 
 
 class Target(NamedTuple):
-    """A platform: its name in the manifest, what zig calls it, the tag of its wheels, how its libraries end."""
+    """A platform: its name in the manifest, what zig calls it,
+    the tag of its wheels, how its libraries end.
+    """
 
     platform: str
     triple: str
@@ -60,13 +64,19 @@ def compiler() -> Path:
     for version in ("3.13", "3.11"):
         if python := find_python(version):
             return set_up(KERNEL, python)
-    raise ToolError("No Python 3.13 or 3.11 was found for the kernel's compiler: install one and run this again.")
+    raise ToolError(
+        "No Python 3.13 or 3.11 was found for the kernel's compiler: install one and"
+        " run this again."
+    )
 
 
 def compile_for(target: Target, path: Path, *sources: str | Path) -> None:
     """Compile C for a platform, by sources, flags and libraries in the compiler's order."""
     caches = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-    run([compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-o", path, *sources], **caches)
+    run(
+        [compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-o", path, *sources],
+        **caches,
+    )
 
 
 def make_package(target: Target, folder: Path) -> None:
@@ -80,7 +90,8 @@ def compile_library(target: Target, path: Path) -> None:
     """Build the library for a platform; it is there as a whole or not at all."""
     libraries = [] if target.ending == "dll" else ["-pthread", "-lm"]
     if target.platform.startswith("macos"):
-        libraries.append("-Wl,-install_name,@rpath/kernel.so")  # or the folder it was built in would be in it
+        # or the folder it was built in would be in it
+        libraries.append("-Wl,-install_name,@rpath/kernel.so")
 
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / path.name
@@ -97,7 +108,9 @@ def fingerprint() -> str:
 
 
 def provide() -> None:
-    """Build the library for this machine, where tests and scripts import it from, unless it is there."""
+    """Build the library for this machine, where tests and
+    scripts import it from, unless it is there.
+    """
     target = this_target()
     stamp = HERE / "kiriko.stamp"
     wanted = fingerprint()
@@ -147,7 +160,10 @@ def make_wheels() -> None:
             told = {"name": MODULE, "version": version(), "summary": SUMMARY, "tag": target.tag}
             (info / "METADATA").write_text(METADATA.format(**told), encoding="utf-8")
             (info / "WHEEL").write_text(WHEEL.format(**told), encoding="utf-8")
-            run([compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS], SOURCE_DATE_EPOCH=EPOCH)
+            run(
+                [compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS],
+                SOURCE_DATE_EPOCH=EPOCH,
+            )
 
 
 if __name__ == "__main__":

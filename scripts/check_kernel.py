@@ -1,7 +1,9 @@
-"""Runs the kernel's libraries for other platforms here: Windows x64 under Wine, Linux arm64 under QEMU.
+"""Runs the kernel's libraries for other platforms here:
+Windows x64 under Wine, Linux arm64 under QEMU.
 
-Each follows the same rays through a ball, a cube and an open torus, and has to come to the same bits as the library of
-this machine. What cannot be run, for there is no Wine, QEMU or C library of the platform, is told and left out.
+Each follows the same rays through a ball, a cube and an open torus, and has to come to the same
+bits as the library of this machine. What cannot be run, for there is no Wine, QEMU or C library of
+the platform, is told and left out.
 """
 
 from __future__ import annotations
@@ -37,7 +39,9 @@ N_RAYS = 20_000
 
 
 class Runner(NamedTuple):
-    """What runs programs of a platform: its command, packages of Debian and Ubuntu that bring it, files it needs."""
+    """What runs programs of a platform: its command, packages of
+    Debian and Ubuntu that bring it, files it needs.
+    """
 
     command: Sequence[str]
     packages: Sequence[str]
@@ -58,7 +62,9 @@ def rigs() -> dict[str, Rig]:
     """Rigs that take the kernel through nearly all of its code."""
     ring = torus(0.018, 0.007, 48, 24)
     keep = np.arange(len(ring.triangles)) % 19 > 0
-    gaps = Mesh(ring.vertices, ring.triangles[keep], ring.corner_normals[keep], ring.is_smooth[keep])
+    gaps = Mesh(
+        ring.vertices, ring.triangles[keep], ring.corner_normals[keep], ring.is_smooth[keep]
+    )
     return {"ball": ball_rig(3), "cube": cube_rig(), "open torus": rig(gaps)}
 
 
@@ -81,7 +87,9 @@ class Memory:
             address = ctypes.addressof(thing)
             block = len(self.blocks)
             self.blocks.append((address, ctypes.string_at(address, ctypes.sizeof(thing))))
-            self._pointers += [(block, place, value) for place, value in pointers_of(thing, address)]
+            self._pointers += [
+                (block, place, value) for place, value in pointers_of(thing, address)
+            ]
         elif isinstance(thing, list | tuple):
             for other in thing:
                 self.add(other)
@@ -114,7 +122,10 @@ def pointers_of(thing: ctypes.Structure | ctypes.Array, start: int) -> Iterator[
 
 
 def write_case(a_rig: Rig, path: Path) -> bytes:
-    """Write a case for the driver; what its outputs have to be, which the library of this machine has made."""
+    """Write a case for the driver.
+
+    What its outputs have to be, which the library of this machine has made.
+    """
     plan = make_plan(a_rig, Settings())
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
@@ -139,7 +150,9 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
         for pointer in pointers:
             file.write(struct.pack("<4q", *pointer))
         file.write(struct.pack(f"<{len(outputs)}q", *outputs))
-    kernel.library().kiriko_follow(ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure), 0, N_RAYS, 2)
+    kernel.library().kiriko_follow(
+        ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure), 0, N_RAYS, 2
+    )
     assert (rays.reason == 0).mean() > 0.1
     return b"".join(getattr(rays, name).tobytes() for name in names)
 
@@ -157,13 +170,18 @@ def can_run(runner: Runner) -> bool:
 
 
 def check(target: Target, runner: Runner, folder: Path) -> bool:
-    """Let a platform's library follow all cases; whether all its bits are those of this machine's."""
-    library, driver = folder / f"kernel.{target.ending}", folder / "follow.exe"
+    """Let a platform's library follow all cases.
+
+    Whether all its bits are those of this machine's.
+    """
+    library = folder / f"kernel.{target.ending}"
+    driver = folder / "follow.exe"
     compile_library(target, library)
     compile_for(target, driver, "-O1", DRIVER)
     is_same = True
     for name, a_rig in rigs().items():
-        case, out = folder / "case", folder / "out"
+        case = folder / "case"
+        out = folder / "out"
         expected = write_case(a_rig, case)
         variables = clean_environment(WINEPREFIX=str(folder / "wine"), WINEDEBUG="-all")
         command = [*runner.command, driver, f"./{library.name}", case.name, out.name]
@@ -171,14 +189,23 @@ def check(target: Target, runner: Runner, folder: Path) -> bool:
         found = out.read_bytes() if done.returncode == 0 else b""
         is_same &= found == expected
         n_other = sum(a != b for a, b in zip(found, expected, strict=False))
-        verdict = f"{n_other} bytes differ" if found else f"ended with {done.returncode}: {done.stderr}"
-        print(f"{target.platform:<14} {name:<12} {N_RAYS} rays: {'the same bits' if found == expected else verdict}")
+        verdict = (
+            f"{n_other} bytes differ" if found else f"ended with {done.returncode}: {done.stderr}"
+        )
+        print(
+            f"{target.platform:<14} {name:<12} {N_RAYS} rays:"
+            f" {'the same bits' if found == expected else verdict}"
+        )
     return is_same
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--platform", nargs="+", choices=RUNNERS, default=list(RUNNERS), help="only these")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--platform", nargs="+", choices=RUNNERS, default=list(RUNNERS), help="only these"
+    )
     arguments = parser.parse_args()
     provide()
     if kernel.library() is None or platform.machine() not in ("x86_64", "AMD64"):

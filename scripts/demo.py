@@ -1,4 +1,7 @@
-"""The main job on the reference rigs, ball and cube, into out/. Runs inside Blender; started by dev.py."""
+"""The main job on the reference rigs, ball and cube, into out/. Runs inside Blender.
+
+Started by dev.py.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,10 @@ def add_ball() -> None:
 
 
 def add_cube() -> None:
-    """Acrylic cube of 50 mm turned 15.8 degrees; the lattice is 30 mm wide from dot to dot, so the picture 35 mm."""
+    """Acrylic cube of 50 mm turned 15.8 degrees.
+
+    The lattice is 30 mm wide from dot to dot, so the picture 35 mm.
+    """
     bpy.ops.mesh.primitive_cube_add(size=0.05, rotation=(0, 0, math.radians(15.8)))
     cube = bpy.context.object
     cube.name = "Acrylic Cube"
@@ -84,15 +90,20 @@ def run(name: str, out: Path) -> list[str]:
     started = perf_counter()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     RIGS[name]()
-    context, scene = bpy.context, bpy.context.scene
+    context = bpy.context
+    scene = bpy.context.scene
     solve_started = perf_counter()
     bpy.ops.kiriko.solve()
     solve_seconds = perf_counter() - solve_started
 
     reading = work.read(context)
     solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
-    ideal, seen, uncompensated = solution.ideal(), solution.seen(), solution.seen(plain)
+    plain = finish(
+        Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
+    ).source
+    ideal = solution.ideal()
+    seen = solution.seen()
+    uncompensated = solution.seen(plain)
     in_core = {"before": lattice_shift(uncompensated, ideal), "after": lattice_shift(seen, ideal)}
     in_cycles = {
         "before": shift_in_cycles(scene, reading, plain, ideal, uncompensated),
@@ -101,9 +112,16 @@ def run(name: str, out: Path) -> list[str]:
 
     folder = out / name
     folder.mkdir(parents=True, exist_ok=True)
-    images = {"ideal": ideal, "seen_uncompensated": uncompensated, "seen": seen, "coverage": solution.display_coverage}
+    images = {
+        "ideal": ideal,
+        "seen_uncompensated": uncompensated,
+        "seen": seen,
+        "coverage": solution.display_coverage,
+    }
     for file, pixels in images.items():
-        image_io.write(folder / f"{file}.png", pixels, "PNG8", title=f"Kiriko {file}", overwrite=True)
+        image_io.write(
+            folder / f"{file}.png", pixels, "PNG8", title=f"Kiriko {file}", overwrite=True
+        )
     for form, file in (("PNG8", "source.png"), ("EXR_FLOAT", "source.exr")):
         scene.kiriko.export_format = form
         bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
@@ -120,11 +138,16 @@ def run(name: str, out: Path) -> list[str]:
         "displacement_in_cycles_viewer_px_across_lattice": 1165,
         "solve_seconds": solve_seconds,
         "seconds": seconds,
-        **{key: value for key, value in json.loads(scene.kiriko.result.details).items() if key != "misses"},
+        **{
+            key: value
+            for key, value in json.loads(scene.kiriko.result.details).items()
+            if key != "misses"
+        },
         "notes": scene.kiriko.result.notes.splitlines(),
     }
     image_io.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
-    before, after = in_cycles["before"], in_cycles["after"]
+    before = in_cycles["before"]
+    after = in_cycles["after"]
     return [
         name,
         f"{100 * solution.picture_coverage:.2f} %",
@@ -137,8 +160,12 @@ def run(name: str, out: Path) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results (out)")
-    parser.add_argument("rigs", nargs="*", choices=[*RIGS, []], help="which rigs; both when none is named")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out"), help="folder for the results (out)"
+    )
+    parser.add_argument(
+        "rigs", nargs="*", choices=[*RIGS, []], help="which rigs; both when none is named"
+    )
     arguments = parser.parse_args()
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
     for name in arguments.rigs or RIGS:
@@ -148,8 +175,13 @@ def main() -> None:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     print()
     for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-    print(f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across. Files: {arguments.out}/")
+        print(
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        )
+    print(
+        f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across."
+        f" Files: {arguments.out}/"
+    )
     kiriko.unregister()
     sys.stdout.flush()
 

@@ -1,4 +1,7 @@
-"""For whoever develops Kiriko: `python3 scripts/dev.py VERB`. Needs only Python; the rest it sets up in .dev/."""
+"""For whoever develops Kiriko: `python3 scripts/dev.py VERB`. Needs only Python.
+
+The rest it sets up in .dev/.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,9 @@ def demo(arguments: argparse.Namespace) -> None:
 
 
 def paper(arguments: argparse.Namespace) -> None:
-    """Put the paper's results beside ours, into out/paper/ (further options go to scripts/paper.py)."""
+    """Put the paper's results beside ours, into out/paper/
+    (further options go to scripts/paper.py).
+    """
     run_in_blender("paper.py", arguments.rest)
 
 
@@ -64,37 +69,51 @@ def run_in_blender(script: str, rest: list[str]) -> None:
 
 
 def bench(arguments: argparse.Namespace) -> None:
-    """Measure seconds and memory of solves and of their parts (further options go to scripts/bench_solve.py)."""
+    """Measure seconds and memory of solves and of their parts
+    (further options go to scripts/bench_solve.py).
+    """
     run_with_tests("bench_solve.py", arguments.rest)
 
 
 def compare(arguments: argparse.Namespace) -> None:
-    """Measure Kiriko beside Mitsuba and the splat (further options go to scripts/bench_side_by_side.py)."""
+    """Measure Kiriko beside Mitsuba and the splat (further
+    options go to scripts/bench_side_by_side.py).
+    """
     run_with_tests("bench_side_by_side.py", arguments.rest, BENCH, **ONE_THREAD)
 
 
 def surface(arguments: argparse.Namespace) -> None:
-    """Measure the error of meshes against closed forms (further options go to scripts/bench_surface.py)."""
+    """Measure the error of meshes against closed forms
+    (further options go to scripts/bench_surface.py).
+    """
     run_with_tests("bench_surface.py", arguments.rest)
 
 
 def irregular(arguments: argparse.Namespace) -> None:
-    """Measure what each choice of Surface makes of irregular and noisy meshes, against closed forms."""
+    """Measure what each choice of Surface makes of
+    irregular and noisy meshes, against closed forms.
+    """
     run_in_blender("bench_irregular.py", arguments.rest)
 
 
 def glasses(arguments: argparse.Namespace) -> None:
-    """Measure solves through glass as artists bring it (further options go to scripts/bench_glasses.py)."""
+    """Measure solves through glass as artists bring it
+    (further options go to scripts/bench_glasses.py).
+    """
     run_in_blender("bench_glasses.py", arguments.rest)
 
 
 def marks(arguments: argparse.Namespace) -> None:
-    """Measure Kiriko beside Mitsuba on glass as artists bring it (further options go to scripts/bench_marks.py)."""
+    """Measure Kiriko beside Mitsuba on glass as artists bring it
+    (further options go to scripts/bench_marks.py).
+    """
     run_with_tests("bench_marks.py", arguments.rest, BENCH)
 
 
 def cycles(arguments: argparse.Namespace) -> None:
-    """Measure landings beside Cycles on glass as artists bring it (further options go to scripts/bench_cycles.py)."""
+    """Measure landings beside Cycles on glass as artists bring it
+    (further options go to scripts/bench_cycles.py).
+    """
     run_in_blender("bench_cycles.py", arguments.rest)
 
 
@@ -104,7 +123,9 @@ def curved(arguments: argparse.Namespace) -> None:
 
 
 def growth(arguments: argparse.Namespace) -> None:
-    """Measure how time and rays grow with pixels and triangles (further options go to scripts/bench_growth.py)."""
+    """Measure how time and rays grow with pixels and triangles
+    (further options go to scripts/bench_growth.py).
+    """
     run_with_tests("bench_growth.py", arguments.rest)
 
 
@@ -114,27 +135,42 @@ def rules(arguments: argparse.Namespace) -> None:
 
 
 def plate(arguments: argparse.Namespace) -> None:
-    """Measure the closed form of the mirror array against a mesh (further options go to scripts/bench_plate.py)."""
+    """Measure the closed form of the mirror array against a
+    mesh (further options go to scripts/bench_plate.py).
+    """
     run_with_tests("bench_plate.py", arguments.rest, **ONE_THREAD)
 
 
 def misalignment(arguments: argparse.Namespace) -> None:
-    """Measure what a bench that is off does to the picture (further options go to scripts/bench_misalignment.py)."""
+    """Measure what a bench that is off does to the picture
+    (further options go to scripts/bench_misalignment.py).
+    """
     run_with_tests("bench_misalignment.py", arguments.rest)
 
 
 def extremes(arguments: argparse.Namespace) -> None:
-    """Check stiff and extreme cases: right, or refused with a reason (further options go to scripts/extremes.py)."""
+    """Check stiff and extreme cases: right, or refused with a
+    reason (further options go to scripts/extremes.py).
+    """
     run_in_blender("extremes.py", arguments.rest)
 
 
+def hashes(arguments: argparse.Namespace) -> None:
+    """Print hashes of landings, maps and source images, to compare before and after a change."""
+    run_in_blender("hashes.py", arguments.rest)
+
+
 def judge(arguments: argparse.Namespace) -> None:
-    """Judge optics and tracer at fifty digits, and look for leaks (further options go to scripts/bench_judge.py)."""
+    """Judge optics and tracer at fifty digits, and look for leaks
+    (further options go to scripts/bench_judge.py).
+    """
     run_with_tests("bench_judge.py", arguments.rest)
 
 
 def mutants(arguments: argparse.Namespace) -> None:
-    """Make small mutants of core and list those that no test notices (further options go to scripts/mutants.py)."""
+    """Make small mutants of core and list those that no test
+    notices (further options go to scripts/mutants.py).
+    """
     run_with_tests("mutants.py", arguments.rest, MUTANTS)
 
 
@@ -144,11 +180,15 @@ def live(arguments: argparse.Namespace) -> None:
 
 
 def lab(arguments: argparse.Namespace) -> None:
-    """Measure the plate as a lab would: image distance, sharpness, brightness (options go to scripts/bench_lab.py)."""
+    """Measure the plate as a lab would: image distance, sharpness,
+    brightness (options go to scripts/bench_lab.py).
+    """
     run_in_blender("bench_lab.py", arguments.rest)
 
 
-def run_with_tests(script: str, rest: list[str], environment: str | None = None, **extra: str) -> None:
+def run_with_tests(
+    script: str, rest: list[str], environment: str | None = None, **extra: str
+) -> None:
     """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
     answer_help(script, rest)
     build_kernel.provide()
@@ -156,11 +196,15 @@ def run_with_tests(script: str, rest: list[str], environment: str | None = None,
     interpreter = set_up(environment or newest, python)
     path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))
     variables = clean_environment(PYTHONPATH=path, **extra)
-    sys.exit(subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode)
+    sys.exit(
+        subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode
+    )
 
 
 def kernel(arguments: argparse.Namespace) -> None:
-    """Run the kernel's libraries for Windows and Arm here: the same bits (options go to scripts/check_kernel.py)."""
+    """Run the kernel's libraries for Windows and Arm here: the
+    same bits (options go to scripts/check_kernel.py).
+    """
     run_with_tests("check_kernel.py", arguments.rest)
 
 
@@ -171,8 +215,12 @@ def answer_help(script: str, rest: list[str]) -> None:
 
 
 def test(arguments: argparse.Namespace) -> None:
-    """Lint, test core alone and in every Blender whose Python is found, build, install and solve from the zip."""
-    sys.exit(not run_suite(tools=newest_blender()[0], prefixes=arguments.only, need_all=arguments.all))
+    """Lint, test core alone and in every Blender whose Python is
+    found, build, install and solve from the zip.
+    """
+    sys.exit(
+        not run_suite(tools=newest_blender()[0], prefixes=arguments.only, need_all=arguments.all)
+    )
 
 
 def lint(arguments: argparse.Namespace) -> None:
@@ -185,7 +233,8 @@ def build(arguments: argparse.Namespace) -> None:
     run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
 
 
-OWN = test, lint, build, setup  # verbs whose options are read here; the others hand theirs on to a script
+# verbs whose options are read here; the others hand theirs on to a script
+OWN = test, lint, build, setup
 
 
 def main() -> None:
@@ -202,6 +251,7 @@ def main() -> None:
         plate,
         misalignment,
         extremes,
+        hashes,
         judge,
         mutants,
         live,
@@ -221,10 +271,16 @@ def main() -> None:
     ):
         is_own = verb in OWN
         said = verb.__doc__ if is_own else None
-        verbs.add_parser(verb.__name__, help=verb.__doc__, description=said, add_help=is_own).set_defaults(call=verb)
+        verbs.add_parser(
+            verb.__name__, help=verb.__doc__, description=said, add_help=is_own
+        ).set_defaults(call=verb)
     options = verbs.choices["test"]
-    options.add_argument("--all", action="store_true", help="fail when a Blender's Python is missing")
-    options.add_argument("--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so")
+    options.add_argument(
+        "--all", action="store_true", help="fail when a Blender's Python is missing"
+    )
+    options.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so"
+    )
     arguments, rest = parser.parse_known_args()
     if rest and arguments.call in OWN:
         parser.error(f"unknown: {' '.join(rest)}")

@@ -19,28 +19,36 @@ ROOT = Path(__file__).resolve().parent.parent
 DEV = ROOT / ".dev"
 WINDOWS = os.name == "nt"
 
-# Environment -> Python. Each has its pins in requirements-<name>.txt. The ones with Blender: newest first.
+# Environment -> Python. Each has its pins in
+# requirements-<name>.txt. The ones with Blender: newest first.
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
-# Without Blender, for any Python that has one, and set up only when `dev.py compare` and `dev.py mutants` ask for them.
+# Without Blender, for any Python that has one, and set up only when
+# `dev.py compare` and `dev.py mutants` ask for them.
 BENCH = "bench"
 MUTANTS = "mutants"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
 
-# What Blender needs and a bare Debian or Ubuntu lacks; without the last two EEVEE aborts the process.
-LIBRARIES = "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1 libgl1-mesa-dri"
+# What Blender needs and a bare Debian or Ubuntu lacks;
+# without the last two EEVEE aborts the process.
+LIBRARIES = (
+    "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1"
+    " libgl1-mesa-dri"
+)
 
-# numpy's linear algebra, for processes that run side by side: threads that wait for each other hold all of them up.
+# numpy's linear algebra, for processes that run side by side:
+# threads that wait for each other hold all of them up.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 
 LEAST_LLVM = 17  # Dr.Jit takes 15 and 16 too, and with them aborts the process on some processors
 MISSING_LLVM = (
-    "Mitsuba finds no LLVM that it can use: install libLLVM 19 ('apt install libllvm19' on Debian 12), or set"
-    " DRJIT_LIBLLVM_PATH to the file of that library, and run this again."
+    "Mitsuba finds no LLVM that it can use: install libLLVM 19 ('apt install libllvm19' on"
+    " Debian 12), or set DRJIT_LIBLLVM_PATH to the file of that library, and run this again."
 )
 
-# A Python without ensurepip makes no virtual environment, and a free-threaded one ("3.13t") has no bpy.
+# A Python without ensurepip makes no virtual environment, and a
+# free-threaded one ("3.13t") has no bpy.
 PROBE = """
 import ensurepip, sys, sysconfig, venv
 print("%d.%d" % sys.version_info[:2] + ("t" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""))
@@ -68,7 +76,9 @@ def run(command: Sequence[str | Path], **variables: str) -> None:
 def ask(command: Sequence[str | Path], **variables: str) -> list[str]:
     """Lines that a command prints; none when it fails or cannot be started."""
     try:
-        answer = subprocess.run(command, env=clean_environment(**variables), capture_output=True, text=True, timeout=60)
+        answer = subprocess.run(
+            command, env=clean_environment(**variables), capture_output=True, text=True, timeout=60
+        )
     except (OSError, subprocess.TimeoutExpired):
         return []
     return answer.stdout.splitlines() if answer.returncode == 0 else []
@@ -88,7 +98,9 @@ def find_python(version: str, *, only_running: bool = False) -> Path | None:
 
 
 def candidates(version: str) -> Iterator[list[str]]:
-    """Commands that may start a Python of this version: the running one, on the PATH, under pyenv, by uv."""
+    """Commands that may start a Python of this version: the
+    running one, on the PATH, under pyenv, by uv.
+    """
     yield [sys.executable]
     for name in (f"python{version}", "python3", "python"):
         if path := shutil.which(name):
@@ -97,7 +109,9 @@ def candidates(version: str) -> Iterator[list[str]]:
         yield [launcher, f"-{version}"]
     versions = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
     newest_first = sorted(
-        versions.glob(f"{version}.*"), key=lambda p: [int(n) for n in re.findall(r"\d+", p.name)], reverse=True
+        versions.glob(f"{version}.*"),
+        key=lambda p: [int(n) for n in re.findall(r"\d+", p.name)],
+        reverse=True,
     )
     for folder in newest_first:
         yield [str(folder / ("python.exe" if WINDOWS else "bin/python"))]
@@ -109,14 +123,18 @@ def candidates(version: str) -> Iterator[list[str]]:
 
 
 def newest_blender() -> tuple[str, Path]:
-    """Environment with the newest Blender for the running Python, else for any that is found; and that Python."""
+    """Environment with the newest Blender for the running Python, else for any that is found.
+
+    And that Python.
+    """
     for only_running in (True, False):
         for name, version in BLENDERS.items():
             if python := find_python(version, only_running=only_running):
                 return name, python
     raise ToolError(
-        "No Python 3.13 or 3.11 with its venv module was found: install one, for instance with 'apt install"
-        " python3-venv' on Debian 12, 'pyenv install 3.13' or 'uv python install 3.13', and run this again."
+        "No Python 3.13 or 3.11 with its venv module was found: install one, for instance with"
+        " 'apt install python3-venv' on Debian 12, 'pyenv install 3.13' or 'uv python install"
+        " 3.13', and run this again."
     )
 
 
@@ -133,7 +151,8 @@ def pins(path: Path) -> str:
 def set_up(name: str, python: Path) -> Path:
     """Make or update the environment `name`; its interpreter.
 
-    The stamp is written last, so that an environment without one is known to be unfinished and is made anew.
+    The stamp is written last, so that an environment without one
+    is known to be unfinished and is made anew.
     """
     folder = DEV / name
     interpreter = folder / ("Scripts/python.exe" if WINDOWS else "bin/python")
@@ -148,7 +167,18 @@ def set_up(name: str, python: Path) -> Path:
         run([python, "-m", "venv", "--clear", folder])
     print(f"Installing the packages of {folder} ...", flush=True)
     quiet = [] if sys.stdout.isatty() else ["--quiet"]
-    run([interpreter, "-m", "pip", "install", "--disable-pip-version-check", *quiet, "-r", requirements])
+    run(
+        [
+            interpreter,
+            "-m",
+            "pip",
+            "install",
+            "--disable-pip-version-check",
+            *quiet,
+            "-r",
+            requirements,
+        ]
+    )
     if name in BLENDERS:
         provide_libraries(interpreter)
     if name == BENCH:
@@ -186,7 +216,9 @@ def install(packages: Sequence[str]) -> None:
 
 @contextmanager
 def empty_profile() -> Iterator[str]:
-    """Folder for BLENDER_USER_RESOURCES: a Blender without the user's own settings and extensions."""
+    """Folder for BLENDER_USER_RESOURCES: a Blender without the user's own settings and
+    extensions.
+    """
     with tempfile.TemporaryDirectory(prefix="kiriko-profile-") as folder:
         yield folder
 
@@ -198,7 +230,9 @@ def run_in_newest_blender(script: str, *options: str | Path) -> int:
         folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"
         path = os.pathsep.join(map(str, folders))
         variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
-        return subprocess.run([interpreter, ROOT / "scripts" / script, *options], env=variables).returncode
+        return subprocess.run(
+            [interpreter, ROOT / "scripts" / script, *options], env=variables
+        ).returncode
 
 
 def missing_library(interpreter: Path) -> str | None:
@@ -215,7 +249,9 @@ def missing_library(interpreter: Path) -> str | None:
     found = re.search(r"(\S+): cannot open shared object file", tried.stderr)
     if found is None:
         last = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
-        raise ToolError(f"bpy is installed in {interpreter.parent.parent} and cannot be imported: {last}")
+        raise ToolError(
+            f"bpy is installed in {interpreter.parent.parent} and cannot be imported: {last}"
+        )
     return found[1]
 
 
@@ -229,15 +265,22 @@ def provide_libraries(interpreter: Path) -> None:
         install(LIBRARIES.split())
         missing = missing_library(interpreter)
     if missing is not None:
-        raise ToolError(f"Blender lacks {missing}: install the packages {LIBRARIES} and run this again.")
+        raise ToolError(
+            f"Blender lacks {missing}: install the packages {LIBRARIES} and run this again."
+        )
 
 
 # That of Mitsuba
 
 
 def finds_llvm(interpreter: Path) -> bool:
-    """Does Mitsuba find an LLVM that is new enough? Asked in another process, which an unfit library may abort."""
-    probe = "import drjit, mitsuba; mitsuba.set_variant('llvm_ad_rgb'); print(drjit.detail.llvm_version()[0])"
+    """Does Mitsuba find an LLVM that is new enough? Asked in
+    another process, which an unfit library may abort.
+    """
+    probe = (
+        "import drjit, mitsuba; mitsuba.set_variant('llvm_ad_rgb');"
+        " print(drjit.detail.llvm_version()[0])"
+    )
     found = ask([interpreter, "-c", probe])
     return bool(found) and int(found[-1]) >= LEAST_LLVM
 

@@ -1,7 +1,9 @@
-"""What would turn the displacements simulated of the cube's lattice into those of the paper's photographs.
+"""What would turn the displacements simulated of the
+cube's lattice into those of the paper's photographs.
 
-Each photograph is a bench and what its display shows; what may be off ("suspects") changes one or both. Dots are
-found by re-tracing, so amounts may be large; derivatives only say where to look. Part of `dev.py misalignment`.
+Each photograph is a bench and what its display shows; what may be off ("suspects") changes one or
+both. Dots are found by re-tracing, so amounts may be large; derivatives only say where to look.
+Part of `dev.py misalignment`.
 """
 
 from __future__ import annotations
@@ -47,14 +49,21 @@ NEAR = 1.0  # px: so far from the paper's three numbers is as good as on them
 SHARP = 0.01  # px, against tolerances: how much a miss counts where amounts are to be small
 FARTHEST = 50.0  # tolerances, by derivatives: more than that is not re-traced
 UNMOVED = 0.1  # px for a tolerance: less is nothing
-ALIKE = 0.1  # of the largest: conditions whose dx differ by less move alike, and one that moves by less stays
+# of the largest: conditions whose dx differ by less move alike, and one that moves by less stays
+ALIKE = 0.1
 ITERATIONS = 8
 PIXELS = 971  # of images in which dots are measured: half of the photographs' do
 HALVINGS = 3  # of a step that would lose dots
 WITHIN = 0.02  # px: what a step changes when there is nothing more to find
-TRIED, LOOKED_AT = 6, 100  # combinations that are re-traced, of those that look best by derivatives
+# combinations that are re-traced, of those that look best by derivatives
+TRIED = 6
+LOOKED_AT = 100
 SHOWN = 5
-PUBLISHED, PART, BENCH, PROGRAM, MEASUREMENT = "published", "half cube", "bench", "program", "photograph"
+PUBLISHED = "published"
+PART = "half cube"
+BENCH = "bench"
+PROGRAM = "program"
+MEASUREMENT = "photograph"
 TOUCHED = tuple(f"{condition} only" for condition in CONDITIONS)
 KINDS = (
     (BENCH,),
@@ -87,9 +96,10 @@ class Setup:
 class Suspect:
     """Something that may be off.
 
-    where : whom it concerns. `bench`: all three photographs; `half cube`: InFloasion's glass; `program`: what the
-        authors' program took for true when it made the source image; `published`: bench and program alike are not as
-        the paper says; `photograph`: its measurement; `... only`: the bench, while one of the photographs was taken
+    where : whom it concerns. `bench`: all three photographs; `half cube`: InFloasion's glass;
+        `program`: what the authors' program took for true when it made the source image;
+        `published`: bench and program alike are not as the paper says; `photograph`: its
+        measurement; `... only`: the bench, while one of the photographs was taken
     tolerance : amount to expect, in the unit
     """
 
@@ -108,7 +118,8 @@ class Suspect:
 
 
 def suspects(rig: Rig, tolerance: Callable[[Parameter], float]) -> list[Suspect]:
-    """All that may be off in three photographs of a rig, in the order in which it has to be applied.
+    """All that may be off in three photographs of a rig,
+    in the order in which it has to be applied.
 
     tolerance : the amount to expect of a parameter
     """
@@ -125,12 +136,16 @@ def suspects(rig: Rig, tolerance: Callable[[Parameter], float]) -> list[Suspect]
     found += [_suspect(PROGRAM, p, tolerance, _on_program) for p in own]
     found.append(_suspect(MEASUREMENT, scale, tolerance, _at_scale))
     for number, where in enumerate(TOUCHED):
-        found += [_suspect(where, p, tolerance, partial(_on_one, number)) for p in own if p not in glass]
+        found += [
+            _suspect(where, p, tolerance, partial(_on_one, number)) for p in own if p not in glass
+        ]
     return found
 
 
 def half_parameters(rig: Rig) -> list[Parameter]:
-    """Poses and index of the half cube that stands on the display: no part of it can sink into that."""
+    """Poses and index of the half cube that stands on the
+    display: no part of it can sink into that.
+    """
     name = f"{infloasion(rig).glasses[1].name}: "
     return [
         replace(p, name=p.name.removeprefix(name), applied=partial(_on_the_display, p))
@@ -156,20 +171,30 @@ def _resized(rig: Rig, percent: float) -> Rig:
     glass, *others = rig.glasses
     middle = glass.mesh.bounds.mean(axis=0)
     vertices = middle + (1 + percent / 100) * (glass.mesh.vertices - middle)
-    return replace(rig, glasses=(replace(glass, mesh=replace(glass.mesh, vertices=vertices)), *others))
+    return replace(
+        rig, glasses=(replace(glass, mesh=replace(glass.mesh, vertices=vertices)), *others)
+    )
 
 
 def _seen_from(rig: Rig, mm: float) -> Rig:
     """The viewer further away, with the picture as large in its image as before."""
-    viewer, picture = rig.viewer, rig.picture.mesh.bounds.mean(axis=0)
+    viewer = rig.viewer
+    picture = rig.picture.mesh.bounds.mean(axis=0)
     forward = viewer.axes[2]
     before = (picture - viewer.position) @ forward
     window = tuple(x * before / (before + 1e-3 * mm) for x in viewer.window)
-    return replace(rig, viewers=(replace(viewer, position=viewer.position - 1e-3 * mm * forward, window=window),))
+    return replace(
+        rig,
+        viewers=(replace(viewer, position=viewer.position - 1e-3 * mm * forward, window=window),),
+    )
 
 
-def _suspect(where: str, parameter: Parameter, tolerance: Callable[[Parameter], float], change: Callable) -> Suspect:
-    return Suspect(where, parameter.name, parameter.unit, tolerance(parameter), partial(change, parameter))
+def _suspect(
+    where: str, parameter: Parameter, tolerance: Callable[[Parameter], float], change: Callable
+) -> Suspect:
+    return Suspect(
+        where, parameter.name, parameter.unit, tolerance(parameter), partial(change, parameter)
+    )
 
 
 def _on_all(parameter: Parameter, setup: Setup, amount: float) -> Setup:
@@ -179,7 +204,8 @@ def _on_all(parameter: Parameter, setup: Setup, amount: float) -> Setup:
 def _cut_thicker(parameter: Parameter, setup: Setup, mm: float) -> Setup:
     """The half cube with its cut elsewhere."""
     plain, half, source = setup.photographs
-    rig, (glass, piece) = half.made_for, half.bench.glasses
+    rig = half.made_for
+    (glass, piece) = half.bench.glasses
     display, front = face_of(rig.display.mesh)
     beside = piece.mesh.vertices[0] - infloasion(rig).glasses[1].mesh.vertices[0]
     whole = mirrored(rig.glasses[0].mesh, *face_of(rig.plates[0].mesh))
@@ -196,7 +222,9 @@ def _on_half(parameter: Parameter, setup: Setup, amount: float) -> Setup:
 
 
 def _on_benches(parameter: Parameter, setup: Setup, amount: float) -> Setup:
-    photographs = (replace(p, bench=_with_half(parameter, p.bench, amount)) for p in setup.photographs)
+    photographs = (
+        replace(p, bench=_with_half(parameter, p.bench, amount)) for p in setup.photographs
+    )
     return replace(setup, photographs=tuple(photographs))
 
 
@@ -210,7 +238,10 @@ def _on_one(number: int, parameter: Parameter, setup: Setup, amount: float) -> S
 def _with_half(parameter: Parameter, bench: Rig, amount: float) -> Rig:
     """A bench with something off; a half cube goes where the display goes that it stands on."""
     changed = parameter.applied(bench, amount)
-    halves = [parameter.applied(replace(bench, displays=(half,)), amount).display for half in bench.glasses[1:]]
+    halves = [
+        parameter.applied(replace(bench, displays=(half,)), amount).display
+        for half in bench.glasses[1:]
+    ]
     return replace(changed, glasses=(changed.glasses[0], *halves))
 
 
@@ -234,29 +265,45 @@ def as_planned(rig: Rig) -> Setup:
 
 
 def _with_halves(rig: Rig) -> Rig:
-    """InFloasion's bench. Mirrors of some height image beside where the plate's plane would: there the half stands."""
+    """InFloasion's bench. Mirrors of some height image beside where
+    the plate's plane would: there the half stands.
+    """
     bare = without_glass(rig)
     by_plane = replace(bare, plates=tuple(replace(plate, array=None) for plate in rig.plates))
     rays = rig.viewer.rays(rig.viewer.project(rig.picture.mesh.bounds.mean(axis=0)[None]))
-    places = [trace_all(make_plan(r, Settings(only_through_glass=False)), *rays).positions for r in (bare, by_plane)]
+    places = [
+        trace_all(make_plan(r, Settings(only_through_glass=False)), *rays).positions
+        for r in (bare, by_plane)
+    ]
     both = infloasion(rig)
-    halves = (moved(half, Motion(np.eye(3), (places[0] - places[1])[0])) for half in both.glasses[1:])
+    halves = (
+        moved(half, Motion(np.eye(3), (places[0] - places[1])[0])) for half in both.glasses[1:]
+    )
     return replace(both, glasses=(*rig.glasses, *halves))
 
 
 def framed(rig: Rig) -> Rig:
-    """The rig, its viewer's image of such a size that the dots are ACROSS pixels from the first to the last."""
+    """The rig, its viewer's image of such a size that the dots
+    are ACROSS pixels from the first to the last.
+    """
     viewer = rig.viewer
     across = np.ptp(viewer.project(dots(rig.picture))[:, 0])
     width = round(viewer.width * ACROSS / across)
-    return replace(rig, viewers=(replace(viewer, width=width, height=round(width * viewer.height / viewer.width)),))
+    return replace(
+        rig,
+        viewers=(replace(viewer, width=width, height=round(width * viewer.height / viewer.width)),),
+    )
 
 
 def dots(picture: Picture) -> Floats:
-    """Places (49, 3) of the dots of the lattice on a flat picture, m; row by row from the top left."""
+    """Places (49, 3) of the dots of the lattice on a flat picture, m.
+
+    Row by row from the top left.
+    """
     at = (np.arange(DOTS) + 0.5) / DOTS
     u, v = (x.ravel() for x in np.meshgrid(at, 1 - at))
-    uv, places = picture.mesh.uv.reshape(-1, 2), picture.mesh.corners.reshape(-1, 3)
+    uv = picture.mesh.uv.reshape(-1, 2)
+    places = picture.mesh.corners.reshape(-1, 3)
     affine, *_ = np.linalg.lstsq(np.column_stack([uv, np.ones(len(uv))]), places, rcond=None)
     return np.column_stack([u, v, np.ones(len(u))]) @ affine
 
@@ -280,10 +327,14 @@ class Experiment:
         self.planned = as_planned(self.rig)
         self._start = [self.wanted] * len(CONDITIONS)
         self._kept = {}
-        self._start = [self._seen(k, photograph) for k, photograph in enumerate(self.planned.photographs)]
+        self._start = [
+            self._seen(k, photograph) for k, photograph in enumerate(self.planned.photographs)
+        ]
 
     def moves(self, setup: Setup) -> Floats:
-        """Displacement (3, 49, 2) of the dots, viewer px; NaN where one is not seen or leaves its way."""
+        """Displacement (3, 49, 2) of the dots, viewer px; NaN
+        where one is not seen or leaves its way.
+        """
         found = []
         for k, photograph in enumerate(setup.photographs):
             if (k, photograph) not in self._kept:
@@ -306,8 +357,11 @@ class Experiment:
             return np.full((len(CONDITIONS), len(self.wanted), 2), np.nan)
 
     def _seen(self, k: int, photograph: Photograph) -> Floats:
-        """Where the dots (49, 2) of one photograph are seen: first the middle one, then all from where that went."""
-        made_for, middle = photograph.made_for, [len(self.wanted) // 2]
+        """Where the dots (49, 2) of one photograph are seen: first
+        the middle one, then all from where that went.
+        """
+        made_for = photograph.made_for
+        middle = [len(self.wanted) // 2]
         plan = make_plan(made_for, Settings(only_through_glass=False))
         shown = trace_all(plan, *made_for.viewer.rays(made_for.viewer.project(self.dots))).xy
         start = self._start[k]
@@ -315,15 +369,19 @@ class Experiment:
         return _found(photograph.bench, start, shown)
 
     def photographed(self, setup: Setup, pixels: int = PIXELS) -> Floats:
-        """Displacement (3, 49, 2) of the dots' centroids in images of what is seen, as `dev.py paper` measures it.
+        """Displacement (3, 49, 2) of the dots' centroids in images
+        of what is seen, as `dev.py paper` measures it.
 
-        The images are of so many pixels in width, and what is found counts in those of the photographs.
+        The images are of so many pixels in width, and what is
+        found counts in those of the photographs.
         """
         wanted = ideal_image(self.rig.picture, _coarse(self.rig, pixels).viewer)
         found = []
         for photograph in setup.photographs:
             is_bare = all(glass.ior(WAVELENGTH) == 1 for glass in photograph.made_for.glasses)
-            source = solve(_coarse(photograph.made_for, pixels), only_through_glass=not is_bare).source
+            source = solve(
+                _coarse(photograph.made_for, pixels), only_through_glass=not is_bare
+            ).source
             seen = solve(_coarse(photograph.bench, pixels)).seen(source)
             found.append(lattice_shift(seen, wanted).shift.reshape(-1, 2))
         return setup.scale * self.rig.viewer.width / pixels * np.stack(found)
@@ -346,7 +404,9 @@ def taken_for_ideal(setup: Setup) -> Setup:
     def ideal(rig: Rig) -> Rig:
         return replace(rig, plates=tuple(replace(plate, array=None) for plate in rig.plates))
 
-    return replace(setup, photographs=tuple(replace(p, made_for=ideal(p.made_for)) for p in setup.photographs))
+    return replace(
+        setup, photographs=tuple(replace(p, made_for=ideal(p.made_for)) for p in setup.photographs)
+    )
 
 
 # What would explain the paper
@@ -365,12 +425,15 @@ def summary(moves: Floats) -> Floats:
 def columns(experiment: Experiment, some: Sequence[Suspect], amount: float = 1.0) -> Floats:
     """Change (n, 3, 3) of the summary by an amount in tolerances, re-traced.
 
-    Of the means half of that from less to more, or where less is none (a half cube that would sink into the display)
-    that from none to more, as it is of the spread, which may grow both ways.
+    Of the means half of that from less to more, or where less is none (a half cube that would sink
+    into the display) that from none to more, as it is of the spread, which may grow both ways.
     """
-    planned, found = summary(experiment.moves(experiment.planned)), []
+    planned = summary(experiment.moves(experiment.planned))
+    found = []
     for suspect in some:
-        more, less = (summary(experiment.off([suspect], [sign * amount])) - planned for sign in (1, -1))
+        more, less = (
+            summary(experiment.off([suspect], [sign * amount])) - planned for sign in (1, -1)
+        )
         has_less = np.abs(less).max() > 1e-6
         found.append([*((more - less) / 2 if has_less else more)[:2], more[2]])
     return np.array(found)
@@ -378,7 +441,8 @@ def columns(experiment: Experiment, some: Sequence[Suspect], amount: float = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Amounts of suspects that bring the displacements as near to the paper's as these suspects can.
+    """Amounts of suspects that bring the displacements as
+    near to the paper's as these suspects can.
 
     amounts : (n,) in tolerances; moves : (3, 49, 2) displacements then, px
     """
@@ -413,22 +477,29 @@ def _amount(suspect: Suspect, amount: float) -> str:
 
 
 def smallest(matrix: Floats, missing: Floats) -> Floats:
-    """The smallest amounts (..., n), in tolerances, that move by what is missing (3,) or as near to that as they can.
+    """The smallest amounts (..., n), in tolerances, that move by
+    what is missing (3,) or as near to that as they can.
 
     matrix : (..., 3, n) px for a tolerance
     """
     # ridge regression, in the form that inverts 3 x 3 however many amounts there are
     transposed = np.swapaxes(matrix, -1, -2)
     square = matrix @ transposed + SHARP**2 * np.eye(len(missing))
-    return (transposed @ np.linalg.solve(square, np.broadcast_to(missing[:, None], (*square.shape[:-1], 1))))[..., 0]
+    return (
+        transposed
+        @ np.linalg.solve(square, np.broadcast_to(missing[:, None], (*square.shape[:-1], 1)))
+    )[..., 0]
 
 
 def explained(experiment: Experiment, some: Sequence[Suspect], matrix: Floats) -> Explanation:
-    """The best found by re-tracing from amounts to better ones, until all that is left is small or dots would be lost.
+    """The best found by re-tracing from amounts to better ones, until
+    all that is left is small or dots would be lost.
 
-    matrix : (3, n) px for a tolerance; where amounts are large it is learned from them (Broyden's method)
+    matrix : (3, n) px for a tolerance; where amounts are large
+        it is learned from them (Broyden's method)
     """
-    amounts, matrix = np.zeros(len(some)), matrix.copy()
+    amounts = np.zeros(len(some))
+    matrix = matrix.copy()
     moves = experiment.off(some, amounts)
     best = Explanation(tuple(some), amounts, moves)
     for _ in range(ITERATIONS):
@@ -441,7 +512,9 @@ def explained(experiment: Experiment, some: Sequence[Suspect], matrix: Floats) -
             there = experiment.off(some, amounts + change)
         if not np.isfinite(there).all():
             break
-        amounts, gained, moves = amounts + change, means(there) - means(moves), there
+        amounts = amounts + change
+        gained = means(there) - means(moves)
+        moves = there
         matrix = matrix + np.outer(gained - matrix @ change, change) / max(change @ change, 1e-30)
         best = min(best, Explanation(tuple(some), amounts, moves), key=lambda found: found.cost)
         if np.abs(gained).max() < WITHIN:
@@ -449,8 +522,11 @@ def explained(experiment: Experiment, some: Sequence[Suspect], matrix: Floats) -
     return best
 
 
-def best_of(experiment: Experiment, some: Sequence[Suspect], matrix: Floats, n: int) -> list[Explanation]:
-    """Combinations of n suspects, re-traced, the smallest first of those that come near and the nearest of the others.
+def best_of(
+    experiment: Experiment, some: Sequence[Suspect], matrix: Floats, n: int
+) -> list[Explanation]:
+    """Combinations of n suspects, re-traced, the smallest first of
+    those that come near and the nearest of the others.
 
     By derivatives all are looked at, and the first TRIED that lose no dots are re-traced.
     """
@@ -458,7 +534,9 @@ def best_of(experiment: Experiment, some: Sequence[Suspect], matrix: Floats, n: 
     each = np.moveaxis(matrix[:, index], 0, 1)
     missing = TARGET - means(experiment.moves(experiment.planned))
     amounts = smallest(each, missing)
-    excess = np.maximum(np.abs(missing - (each @ amounts[..., None])[..., 0]).max(axis=1) - NEAR, 0.0)
+    excess = np.maximum(
+        np.abs(missing - (each @ amounts[..., None])[..., 0]).max(axis=1) - NEAR, 0.0
+    )
     order = np.lexsort((np.linalg.norm(amounts, axis=1), excess.round()))
     found = []
     for c in order[np.abs(amounts[order]).max(axis=1) < FARTHEST][:LOOKED_AT]:
@@ -495,7 +573,9 @@ def explain(rig: Rig, tolerance: Callable[[Parameter], float]) -> Findings:
     capable = [s for s, is_able in zip(single, able, strict=True) if is_able]
     matrix = change[able, 0].T
     missing = TARGET - means(planned)
-    near = [k for k in range(len(capable)) if np.abs(smallest(matrix[:, [k]], missing)).max() < FARTHEST]
+    near = [
+        k for k in range(len(capable)) if np.abs(smallest(matrix[:, [k]], missing)).max() < FARTHEST
+    ]
     alone = [explained(experiment, [capable[k]], matrix[:, [k]]) for k in near]
     pairs, triples = (best_of(experiment, capable, matrix, n) for n in (2, 3))
     also, wider = _touched(every, capable, matrix)
@@ -509,13 +589,19 @@ def explain(rig: Rig, tolerance: Callable[[Parameter], float]) -> Findings:
         "Two, on a bench that stays as it is": _combinations(pairs),
         "Three, on a bench that stays as it is": _combinations(triples),
         "Two, on a bench that is touched between the photographs": _combinations(with_touched),
-        "In images, as dev.py paper measures them": _checked(experiment, (triples[0], with_touched[0])),
+        "In images, as dev.py paper measures them": _checked(
+            experiment, (triples[0], with_touched[0])
+        ),
     }
     return Findings(tables, triples[0], with_touched[0])
 
 
-def _touched(every: Sequence[Suspect], capable: Sequence[Suspect], matrix: Floats) -> tuple[list[Suspect], Floats]:
-    """The capable suspects and what may be touched, with its columns: those of the bench, in one photograph only."""
+def _touched(
+    every: Sequence[Suspect], capable: Sequence[Suspect], matrix: Floats
+) -> tuple[list[Suspect], Floats]:
+    """The capable suspects and what may be touched, with its
+    columns: those of the bench, in one photograph only.
+    """
     column = {s.name: matrix[:, k] for k, s in enumerate(capable) if s.where == BENCH}
     others = [s for s in every if s.where in TOUCHED and s.name in column]
     more = [column[s.name] * (np.array(TOUCHED) == s.where) for s in others]
@@ -544,13 +630,16 @@ def _tolerances(some: Sequence[Suspect], change: Floats) -> Table:
 
 def ability(found: Floats) -> str:
     """In words, what a suspect does to the means (3, 3) by a tolerance."""
-    dx, dy = found[0], found[1]
+    dx = found[0]
+    dy = found[1]
     size = np.abs(dx).max()
     if size <= UNMOVED:
         return "dy only" if np.abs(dy).max() > UNMOVED else "nothing"
     if (np.sign(dx) == np.sign(dx[0])).all() and np.ptp(dx) < ALIKE * size:
         return "all alike"
-    moved_ones = [name for name, value in zip(CONDITIONS, dx, strict=True) if abs(value) > ALIKE * size]
+    moved_ones = [
+        name for name, value in zip(CONDITIONS, dx, strict=True) if abs(value) > ALIKE * size
+    ]
     return " and ".join(moved_ones)
 
 
@@ -561,7 +650,9 @@ def _abilities(some: Sequence[Suspect], change: Floats) -> Table:
     for word in sorted(set(words), key=words.count):
         mine = [k for k, other in enumerate(words) if other == word]
         size = np.abs(change[mine, 0]).max(axis=1)
-        table.append([word, "; ".join(some[k].title for k in mine), f"{size.min():.2f} to {size.max():.2f}"])
+        table.append(
+            [word, "; ".join(some[k].title for k in mine), f"{size.min():.2f} to {size.max():.2f}"]
+        )
     return table
 
 
@@ -569,7 +660,11 @@ def _alone(found: Sequence[Explanation]) -> Table:
     table = [["off", "amount", "tolerances", "mean dx, px", "largest miss, px"]]
     for one in sorted(found, key=lambda one: one.miss):
         (suspect,), (amount,) = one.suspects, one.amounts
-        row = [suspect.title, f"{amount * suspect.tolerance:.3g} {suspect.unit}".strip(), f"{abs(amount):.1f}"]
+        row = [
+            suspect.title,
+            f"{amount * suspect.tolerance:.3g} {suspect.unit}".strip(),
+            f"{abs(amount):.1f}",
+        ]
         table.append([*row, _three(means(one.moves)), f"{one.miss:.1f}"])
     return table
 
@@ -586,9 +681,21 @@ def _kinds(some: Sequence[Suspect], matrix: Floats, missing: Floats) -> Table:
 
 
 def _combinations(found: Sequence[Explanation]) -> Table:
-    head = ["off", "size, tolerances", "mean dx, px", "mean dy, px", "spread of dx, px", "largest miss, px"]
+    head = [
+        "off",
+        "size, tolerances",
+        "mean dx, px",
+        "mean dy, px",
+        "spread of dx, px",
+        "largest miss, px",
+    ]
     return [head] + [
-        [one.words, f"{one.size:.1f}", *(_three(row) for row in summary(one.moves)), f"{one.miss:.2f}"]
+        [
+            one.words,
+            f"{one.size:.1f}",
+            *(_three(row) for row in summary(one.moves)),
+            f"{one.miss:.2f}",
+        ]
         for one in found[:SHOWN]
     ]
 
@@ -599,5 +706,7 @@ def _checked(experiment: Experiment, found: Sequence[Explanation]) -> Table:
         seen = experiment.photographed(experiment.changed(one.suspects, one.amounts))
         n_seen = np.isfinite(seen[..., 0]).sum(axis=1)
         shift = np.nanmean(seen[..., 0], axis=1)
-        table.append([one.words, _three(means(one.moves)), _three(shift), ", ".join(map(str, n_seen))])
+        table.append(
+            [one.words, _three(means(one.moves)), _three(shift), ", ".join(map(str, n_seen))]
+        )
     return table

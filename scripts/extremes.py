@@ -2,7 +2,8 @@
 
 `python3 scripts/dev.py extremes [--only NAME ...] [--quick] [--markdown]`.
 
-Exits with 1 when an expectation does not hold. `--quick` is what the tests run: fewer triangles, pixels, reflections.
+Exits with 1 when an expectation does not hold. `--quick` is what
+the tests run: fewer triangles, pixels, reflections.
 """
 
 import argparse
@@ -18,7 +19,8 @@ from extreme_cases import GROUPS, LIMIT, REFUSED, WRONG, Case, Row
 
 from kiriko.core.errors import KirikoError
 
-with contextlib.suppress(ModuleNotFoundError):  # without Blender, as in the tests of core, its scenes are left out
+# without Blender, as in the tests of core, its scenes are left out
+with contextlib.suppress(ModuleNotFoundError):
     import extreme_scenes  # noqa: F401 - likewise
 
 CASES = sorted(extreme_cases.CASES, key=lambda case: GROUPS.index(case.group))
@@ -35,19 +37,31 @@ def run(cases: list[Case], quick: bool) -> Iterator[tuple[Case, Row, float]]:
                 yield case, row, now - started
                 started = process_time()
         except KirikoError as error:
-            yield case, Row(f'refused: "{error}"', float("inf"), "", 0.0, REFUSED), process_time() - started
+            yield (
+                case,
+                Row(f'refused: "{error}"', float("inf"), "", 0.0, REFUSED),
+                process_time() - started,
+            )
 
 
 def columns(row: Row, seconds: float) -> tuple[str, str, str, str]:
     """Error and bound with their unit, seconds, verdict."""
     is_number = row.kept != REFUSED
-    error, bound = (f"{value:.2g} {row.unit}".strip() if is_number else "" for value in (row.error, row.bound))
+    error, bound = (
+        f"{value:.2g} {row.unit}".strip() if is_number else "" for value in (row.error, row.bound)
+    )
     return error, bound, f"{seconds:.2f}", row.verdict
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="cases and groups with this in a name")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[""],
+        metavar="NAME",
+        help="cases and groups with this in a name",
+    )
     parser.add_argument("--quick", action="store_true", help="as small as in the tests")
     parser.add_argument("--markdown", action="store_true", help="as the tables in docs/limits.md")
     arguments = parser.parse_args()
@@ -70,7 +84,9 @@ def main() -> None:
             if case.name != last:
                 print(f"{case.group}: {case.name}")
             error, bound, time, verdict = columns(row, seconds)
-            print(f"  {row.measured:<96} {error:>14} {bound:>14} {time:>7} s  {verdict}", flush=True)
+            print(
+                f"  {row.measured:<96} {error:>14} {bound:>14} {time:>7} s  {verdict}", flush=True
+            )
         last, group = case.name, case.group
     print("\n" + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
     if avoid:

@@ -1,8 +1,9 @@
-"""Random rigs through the operators: each ends in a valid result or in one sentence. Runs inside Blender; see dev.py.
+"""Random rigs through the operators: each ends in a valid result
+or in one sentence. Runs inside Blender; see dev.py.
 
-A rig is made from the two numbers [seed, k] alone, so a failure is repeated by `dev.py fuzz --seed SEED --only K`.
-Rigs are tried in a process of their own, which a clock outside Python ends when one takes too long; the next process
-goes on behind it.
+A rig is made from the two numbers [seed, k] alone, so a failure is repeated by `dev.py fuzz --seed
+SEED --only K`. Rigs are tried in a process of their own, which a clock outside Python ends when one
+takes too long; the next process goes on behind it.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 
 SECONDS = 60.0  # for one rig; more is a hang
-FEW_FACES, FEW_EVENTS = 100, 32  # for the visible range, which needs half a million rays
+# for the visible range, which needs half a million rays
+FEW_FACES = 100
+FEW_EVENTS = 32
 AT_ONCE = 100  # rigs in one process
 BOTH_WAYS = 2000  # rays that are followed by numpy's way and by the kernel
 LONGEST = 500  # characters of an error
@@ -54,13 +57,17 @@ NUMBER = re.compile(r"-?\d[\d.e+-]*")
 ROUNDING = 1e-6  # by which shares may miss 0, 1 or their sum
 # What of a scene says how it is shown, or is made when it is asked for
 UNTOLD = {
-    "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview", "session_uid", "tag",
-    "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode", "packed_files", "packed_file",
-    "frame_float", "is_library_indirect", "id_data", "is_runtime_data", "is_missing", "view_layers", "keying_sets_all",
+    "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview",
+    "session_uid", "tag",
+    "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode", "packed_files",
+    "packed_file",
+    "frame_float", "is_library_indirect", "id_data", "is_runtime_data", "is_missing",
+    "view_layers", "keying_sets_all",
     "all_objects",
 }  # fmt: skip
 GROUPS = (
-    "scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups", "worlds", "curves",
+    "scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups",
+    "worlds", "curves",
     "metaballs", "lattices", "lights", "textures", "texts",
 )  # fmt: skip
 
@@ -105,7 +112,11 @@ def told_of(value: Any, depth: int = 4) -> Any:
     if isinstance(value, str | int | bool | set | None):
         return repr(value)
     if isinstance(value, bpy.types.bpy_prop_collection):
-        return [told_of(item, depth - 1) for item in value] if depth and len(value) <= 1000 else len(value)
+        return (
+            [told_of(item, depth - 1) for item in value]
+            if depth and len(value) <= 1000
+            else len(value)
+        )
     return np.array(value).tobytes() if hasattr(value, "__len__") else repr(value)
 
 
@@ -134,7 +145,9 @@ def inventory() -> dict[str, dict[str, Any]]:
                 told["vertices"] = column(block.vertices, "co", 3, np.float32)
                 told["corners"] = column(block.loops, "vertex_index", 1, np.int32)
                 told["smooth"] = column(block.polygons, "use_smooth", 1, np.bool_)
-                told["uv"] = [column(layer.uv, "vector", 2, np.float32) for layer in block.uv_layers]
+                told["uv"] = [
+                    column(layer.uv, "vector", 2, np.float32) for layer in block.uv_layers
+                ]
             else:
                 told = properties(block)
             if group == "images" and block.size[0] * block.size[1] > 0:
@@ -157,14 +170,18 @@ def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, An
 
 
 SOLVES = re.compile(
-    r"scenes \S+ kiriko|images Kiriko (Source|Seen)( is new| \w+)|materials .* Source\S* (is new|\w+)"
-    r"|materials .* use_fake_user|objects (Kiriko )?Display\S* (material_slots|active_material)|meshes .* materials"
+    r"scenes \S+ kiriko|images Kiriko (Source|Seen)( is new| \w+)|materials .* Source\S* (is"
+    r" new|\w+)"
+    r"|materials .* use_fake_user|objects (Kiriko )?Display\S*"
+    r" (material_slots|active_material)|meshes .* materials"
 )
 SHOWS_RANGE = re.compile(
-    r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+ (objects|collection)"
+    r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+"
+    r" (objects|collection)"
 )
 ADDS = re.compile(r".* is new|objects .* kiriko|scenes .*|collections .*")
-MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}  # the others what a solve does
+# the others what a solve does
+MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
 
 
 # What an operator may do
@@ -173,7 +190,8 @@ MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
 def refusal(error: RuntimeError) -> str:
     """The sentence an operator was left with; WrongError when it is none."""
     text = str(error).strip().removeprefix("Error: ")
-    if "Traceback" in text or "please report this" in text:  # what work.sentence says of what was not foreseen
+    # what work.sentence says of what was not foreseen
+    if "Traceback" in text or "please report this" in text:
         raise WrongError(text)
     text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
     plain = QUOTED.sub("''", text)
@@ -236,30 +254,62 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
     pixels = pixels_from_image(result.source)[..., :3]
     need(np.isfinite(pixels).all(), "the source image has pixels that are not finite")
     need((pixels >= 0).all(), f"the source image has negative pixels: {pixels.min()}")
-    need(pixels.shape[1::-1] == tuple(details["resolution"]), f"the source image has the size {pixels.shape}")
-    need(tuple(details["resolution"]) in {tuple(o.kiriko.resolution) for o in bpy.data.objects}, "another resolution")
-    shares = [result.coverage, details["view_coverage"], details["display_coverage"], *details["misses"].values()]
+    need(
+        pixels.shape[1::-1] == tuple(details["resolution"]),
+        f"the source image has the size {pixels.shape}",
+    )
+    need(
+        tuple(details["resolution"]) in {tuple(o.kiriko.resolution) for o in bpy.data.objects},
+        "another resolution",
+    )
+    shares = [
+        result.coverage,
+        details["view_coverage"],
+        details["display_coverage"],
+        *details["misses"].values(),
+    ]
     need(are_shares(shares), f"shares beyond 0..1: {shares}")
     whole = details["picture_coverage"] + sum(details["misses"].values())
     need(abs(whole - 1) < ROUNDING, f"coverage and reasons sum to {whole}")
-    need(result.summary.endswith(".") and not NONSENSE.search(QUOTED.sub("", result.summary)), result.summary)
+    need(
+        result.summary.endswith(".") and not NONSENSE.search(QUOTED.sub("", result.summary)),
+        result.summary,
+    )
     for note in result.notes.splitlines():
         need(note.endswith(".") and not NONSENSE.search(QUOTED.sub("", note)), f"the note: {note}")
     return pixels
 
 
-def check_solution(scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray) -> None:
-    """WrongError unless core alone comes to the same source image (h, w, 3), and its numbers are possible."""
+def check_solution(
+    scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray
+) -> None:
+    """WrongError unless core alone comes to the same source
+    image (h, w, 3), and its numbers are possible.
+    """
     ours = scene.kiriko
-    names = ("tolerance", "max_events", "effort", "only_through_glass", "brightness", "margin", "suppress_glare")
+    names = (
+        "tolerance",
+        "max_events",
+        "effort",
+        "only_through_glass",
+        "brightness",
+        "margin",
+        "suppress_glare",
+    )
     settings = Settings(**{name: getattr(ours, name) for name in names}, ghosts=ours.ghosts.lower())
     solution = finish(Session().solve(reading.rig, settings))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
     need(are_shares(solution.view_coverage), "view coverage beyond 0..1")
-    need(np.isfinite(solution.weight).all() and (solution.weight >= 0).all(), "weights that cannot be")
+    need(
+        np.isfinite(solution.weight).all() and (solution.weight >= 0).all(),
+        "weights that cannot be",
+    )
     is_seen = solution.weight > 0
-    need(not (is_seen & (solution.display_coverage <= 0)).any(), "display pixels are seen that are not covered")
+    need(
+        not (is_seen & (solution.display_coverage <= 0)).any(),
+        "display pixels are seen that are not covered",
+    )
     if not ours.margin:
         need(not source[~is_seen].any(), "display pixels shine that are not seen")
     seen = solution.seen()
@@ -272,8 +322,13 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
     if kernel.left_out(plan.layers) is None:
-        found = find_parted(plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size))
-        need(found.n_wrong == 0, f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face")
+        found = find_parted(
+            plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
+        )
+        need(
+            found.n_wrong == 0,
+            f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face",
+        )
 
 
 # Cycles as judge
@@ -286,7 +341,8 @@ def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
 
 
 def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
-    """Landings of the middles of the viewer's pixels in core and in Cycles: differences in display px, and masks.
+    """Landings of the middles of the viewer's pixels in core and
+    in Cycles: differences in display px, and masks.
 
     Without total reflection, which Cycles' map has not.
     """
@@ -294,7 +350,8 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
     plan = make_plan(rig, Settings(max_events=scene.kiriko.max_events, only_through_glass=False))
     x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
     landings = trace_all(plan, *rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
-    xy, is_ours = np.full((x.size, 2), np.nan), np.zeros(x.size, bool)
+    xy = np.full((x.size, 2), np.nan)
+    is_ours = np.zeros(x.size, bool)
     inside, _ = landings.pixels(rig.display.width, rig.display.height)
     is_ours[landings.sample[inside]] = True
     xy[landings.sample[inside]] = landings.xy[inside]
@@ -303,7 +360,11 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
     theirs = (carried[:, :2] * [1, -1] + [0, 1]) * [rig.display.width, rig.display.height]
     both = is_ours & is_theirs
     if not both.any():
-        return None if not is_theirs.any() else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
+        return (
+            None
+            if not is_theirs.any()
+            else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
+        )
     off = np.linalg.norm(xy - theirs, axis=1)[both]
     return {
         "median": float(np.median(off)),
@@ -345,17 +406,24 @@ def also(dice: Dice, outcome: Outcome) -> None:
     outcome.also = {}
     if outcome.verdict == "solved":
         if dice.chance(0.2):
-            outcome.also["simulate"] = call(bpy.ops.kiriko.simulate, samples=int(dice.rng.integers(2, 5)))
+            outcome.also["simulate"] = call(
+                bpy.ops.kiriko.simulate, samples=int(dice.rng.integers(2, 5))
+            )
             if not outcome.also["simulate"]:
                 seen = pixels_from_image(scene.kiriko.result.seen)
                 need(np.isfinite(seen).all() and (seen >= 0).all(), "the simulated image is none")
         if dice.chance(0.15):
             with tempfile.TemporaryDirectory() as folder:
-                scene.kiriko.export_format = dice.pick(("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT"))
-                outcome.also["export"] = call(bpy.ops.kiriko.export, filepath=str(Path(folder) / "source"))
+                scene.kiriko.export_format = dice.pick(
+                    ("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT")
+                )
+                outcome.also["export"] = call(
+                    bpy.ops.kiriko.export, filepath=str(Path(folder) / "source")
+                )
                 written = [path.stat().st_size for path in Path(folder).iterdir()]
                 need(
-                    outcome.also["export"] or (len(written) == 1 and written[0] > 0), f"wrote files of {written} bytes"
+                    outcome.also["export"] or (len(written) == 1 and written[0] > 0),
+                    f"wrote files of {written} bytes",
                 )
         if dice.chance(0.2):
             thing = dice.pick([o for o in scene.objects if o.kiriko.role != "NONE"])
@@ -377,7 +445,8 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
     """Make the rig [seed, k] in a new file and try it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     package = bpy.types.KIRIKO_OT_solve.__module__.removesuffix(".solve")
-    importlib.import_module(f"{package}.work").forget()  # what was kept of the rig before is no part of this one
+    # what was kept of the rig before is no part of this one
+    importlib.import_module(f"{package}.work").forget()
     started = perf_counter()
     outcome = Outcome(k, "failed")
     with warnings.catch_warnings(record=True) as warned:
@@ -397,14 +466,20 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
                     outcome.judged = judge(scene, reading)
             also(dice, outcome)
         except WrongError as error:
-            outcome.verdict, outcome.text = "failed", str(error)
-    outcome.warnings = [f"{Path(w.filename).name}:{w.lineno} {w.message}" for w in warned if "kiriko" in w.filename]
+            outcome.verdict = "failed"
+            outcome.text = str(error)
+    outcome.warnings = [
+        f"{Path(w.filename).name}:{w.lineno} {w.message}" for w in warned if "kiriko" in w.filename
+    ]
     outcome.seconds = perf_counter() - started
     return outcome
 
 
 def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Path) -> None:
-    """Try rigs, and write what became of each to the log; ends the process when one takes too long."""
+    """Try rigs, and write what became of each to the log.
+
+    Ends the process when one takes too long.
+    """
     kiriko.register()
     for k in rigs:
         with log.open("a") as lines:
@@ -426,8 +501,20 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
             some = rigs[len(found) : len(found) + AT_ONCE]
             log.write_text("")
             left = n_judged - sum(outcome.judged is not None for outcome in found)
-            command = [sys.executable, __file__, "--seed", str(seed), "--judge", str(left), "--seconds", str(seconds)]
-            with (Path(folder) / "errors").open("w+") as errors, contextlib.suppress(subprocess.TimeoutExpired):
+            command = [
+                sys.executable,
+                __file__,
+                "--seed",
+                str(seed),
+                "--judge",
+                str(left),
+                "--seconds",
+                str(seconds),
+            ]
+            with (
+                (Path(folder) / "errors").open("w+") as errors,
+                contextlib.suppress(subprocess.TimeoutExpired),
+            ):
                 code: int | None = None
                 run = subprocess.run(
                     [*command, "--log", log, "--only", *map(str, some)],
@@ -442,7 +529,11 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
             if len(new) < len(some):
                 if not lines:
                     raise SystemExit(f"Blender did not start:\n{said}")
-                new.append(Outcome(lines[-1]["began"], "failed", f"ended with code {code}:\n{said[-3000:]}"))
+                new.append(
+                    Outcome(
+                        lines[-1]["began"], "failed", f"ended with code {code}:\n{said[-3000:]}"
+                    )
+                )
             for outcome in new:
                 if outcome.verdict == "failed":
                     tell(seed, outcome)
@@ -465,14 +556,19 @@ def kind_of(text: str) -> str:
 def print_summary(found: list[Outcome], seconds: float) -> None:
     """What became of all rigs."""
     counts = Counter(outcome.verdict for outcome in found)
-    print(f"\n{len(found)} rigs in {seconds:.0f} s: " + ", ".join(f"{n} {word}" for word, n in counts.most_common()))
+    print(
+        f"\n{len(found)} rigs in {seconds:.0f} s:"
+        f" " + ", ".join(f"{n} {word}" for word, n in counts.most_common())
+    )
     slowest = sorted(found, key=lambda outcome: -outcome.seconds)[:5]
     print("slowest: " + ", ".join(f"{o.k} ({o.seconds:.1f} s)" for o in slowest))
     kinds = Counter(kind_of(outcome.text) for outcome in found if outcome.verdict == "refused")
     for text, n in kinds.most_common():
         print(f"{n:6d}  {text}")
     for name in sorted({name for outcome in found for name in outcome.also}):
-        said = Counter(kind_of(outcome.also[name]) or "done" for outcome in found if name in outcome.also)
+        said = Counter(
+            kind_of(outcome.also[name]) or "done" for outcome in found if name in outcome.also
+        )
         print(f"\n{name}:")
         for text, n in said.most_common(12):
             print(f"{n:6d}  {text}")
@@ -484,13 +580,22 @@ def print_summary(found: list[Outcome], seconds: float) -> None:
             print(f"{n:6d}  {text} (rig {first})")
     judged = [outcome for outcome in found if outcome.judged]
     if judged:
-        print(f"\nCycles agrees on {len(judged)} rigs: median and 95 % of the landings' differences in display px;")
-        print("shares of Cycles' arrivals that core has not, of core's that Cycles has (total reflection it has not):")
+        print(
+            f"\nCycles agrees on {len(judged)} rigs: median and 95 % of the landings'"
+            f" differences in display px;"
+        )
+        print(
+            "shares of Cycles' arrivals that core has not, of core's that Cycles has (total"
+            " reflection it has not):"
+        )
         for key in ("median", "most", "only_theirs", "both"):
             values = [o.judged[key] for o in judged]
             print(f"  {key:<12} median {np.nanmedian(values):.2g}, worst {np.nanmax(values):.2g}")
         for o in sorted(judged, key=lambda o: -o.judged["most"])[:8]:
-            print(f"  rig {o.k:5d}: " + ", ".join(f"{key} {value:.3g}" for key, value in o.judged.items()))
+            print(
+                f"  rig {o.k:5d}: "
+                + ", ".join(f"{key} {value:.3g}" for key, value in o.judged.items())
+            )
 
 
 def main() -> None:
@@ -499,9 +604,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all rigs (0)")
     parser.add_argument("--only", type=int, nargs="+", metavar="K", help="these rigs of the seed")
     parser.add_argument(
-        "--judge", type=int, default=0, metavar="N", help="compare the first N that allow it with Cycles"
+        "--judge",
+        type=int,
+        default=0,
+        metavar="N",
+        help="compare the first N that allow it with Cycles",
     )
-    parser.add_argument("--seconds", type=float, default=SECONDS, help=f"for one rig; more is a hang ({SECONDS:g})")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"for one rig; more is a hang ({SECONDS:g})"
+    )
     parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     rigs = options.only or list(range(options.rigs))

@@ -1,8 +1,8 @@
 """Random rigs for scripts/fuzz.py, each made in Blender from one generator of random numbers.
 
-A rig begins as one that makes sense: glass, picture, plate, display and viewer where Add Rig would put them. A third
-stay that way, *tame*; in the others every part may be spoilt, moved away, left out or given settings that nobody would
-choose.
+A rig begins as one that makes sense: glass, picture, plate, display and viewer where Add Rig would
+put them. A third stay that way, *tame*; in the others every part may be spoilt, moved away, left
+out or given settings that nobody would choose.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def add(data: bpy.types.ID | None, matrix: Floats | Matrix, role: str = "NONE") 
 
 def hull(dice: Dice) -> bpy.types.Mesh:
     """The convex hull of a few random points: flat faces at any angle."""
-    mesh, shape = bpy.data.meshes.new("Hull"), bmesh.new()
+    mesh = bpy.data.meshes.new("Hull")
+    shape = bmesh.new()
     for point in dice.rng.uniform(-0.5, 0.5, (int(dice.rng.integers(4, 30)), 3)):
         shape.verts.new(point)
     made = bmesh.ops.convex_hull(shape, input=shape.verts)
@@ -91,12 +92,17 @@ def hull(dice: Dice) -> bpy.types.Mesh:
 
 def torus(dice: Dice) -> bpy.types.Mesh:
     """A ring."""
-    n, m, thick = (int(dice.rng.integers(3, 16)), int(dice.rng.integers(3, 10)), dice.rng.uniform(0.05, 0.24))
+    n = int(dice.rng.integers(3, 16))
+    m = int(dice.rng.integers(3, 10))
+    thick = dice.rng.uniform(0.05, 0.24)
     u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
     across = 0.5 - thick + thick * np.cos(v)
-    points = np.stack([across * np.cos(u), across * np.sin(u), thick * np.sin(v)], axis=-1).reshape(-1, 3)
+    points = np.stack([across * np.cos(u), across * np.sin(u), thick * np.sin(v)], axis=-1).reshape(
+        -1, 3
+    )
     index = np.arange(n * m).reshape(n, m)
-    right, up = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
+    right = np.roll(index, -1, axis=0)
+    up = np.roll(index, -1, axis=1)
     faces = np.stack([index, right, np.roll(right, -1, axis=1), up], axis=-1).reshape(-1, 4)
     return from_arrays(points, faces.tolist())
 
@@ -104,22 +110,39 @@ def torus(dice: Dice) -> bpy.types.Mesh:
 SHAPES: tuple[Callable[[Dice], bpy.types.Mesh], ...] = (
     lambda dice: mesh_of("cube", size=1.0),
     lambda dice: mesh_of(
-        "uvsphere", u_segments=int(dice.rng.integers(3, 24)), v_segments=int(dice.rng.integers(3, 12)), radius=0.5
+        "uvsphere",
+        u_segments=int(dice.rng.integers(3, 24)),
+        v_segments=int(dice.rng.integers(3, 12)),
+        radius=0.5,
     ),
     lambda dice: mesh_of("icosphere", subdivisions=int(dice.rng.integers(1, 4)), radius=0.5),
     lambda dice: mesh_of(
-        "cone", cap_ends=True, segments=int(dice.rng.integers(3, 40)), radius1=0.5, radius2=0.5, depth=1.0
+        "cone",
+        cap_ends=True,
+        segments=int(dice.rng.integers(3, 40)),
+        radius1=0.5,
+        radius2=0.5,
+        depth=1.0,
     ),
     lambda dice: mesh_of(
-        "cone", cap_ends=True, segments=int(dice.rng.integers(3, 24)), radius1=0.5, radius2=0.0, depth=1.0
+        "cone",
+        cap_ends=True,
+        segments=int(dice.rng.integers(3, 24)),
+        radius1=0.5,
+        radius2=0.0,
+        depth=1.0,
     ),
     hull,
     torus,
 )
 
 
-def from_arrays(points: Floats, faces: list[list[int]], edges: Sequence[tuple[int, int]] = ()) -> bpy.types.Mesh:
-    """A mesh of vertices (n, 3) and faces, not validated: what scripts and importers may hand to Blender."""
+def from_arrays(
+    points: Floats, faces: list[list[int]], edges: Sequence[tuple[int, int]] = ()
+) -> bpy.types.Mesh:
+    """A mesh of vertices (n, 3) and faces, not validated: what
+    scripts and importers may hand to Blender.
+    """
     mesh = bpy.data.meshes.new("Mesh")
     mesh.from_pydata(points.tolist(), list(edges), faces)
     mesh.update()
@@ -130,16 +153,22 @@ def arrays_of(mesh: bpy.types.Mesh) -> tuple[Floats, list[list[int]]]:
     """Vertices (n, 3) and faces of a mesh."""
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
-    return points.reshape(-1, 3).astype(float), [list(polygon.vertices) for polygon in mesh.polygons]
+    return points.reshape(-1, 3).astype(float), [
+        list(polygon.vertices) for polygon in mesh.polygons
+    ]
 
 
 def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     """The mesh with one flaw."""
     points, faces = arrays_of(mesh)
-    rng, edges, n = dice.rng, [], len(points)
+    rng = dice.rng
+    edges = []
+    n = len(points)
     flaw = dice.pick((
-        "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge", "tiny", "inverted",
-        "some inverted", "crumpled", "no faces", "no vertices", "loose edges", "single triangle", "one point",
+        "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge",
+        "tiny", "inverted",
+        "some inverted", "crumpled", "no faces", "no vertices", "loose edges", "single triangle",
+        "one point",
         "doubled", "split", "flat", "denormal",
     ))  # fmt: skip
     dice.told.append(f"mesh: {flaw}")
@@ -153,7 +182,9 @@ def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
         points = np.concatenate([points, rng.uniform(-1, 1, (1, 3))])
         faces.append([faces[0][0], faces[0][1], n])
     elif flaw == "zero area":
-        points = np.concatenate([points, points[faces[0][:2]].mean(axis=0, keepdims=True), points[:1], points[:1]])
+        points = np.concatenate(
+            [points, points[faces[0][:2]].mean(axis=0, keepdims=True), points[:1], points[:1]]
+        )
         faces += [[faces[0][0], faces[0][1], n], [0, n + 1, n + 2]]
     elif flaw == "sliver":
         a, b, *_ = faces[0]
@@ -171,9 +202,11 @@ def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     elif flaw == "crumpled":
         points += rng.normal(0, dice.log(1e-3, 1), points.shape)
     elif flaw == "no faces":
-        edges, faces = [(face[0], face[1]) for face in faces], []
+        edges = [(face[0], face[1]) for face in faces]
+        faces = []
     elif flaw == "no vertices":
-        points, faces = points[:0], []
+        points = points[:0]
+        faces = []
     elif flaw == "loose edges":
         points = np.concatenate([points, rng.uniform(-1, 1, (4, 3))])
         edges = [(n, n + 1), (0, n + 2)]
@@ -199,14 +232,24 @@ def hollow(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     n = len(points)
     depth = dice.pick((1, 1, 1, 2, 3))
     scales = np.cumprod(dice.rng.uniform(0.3, 0.95, depth))
-    within = [[v + n * (1 + k) for v in face[:: dice.pick((1, -1))]] for k in range(depth) for face in faces]
-    return from_arrays(np.concatenate([points, *(scale * points for scale in scales)]), faces + within)
+    within = [
+        [v + n * (1 + k) for v in face[:: dice.pick((1, -1))]]
+        for k in range(depth)
+        for face in faces
+    ]
+    return from_arrays(
+        np.concatenate([points, *(scale * points for scale in scales)]), faces + within
+    )
 
 
 def glass_mesh(dice: Dice) -> bpy.types.Mesh:
     """A shape about one unit across."""
     # Suzanne, open and cut by her own eyes, is slow
-    mesh = mesh_of("monkey", matrix=Matrix.Scale(0.4, 4)) if dice.chance(0.02) else dice.pick(SHAPES)(dice)
+    mesh = (
+        mesh_of("monkey", matrix=Matrix.Scale(0.4, 4))
+        if dice.chance(0.02)
+        else dice.pick(SHAPES)(dice)
+    )
     if dice.chance(0.15):
         mesh = hollow(dice, mesh)
     if dice.wild(0.3, "broken glass"):
@@ -220,7 +263,19 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
     """Give an object a modifier."""
     if len(thing.data.polygons) > MOST_FACES:
         return
-    kind = dice.pick(("SUBSURF", "SUBSURF", "BEVEL", "SOLIDIFY", "DECIMATE", "ARRAY", "MIRROR", "TRIANGULATE", "CAST"))
+    kind = dice.pick(
+        (
+            "SUBSURF",
+            "SUBSURF",
+            "BEVEL",
+            "SOLIDIFY",
+            "DECIMATE",
+            "ARRAY",
+            "MIRROR",
+            "TRIANGULATE",
+            "CAST",
+        )
+    )
     dice.told.append(f"modifier {kind}")
     modifier = thing.modifiers.new(kind, kind)
     if kind == "SUBSURF":
@@ -235,12 +290,19 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
 
 
 def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
-    """A plane of size 1 with a UV map over all of it, facing +z; wild ones are bent, or their UV map is no good."""
+    """A plane of size 1 with a UV map over all of it, facing +z.
+
+    Wild ones are bent, or their UV map is no good.
+    """
     n = dice.pick((1, 1, 1, 2, 5))
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
     points = np.stack([x - 0.5, y - 0.5, 0 * x], axis=1)
     index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    faces = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4).tolist()
+    faces = (
+        np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
+        .reshape(-1, 4)
+        .tolist()
+    )
     if dice.wild(0.1, f"bent {role}"):
         points[:, 2] = dice.pick((1, -1)) * dice.log(1e-7, 1) * (x - 0.5) ** 2
     mesh = from_arrays(points, faces)
@@ -260,24 +322,41 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
 
 
 def folded(dice: Dice) -> bpy.types.Mesh:
-    """A display of two panels that meet at an angle, with or without a gap between their halves of the image."""
-    angle, gap = dice.rng.uniform(0.2, 1.5), dice.pick((0.0, 0.1))
+    """A display of two panels that meet at an angle, with or
+    without a gap between their halves of the image.
+    """
+    angle = dice.rng.uniform(0.2, 1.5)
+    gap = dice.pick((0.0, 0.1))
     x = np.array([-0.5, 0.0, 0.0, 0.5 * np.cos(angle)])
-    points = np.array([(a, y, z) for y in (-0.5, 0.5) for a, z in zip(x, (0, 0, 0, 0.5 * np.sin(angle)), strict=True)])
+    points = np.array(
+        [
+            (a, y, z)
+            for y in (-0.5, 0.5)
+            for a, z in zip(x, (0, 0, 0, 0.5 * np.sin(angle)), strict=True)
+        ]
+    )
     is_one = dice.chance(0.5)  # do the panels share the vertices of the edge at which they meet?
     mesh = from_arrays(points, [[0, 1, 5, 4], [1 if is_one else 2, 3, 7, 5 if is_one else 6]])
     across = np.array([0, 0.5 - gap / 2, 0.5 - gap / 2, 0, 0.5 + gap / 2, 1, 1, 0.5 + gap / 2])
     up = np.tile([0, 0, 1, 1], 2)
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.stack([across, up], axis=1).astype(np.float32).ravel())
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set(
+        "vector", np.stack([across, up], axis=1).astype(np.float32).ravel()
+    )
     return mesh
 
 
 def rolled(dice: Dice) -> bpy.types.Mesh:
-    """A display bent to a part of a cylinder, hollow or bulging; its UV map goes evenly around it."""
-    turn, n = dice.pick((1, -1)) * dice.rng.uniform(0.2, 2.5), int(dice.rng.integers(2, 12))
+    """A display bent to a part of a cylinder, hollow or bulging.
+
+    Its UV map goes evenly around it.
+    """
+    turn = dice.pick((1, -1)) * dice.rng.uniform(0.2, 2.5)
+    n = int(dice.rng.integers(2, 12))
     u = np.linspace(0, 1, n + 1)
     angle = turn * (u - 0.5)
-    points = np.concatenate([np.stack([np.sin(angle), 0 * u + y, 1 - np.cos(angle)], axis=1) for y in (0, 0)])
+    points = np.concatenate(
+        [np.stack([np.sin(angle), 0 * u + y, 1 - np.cos(angle)], axis=1) for y in (0, 0)]
+    )
     points[:, [0, 2]] /= turn
     points[: n + 1, 1], points[n + 1 :, 1] = -0.5, 0.5
     mesh = from_arrays(points, [[k, k + 1, n + k + 2, n + k + 1] for k in range(n)])
@@ -288,7 +367,9 @@ def rolled(dice: Dice) -> bpy.types.Mesh:
 
 def strange_uv(dice: Dice, uv: Floats) -> Floats:
     """UV coordinates (l, 2) that are none, or not those of the whole image."""
-    kind = dice.pick(("zero", "line", "nan", "huge", "part", "beyond", "mirrored", "skewed", "noise", "islands"))
+    kind = dice.pick(
+        ("zero", "line", "nan", "huge", "part", "beyond", "mirrored", "skewed", "noise", "islands")
+    )
     dice.told.append(f"UV {kind}")
     rng = dice.rng
     return {
@@ -301,7 +382,9 @@ def strange_uv(dice: Dice, uv: Floats) -> Floats:
         "mirrored": lambda: uv * [-1, 1] + [1, 0],
         "skewed": lambda: uv @ [[1, 0.3], [0, 1]],
         "noise": lambda: uv + rng.normal(0, 0.2, uv.shape),
-        "islands": lambda: uv / 2 + np.repeat(rng.integers(0, 2, (-(-len(uv) // 4), 2)) / 2, 4, axis=0)[: len(uv)],
+        "islands": lambda: (
+            uv / 2 + np.repeat(rng.integers(0, 2, (-(-len(uv) // 4), 2)) / 2, 4, axis=0)[: len(uv)]
+        ),
     }[kind]()
 
 
@@ -312,16 +395,28 @@ def displaced(dice: Dice, matrix: Floats, size: float, role: str) -> Matrix:
     """A place near this one, or a wild one."""
     there = Matrix(np.asarray(matrix, float).tolist())
     if dice.wild(0.12, f"{role} somewhere"):
-        return Matrix.Translation((dice.rng.normal(0, dice.log(0.1, 10), 3) * size).tolist()) @ there @ dice.turn()
+        return (
+            Matrix.Translation((dice.rng.normal(0, dice.log(0.1, 10), 3) * size).tolist())
+            @ there
+            @ dice.turn()
+        )
     if dice.wild(0.05, f"{role} edge-on"):
-        return there @ Matrix.Rotation(np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4)), 4, dice.pick("XY"))
+        return there @ Matrix.Rotation(
+            np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4)), 4, dice.pick("XY")
+        )
     if dice.wild(0.04, f"{role} turned away"):
         return there @ Matrix.Rotation(np.pi, 4, "X")
     if dice.wild(0.04, f"{role} sheared"):
         return there @ Matrix.Shear("XY", 4, dice.rng.uniform(-3, 3, 2).tolist())
     if dice.wild(0.03, f"{role} without scale"):
-        return there @ Matrix.Diagonal([*dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1))), 1.0])
-    tilt = Euler(dice.rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist()).to_matrix().to_4x4()
+        return there @ Matrix.Diagonal(
+            [*dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1))), 1.0]
+        )
+    tilt = (
+        Euler(dice.rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist())
+        .to_matrix()
+        .to_4x4()
+    )
     return Matrix.Translation((dice.rng.normal(0, 0.05, 3) * size).tolist()) @ there @ tilt
 
 
@@ -364,9 +459,13 @@ def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Obje
     dice.told.append(kind)
     thing = BROUGHT[kind](dice.rng)
     turn = dice.turn() if dice.chance(0.5) else Matrix()
-    thing.matrix_world = Matrix.Translation(centre.tolist()) @ Matrix.Scale(size, 4) @ turn @ fitting(thing)
+    thing.matrix_world = (
+        Matrix.Translation(centre.tolist()) @ Matrix.Scale(size, 4) @ turn @ fitting(thing)
+    )
     ours = thing.kiriko
-    ours.role, ours.use_ior, ours.ior = "GLASS", True, dice.rng.uniform(1.3, 1.9)
+    ours.role = "GLASS"
+    ours.use_ior = True
+    ours.ior = dice.rng.uniform(1.3, 1.9)
     ours.surface = dice.pick(("AUTOMATIC", "SMOOTH", "FACETS"))
     return thing
 
@@ -385,7 +484,9 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     mesh = glass_mesh(dice)
     thing = add(mesh, scaled(displaced(dice, at, size, "glass"), aspect * size), "GLASS")
     if dice.wild(0.12, "glass beneath a sheared parent"):
-        parent = add(None, Matrix.Diagonal([*dice.rng.uniform(0.3, 2, 3).tolist(), 1.0]) @ dice.turn())
+        parent = add(
+            None, Matrix.Diagonal([*dice.rng.uniform(0.3, 2, 3).tolist(), 1.0]) @ dice.turn()
+        )
         thing.parent = parent
     if dice.wild(0.2, "modified glass"):
         modify(dice, thing)
@@ -393,9 +494,11 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     if material is not None:
         mesh.materials.append(material)
     ours = thing.kiriko
-    ours.use_ior, ours.ior = dice.chance(0.5), dice.rng.uniform(1.3, 1.9)
+    ours.use_ior = dice.chance(0.5)
+    ours.ior = dice.rng.uniform(1.3, 1.9)
     if dice.wild(0.15, "odd index"):
-        ours.use_ior, ours.ior = True, dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
+        ours.use_ior = True
+        ours.ior = dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
     ours.surface = dice.pick(("AUTOMATIC", "AUTOMATIC", "SMOOTH", "FACETS"))
     if dice.wild(0.2, "priority"):
         ours.priority = int(dice.rng.integers(-3, 4))
@@ -403,7 +506,9 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
 
 
 def add_instances(dice: Dice, thing: bpy.types.Object, size: float) -> None:
-    """Show an object a second time: as another object with its mesh, or by an instanced collection."""
+    """Show an object a second time: as another object with its mesh, or by an instanced
+    collection.
+    """
     shift = Matrix.Translation((dice.rng.normal(0, 1, 3) * size).tolist())
     if dice.chance(0.5):
         add(thing.data, shift @ thing.matrix_world, "GLASS")
@@ -440,22 +545,30 @@ def add_odd_object(dice: Dice, size: float) -> None:
 
 def add_plate(dice: Dice, frame: Floats, size: float) -> None:
     """A plate, of mirrors or ideal."""
-    thing = add(rectangle(dice, "plate"), scaled(displaced(dice, frame, size, "plate"), 10 * size), "PLATE")
+    thing = add(
+        rectangle(dice, "plate"), scaled(displaced(dice, frame, size, "plate"), 10 * size), "PLATE"
+    )
     ours = thing.kiriko.plate
     ours.model = dice.pick(("IDEAL", *MODELS)) if not dice.is_tame else "IDEAL"
     if dice.wild(0.4, "odd plate"):
-        ours.pitch, ours.height = dice.log(1e-3, 1e4), dice.log(0.01, 1000)
-        ours.ior, ours.reflectance = dice.pick((1.0, 1.0001, 1.5, 10.0)), dice.pick((0.001, 0.5, 1.0))
+        ours.pitch = dice.log(1e-3, 1e4)
+        ours.height = dice.log(0.01, 1000)
+        ours.ior = dice.pick((1.0, 1.0001, 1.5, 10.0))
+        ours.reflectance = dice.pick((0.001, 0.5, 1.0))
         ours.crossing_error = dice.rng.uniform(-0.2, 0.2)
-        ours.fresnel, ours.phase = dice.chance(0.5), dice.rng.normal(0, dice.log(0.1, 1e6), 2).tolist()
+        ours.fresnel = dice.chance(0.5)
+        ours.phase = dice.rng.normal(0, dice.log(0.1, 1e6), 2).tolist()
 
 
 def picture_image(dice: Dice) -> bpy.types.Image:
     """A small image of any shape."""
-    width, height = dice.pixels(), dice.pixels()
+    width = dice.pixels()
+    height = dice.pixels()
     if dice.wild(0.15, "picture of one pixel or one row"):
         width, height = dice.pick(((1, 1), (1, 64), (64, 1)))
-    image = bpy.data.images.new("Picture", width, height, alpha=dice.chance(0.5), float_buffer=dice.chance(0.4))
+    image = bpy.data.images.new(
+        "Picture", width, height, alpha=dice.chance(0.5), float_buffer=dice.chance(0.4)
+    )
     pixels = dice.rng.random((height * width, 4)).astype(np.float32)
     if image.is_float and dice.wild(0.2, "odd pixels"):
         pixels[dice.rng.integers(len(pixels)), 0] = dice.pick((np.nan, np.inf, 1e30, 1e-30, 1e5))
@@ -468,7 +581,10 @@ def picture_image(dice: Dice) -> bpy.types.Image:
 
 def add_picture(dice: Dice, frame: Floats, size: float) -> None:
     """The picture plane."""
-    at = scaled(displaced(dice, frame, size, "picture"), np.array([1, dice.rng.uniform(0.5, 2), 1]) * 0.6 * size)
+    at = scaled(
+        displaced(dice, frame, size, "picture"),
+        np.array([1, dice.rng.uniform(0.5, 2), 1]) * 0.6 * size,
+    )
     thing = add(rectangle(dice, "picture"), at, "PICTURE")
     if dice.wild(0.04, "picture without image"):
         return
@@ -482,12 +598,17 @@ def add_picture(dice: Dice, frame: Floats, size: float) -> None:
 
 def add_display(dice: Dice, frame: Floats, size: float) -> None:
     """The display."""
-    width, height = dice.pixels(), dice.pixels()
+    width = dice.pixels()
+    height = dice.pixels()
     if dice.wild(0.08, "display of one pixel or one row"):
         width, height = dice.pick(((1, 1), (1, 96), (96, 1)))
     across = (2 if dice.is_tame else dice.log(0.5, 20)) * size
     at = scaled(displaced(dice, frame, size, "display"), (across, across * height / width, across))
-    make = dice.pick((folded, rolled)) if dice.chance(0.2) else (lambda dice: rectangle(dice, "display"))
+    make = (
+        dice.pick((folded, rolled))
+        if dice.chance(0.2)
+        else (lambda dice: rectangle(dice, "display"))
+    )
     thing = add(make(dice), at, "DISPLAY")
     thing.kiriko.resolution = (width, height)
     if dice.chance(0.3):
@@ -498,7 +619,8 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     """The viewer's camera, and the size of its image."""
     lens = bpy.data.cameras.new("Viewer")
     lens.angle = 2 * np.arctan(1.2 * size / (2 * distance))
-    lens.clip_start, lens.clip_end = 1e-6, 1e6 * max(1.0, size)
+    lens.clip_start = 1e-6
+    lens.clip_end = 1e6 * max(1.0, size)
     lens.sensor_fit = dice.pick(("AUTO", "AUTO", "HORIZONTAL", "VERTICAL"))
     if dice.chance(0.15):
         lens.type, lens.ortho_scale = "ORTHO", 1.2 * size
@@ -507,7 +629,8 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     if dice.wild(0.03, "panoramic viewer"):
         lens.type = "PANO"
     if dice.wild(0.1, "odd lens"):
-        lens.lens, lens.ortho_scale = dice.log(1, 1e6), dice.log(1e-6, 1e6)
+        lens.lens = dice.log(1, 1e6)
+        lens.ortho_scale = dice.log(1e-6, 1e6)
         lens.shift_x, lens.shift_y = dice.rng.normal(0, dice.log(0.01, 10), 2)
     at = displaced(dice, frame, size, "viewer")
     if dice.wild(0.05, "viewer inside the glass"):
@@ -520,27 +643,43 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     if dice.chance(0.5):
         scene.kiriko.viewer = thing
     if dice.chance(0.3):
-        thing.kiriko.use_resolution, thing.kiriko.resolution = True, (dice.pixels(), dice.pixels())
+        thing.kiriko.use_resolution = True
+        thing.kiriko.resolution = (dice.pixels(), dice.pixels())
     render = scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = dice.pixels(), dice.pixels(), 100
+    render.resolution_x = dice.pixels()
+    render.resolution_y = dice.pixels()
+    render.resolution_percentage = 100
     if dice.wild(0.08, "odd frame"):
         render.resolution_percentage = int(dice.rng.integers(1, 100))
-        render.pixel_aspect_x, render.pixel_aspect_y = dice.log(1, 200), dice.log(1, 200)
+        render.pixel_aspect_x = dice.log(1, 200)
+        render.pixel_aspect_y = dice.log(1, 200)
     if dice.wild(0.05, "viewer of a few pixels"):
         render.resolution_x, render.resolution_y = dice.pick(((4, 4), (4, 96), (96, 4)))
 
 
 def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
     """Mirrors and blockers, and parts of which there should be one only."""
-    for share, role in ((0.12, "MIRROR"), (0.12, "BLOCKER"), (0.04, "DISPLAY"), (0.04, "PICTURE"), (0.08, "PLATE")):
+    for share, role in (
+        (0.12, "MIRROR"),
+        (0.12, "BLOCKER"),
+        (0.04, "DISPLAY"),
+        (0.04, "PICTURE"),
+        (0.08, "PLATE"),
+    ):
         if dice.wild(share, f"another {role.lower()}"):
-            at = scaled(displaced(dice, dice.pick(frames), 3 * size, role.lower()), dice.log(0.1, 10) * size)
+            at = scaled(
+                displaced(dice, dice.pick(frames), 3 * size, role.lower()), dice.log(0.1, 10) * size
+            )
             mesh = rectangle(dice, role.lower()) if dice.chance(0.6) else glass_mesh(dice)
             add(mesh, at, role)
     if dice.wild(0.05, "mirrors face to face"):
         for z, turn in ((-1, 0.0), (1, np.pi)):
             at = Matrix(np.asarray(frames[1]).tolist()) @ Matrix.Translation((0, 0, z * size))
-            add(rectangle(dice, "mirror"), scaled(at @ Matrix.Rotation(turn, 4, "X"), 3 * size), "MIRROR")
+            add(
+                rectangle(dice, "mirror"),
+                scaled(at @ Matrix.Rotation(turn, 4, "X"), 3 * size),
+                "MIRROR",
+            )
 
 
 def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
@@ -553,7 +692,8 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
     if dice.wild(0.3, "odd number of events"):
         ours.max_events = round(dice.log(1, 10000))
     ours.effort = int(dice.log(1, 64))
-    ours.only_through_glass, ours.brightness = dice.chance(0.7), dice.chance(0.3)
+    ours.only_through_glass = dice.chance(0.7)
+    ours.brightness = dice.chance(0.3)
     ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
     ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"
     ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
@@ -568,26 +708,37 @@ def make_rig(rng: np.random.Generator) -> Dice:
     dice = Dice(rng)
     scene = bpy.context.scene
     units = scene.unit_settings
-    size, centre = SIZE, np.zeros(3)
+    size = SIZE
+    centre = np.zeros(3)
     if dice.chance(0.4):
-        units.system, units.scale_length = dice.pick((("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0)))
+        units.system, units.scale_length = dice.pick(
+            (("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0))
+        )
         size /= 1.0 if units.system == "NONE" else units.scale_length
     if dice.wild(0.1, "odd unit"):
-        units.system, units.scale_length = "METRIC", dice.log(1e-5, 1e5)
+        units.system = "METRIC"
+        units.scale_length = dice.log(1e-5, 1e5)
     if dice.wild(0.15, "odd size"):
         size = dice.log(1e-4, 1e4)
     if dice.wild(0.12, "far away"):
         centre = dice.rng.normal(size=3) * dice.log(1e-1, 1e5)
     distance = dice.rng.uniform(5, 25) * size
-    stand = place(centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi))
+    stand = place(
+        centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi)
+    )
     if not dice.wild(0.03, "no glass"):
         n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
-        glasses = [add_glass(dice, centre, size * dice.rng.uniform(0.3, 1.3)) for _ in range(n_glasses)]
+        glasses = [
+            add_glass(dice, centre, size * dice.rng.uniform(0.3, 1.3)) for _ in range(n_glasses)
+        ]
         if dice.chance(0.05) or dice.wild(0.1, "instances"):
             add_instances(dice, glasses[0], size)
         if dice.chance(0.06):
             dice.told.append("glass behind the plate")
-            behind = stand.plate[:3, 3] + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
+            behind = (
+                stand.plate[:3, 3]
+                + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
+            )
             add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
     if not dice.wild(0.03, "no plate"):
         add_plate(dice, stand.plate, size)

@@ -1,4 +1,5 @@
-"""Glass as artists bring it, for scripts/fuzz.py and the tests: texts, curves, splines, metaballs, modifiers.
+"""Glass as artists bring it, for scripts/fuzz.py and the
+tests: texts, curves, splines, metaballs, modifiers.
 
 Each is an object about one unit across around the origin, not yet in its place.
 """
@@ -35,7 +36,8 @@ def fitting(thing: bpy.types.Object) -> Matrix:
     points = shown_points(thing)
     if not len(points):
         return Matrix()
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     size = float((high - low).max()) or 1.0
     return Matrix.Scale(1 / size, 4) @ Matrix.Translation((-(low + high) / 2).tolist())
 
@@ -51,7 +53,9 @@ def text(random: Random, bevel: float = 0.0) -> bpy.types.Object:
     """An extruded text, upright; its caps and sides share no vertices."""
     data = bpy.data.curves.new("Text", "FONT")
     data.body = "".join(random.choice(list("AKORTX8&"), 2)) if random.random() < 0.5 else "Ki"
-    data.extrude, data.bevel_depth, data.bevel_resolution = random.uniform(0.05, 0.3), bevel, 2
+    data.extrude = random.uniform(0.05, 0.3)
+    data.bevel_depth = bevel
+    data.bevel_resolution = 2
     data.resolution_u = int(random.integers(2, 8))
     data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
     return linked(data, "Text")
@@ -66,7 +70,8 @@ def rod(random: Random) -> bpy.types.Object:
     """A curve with a bevel and filled caps, which are three shells that touch."""
     data = bpy.data.curves.new("Rod", "CURVE")
     data.dimensions, data.use_fill_caps = "3D", True
-    data.bevel_depth, data.bevel_resolution = random.uniform(0.1, 0.4), int(random.integers(1, 8))
+    data.bevel_depth = random.uniform(0.1, 0.4)
+    data.bevel_resolution = int(random.integers(1, 8))
     data.resolution_u = int(random.integers(2, 12))
     spline = data.splines.new("BEZIER")
     spline.bezier_points.add(int(random.integers(1, 3)))
@@ -80,7 +85,9 @@ def spline_sphere(random: Random) -> bpy.types.Object:
     """A NURBS sphere or torus: its seam and poles have vertices of their own."""
     add = bpy.ops.surface
     bpy.context.view_layer.update()
-    made = random.choice([add.primitive_nurbs_surface_sphere_add, add.primitive_nurbs_surface_torus_add])
+    made = random.choice(
+        [add.primitive_nurbs_surface_sphere_add, add.primitive_nurbs_surface_torus_add]
+    )
     made(radius=0.5)
     thing = bpy.context.object
     for spline in thing.data.splines:
@@ -94,14 +101,17 @@ def metaballs(random: Random) -> bpy.types.Object:
     data.resolution = random.uniform(0.15, 0.4)
     for k in range(int(random.integers(2, 4))):
         element = data.elements.new()
-        element.co, element.radius = (0.9 * k, *random.normal(0, 0.2, 2)), random.uniform(0.8, 1.3)
+        element.co = (0.9 * k, *random.normal(0, 0.2, 2))
+        element.radius = random.uniform(0.8, 1.3)
     return linked(data, "Metaballs")
 
 
 def mesh_of(make: str, **sizes: object) -> bpy.types.Mesh:
     """A mesh of a bmesh primitive."""
-    mesh, shape = bpy.data.meshes.new("Shape"), bmesh.new()
-    name = f"create_{make}"  # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    mesh = bpy.data.meshes.new("Shape")
+    shape = bmesh.new()
+    # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    name = f"create_{make}"
     getattr(bmesh.ops, name)(shape, **sizes)
     shape.to_mesh(mesh)
     shape.free()
@@ -124,7 +134,8 @@ def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh
 
 
 def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
-    """The convex body behind all planes, by their outward normals (p, 3) and distances (p,) from the origin.
+    """The convex body behind all planes, by their outward
+    normals (p, 3) and distances (p,) from the origin.
 
     Its corners are where three planes meet and no other cuts them off.
     """
@@ -152,20 +163,27 @@ def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
 def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
     """A profile of radii and heights, turned about z by a Screw modifier; shaded smooth."""
     mesh = bpy.data.meshes.new("Profile")
-    mesh.from_pydata([(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], [])
+    mesh.from_pydata(
+        [(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], []
+    )
     thing = linked(mesh, "Turned")
     screw = thing.modifiers.new("Screw", "SCREW")
     screw.steps = screw.render_steps = steps
-    screw.use_merge_vertices, screw.use_smooth_shade, screw.use_normal_calculate = True, True, True
+    screw.use_merge_vertices = True
+    screw.use_smooth_shade = True
+    screw.use_normal_calculate = True
     return thing
 
 
 def remeshed(random: Random) -> bpy.types.Object:
     """A body rebuilt of voxels, smooth: no vertex lies where it was meant to be."""
-    mesh = random.choice([mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)])
+    mesh = random.choice(
+        [mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)]
+    )
     thing = linked(mesh, "Remeshed")
     modifier = thing.modifiers.new("Remesh", "REMESH")
-    modifier.mode, modifier.voxel_size = "VOXEL", random.uniform(0.08, 0.2)
+    modifier.mode = "VOXEL"
+    modifier.voxel_size = random.uniform(0.08, 0.2)
     modifier.use_smooth_shade = bool(random.random() < 0.7)
     return thing
 
@@ -180,14 +198,18 @@ def scan(random: Random) -> bpy.types.Object:
 
 
 def unwelded(random: Random) -> bpy.types.Object:
-    """A body whose faces share no vertices, as many files have it; half of them with a Weld modifier."""
+    """A body whose faces share no vertices, as many files have it.
+
+    Half of them with a Weld modifier.
+    """
     kind = random.choice(["cube", "icosphere", "cone"])
     sizes = {
         "cube": {"size": 1.0},
         "icosphere": {"subdivisions": 2, "radius": 0.5},
         "cone": {"cap_ends": True, "segments": 24, "radius1": 0.5, "radius2": 0.3, "depth": 1.0},
     }
-    mesh, shape = mesh_of(kind, **sizes[kind]), bmesh.new()
+    mesh = mesh_of(kind, **sizes[kind])
+    shape = bmesh.new()
     shape.from_mesh(mesh)
     bmesh.ops.split_edges(shape, edges=shape.edges[:])
     shape.to_mesh(mesh)
@@ -210,18 +232,30 @@ def array(random: Random) -> bpy.types.Object:
 def engraved(random: Random) -> bpy.types.Object:
     """A cube with a groove or a pit cut into it by a Boolean modifier."""
     thing = linked(mesh_of("cube", size=1.0), "Engraved")
-    cutter = linked(mesh_of("cone", cap_ends=True, segments=7, radius1=0.2, radius2=0.05, depth=0.6), "Cutter")
+    cutter = linked(
+        mesh_of("cone", cap_ends=True, segments=7, radius1=0.2, radius2=0.05, depth=0.6), "Cutter"
+    )
     cutter.location = (*random.uniform(-0.2, 0.2, 2), 0.5)
     cutter.hide_render, cutter.display_type = True, "WIRE"
     cutter.parent = thing
     modifier = thing.modifiers.new("Boolean", "BOOLEAN")
-    modifier.operation, modifier.object, modifier.solver = "DIFFERENCE", cutter, "EXACT"
+    modifier.operation = "DIFFERENCE"
+    modifier.object = cutter
+    modifier.solver = "EXACT"
     return thing
 
 
 def wine_glass(random: Random) -> bpy.types.Object:
     """A profile turned by Screw, given a wall by Solidify and rounded by Subdivision."""
-    profile = [(0.0, 0.0), (0.3, 0.0), (0.05, 0.05), (0.04, 0.4), (0.25, 0.6), (0.32, 0.8), (0.28, 1.0)]
+    profile = [
+        (0.0, 0.0),
+        (0.3, 0.0),
+        (0.05, 0.05),
+        (0.04, 0.4),
+        (0.25, 0.6),
+        (0.32, 0.8),
+        (0.28, 1.0),
+    ]
     profile = [(x * random.uniform(0.9, 1.1), z) for x, z in profile]
     thing = turned(profile, int(random.integers(6, 12)))
     thing.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.02

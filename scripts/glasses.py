@@ -1,4 +1,7 @@
-"""Glass as artists bring it, made by script for benches, as Blender evaluates it; random ones are in fuzz_shapes.py."""
+"""Glass as artists bring it, made by script for benches, as Blender evaluates it.
+
+Random ones are in fuzz_shapes.py.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,17 @@ from kiriko.core.rig import Mesh
 SIZE = 0.05  # m
 
 WINE_GLASS = [
-    (0.0, 0.0), (0.02, 0.0), (0.034, 0.002), (0.030, 0.004), (0.008, 0.010), (0.004, 0.03), (0.004, 0.07),
+    (0.0, 0.0), (0.02, 0.0), (0.034, 0.002), (0.030, 0.004), (0.008, 0.010), (0.004, 0.03), (0.004,
+    0.07),
     (0.008, 0.09), (0.025, 0.105), (0.036, 0.13), (0.038, 0.15), (0.034, 0.18), (0.032, 0.20),
 ]  # fmt: skip
 BOTTLE = [
-    (0.0, 0.0), (0.28, 0.0), (0.3, 0.03), (0.3, 0.55), (0.27, 0.65), (0.1, 0.75), (0.1, 1.0), (0.07, 1.0), (0.07, 0.75),
+    (0.0, 0.0), (0.28, 0.0), (0.3, 0.03), (0.3, 0.55), (0.27, 0.65), (0.1, 0.75), (0.1, 1.0),
+    (0.07, 1.0), (0.07, 0.75),
     (0.24, 0.65), (0.27, 0.55), (0.27, 0.06), (0.0, 0.05),
 ]  # fmt: skip
-# facets of a round brilliant: how many, the first one's turn in parts of a circle, elevation in degrees, distance from
-# the middle where the girdle has radius 1
+# facets of a round brilliant: how many, the first one's turn in parts of a circle,
+# elevation in degrees, distance from the middle where the girdle has radius 1
 BRILLIANT = [
     (1, 0.0, 90.0, 0.36),  # table
     (8, 0.0, 55.5, 0.5955),  # crown mains
@@ -127,9 +132,14 @@ def cube() -> bpy.types.Object:
 
 def gem() -> bpy.types.Object:
     """A round brilliant of 57 facets and a girdle of 32, table towards the viewer."""
-    facets = [((k + first) / n, elevation, d) for n, first, elevation, d in [*BRILLIANT, GIRDLE] for k in range(n)]
+    facets = [
+        ((k + first) / n, elevation, d)
+        for n, first, elevation, d in [*BRILLIANT, GIRDLE]
+        for k in range(n)
+    ]
     turn, elevation, distances = np.array(facets).T
-    a, e = 2 * np.pi * turn, np.radians(elevation)
+    a = 2 * np.pi * turn
+    e = np.radians(elevation)
     normals = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
     mesh = behind(normals, distances)
     mesh.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
@@ -138,7 +148,9 @@ def gem() -> bpy.types.Object:
 
 def cut_cylinder() -> bpy.types.Object:
     """A cylinder of 24 sides with flat facets and bevelled rims."""
-    thing = linked(mesh_of("cone", cap_ends=True, segments=24, radius1=0.5, radius2=0.5, depth=1.0), "Cylinder")
+    thing = linked(
+        mesh_of("cone", cap_ends=True, segments=24, radius1=0.5, radius2=0.5, depth=1.0), "Cylinder"
+    )
     add(thing, "BEVEL", width=0.06, limit_method="ANGLE")
     return thing
 
@@ -178,14 +190,22 @@ GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "nine balls": nine_balls,
 }
 INDICES = {"gem": 2.42}  # others are of 1.49
-BOWLS = {"wine glass": 0.14}  # m, the height that is looked at; others are looked at in their middle, SIZE across
+# m, the height that is looked at; others are looked at in their middle, SIZE across
+BOWLS = {"wine glass": 0.14}
 
 
 def made(name: str) -> Mesh:
-    """The mesh of a glass in the world, as it is evaluated; normals are those that Blender shows."""
+    """The mesh of a glass in the world, as it is evaluated.
+
+    Normals are those that Blender shows.
+    """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
-    place = Matrix.Translation((0, 0, -BOWLS[name])) if name in BOWLS else Matrix.Scale(SIZE, 4) @ fitting(thing)
+    place = (
+        Matrix.Translation((0, 0, -BOWLS[name]))
+        if name in BOWLS
+        else Matrix.Scale(SIZE, 4) @ fitting(thing)
+    )
     return evaluated(thing, place)
 
 

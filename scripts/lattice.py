@@ -1,4 +1,6 @@
-"""How far the dots of the lattice stand from where they are wanted, as Cycles shows them. Runs inside Blender."""
+"""How far the dots of the lattice stand from where they are
+wanted, as Cycles shows them. Runs inside Blender.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ SAMPLES = 4  # the optics is delta: more only smooth the edges of display pixels
 
 
 def framed(viewer: Viewer, width: int, crop: tuple[int, int, int, int]) -> Viewer:
-    """The part (left, top, right, bottom; px) of a viewer's image at another width of the whole, as a viewer."""
+    """The part (left, top, right, bottom; px) of a viewer's image
+    at another width of the whole, as a viewer.
+    """
     height = round(width * viewer.height / viewer.width)
     x0, y0, x1, y1 = crop
     left, right, bottom, top = viewer.window
@@ -32,7 +36,9 @@ def framed(viewer: Viewer, width: int, crop: tuple[int, int, int, int]) -> Viewe
 
 
 def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
-    """Width of the frame at which the lattice is ACROSS pixels wide, from the ideal image (h, w, 3) at any size."""
+    """Width of the frame at which the lattice is ACROSS pixels
+    wide, from the ideal image (h, w, 3) at any size.
+    """
     dots = dot_centroids(ideal)
     span = np.nanmax(dots[..., 0]) - np.nanmin(dots[..., 0])
     return round(reading.rig.viewer.width * ACROSS / span)
@@ -46,10 +52,11 @@ def shift_in_cycles(
     seen: np.ndarray,
     samples: int = SAMPLES,
 ) -> LatticeShift:
-    """Displacement of the lattice in a Cycles render, ACROSS pixels from dot to dot, against the ideal image.
+    """Displacement of the lattice in a Cycles render, ACROSS
+    pixels from dot to dot, against the ideal image.
 
-    source (H, W, 3) is on the display; ideal and seen (h, w, 3) are core's images of the viewer's own size: `seen`
-    says which part of the frame holds the dots, so that only that is rendered.
+    source (H, W, 3) is on the display; ideal and seen (h, w, 3) are core's images of the viewer's
+    own size: `seen` says which part of the frame holds the dots, so that only that is rendered.
     """
     viewer = reading.rig.viewer
     width = measuring_width(reading, ideal)
@@ -63,7 +70,8 @@ def shift_in_cycles(
         min(width, int((x.max() + 1) * scale) + margin),
         min(height, int((y.max() + 1) * scale) + margin),
     )
-    # Blender rounds a border to pixels from fractions of the frame: the middle of the last pixel is safe
+    # Blender rounds a border to pixels from fractions of the
+    # frame: the middle of the last pixel is safe
     border = ((crop[0] + 0.01) / width, (crop[2] + 0.01) / width, 1 - (crop[3] - 0.01) / height,
               1 - (crop[1] - 0.01) / height)  # fmt: skip
     render = render_preview(

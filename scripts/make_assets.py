@@ -1,7 +1,8 @@
-"""Makes assets/: the plate's materials as an asset library, each with a render of a mid-air image as its picture.
+"""Makes assets/: the plate's materials as an asset library, each
+with a render of a mid-air image as its picture.
 
-And the README's picture of such a plate. Runs in the oldest supported Blender, whose files all later ones open:
-`PYTHONPATH=.dev/link .dev/bpy-4.2.23/bin/python scripts/make_assets.py`
+And the README's picture of such a plate. Runs in the oldest supported Blender, whose files all
+later ones open: `PYTHONPATH=.dev/link .dev/bpy-4.2.23/bin/python scripts/make_assets.py`
 """
 
 from __future__ import annotations
@@ -26,38 +27,51 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "assets"
 CATALOGUE = "Kiriko"
 CATALOGUE_ID = str(uuid.uuid5(uuid.NAMESPACE_URL, "kiriko/plates"))  # the same each time
-PIXELS, SAMPLES = 128, 256  # of the materials' pictures
-PICTURE, PICTURE_PIXELS, PICTURE_FIELD = ROOT / "docs" / "pictures" / "plate.png", 512, 0.5  # of the README's
+# of the materials' pictures
+PIXELS = 128
+SAMPLES = 256
+# of the README's
+PICTURE = ROOT / "docs" / "pictures" / "plate.png"
+PICTURE_PIXELS = 512
+PICTURE_FIELD = 0.5
 
 MATERIALS = {
     "Kiriko Plate": (
         MirrorArray(),
-        "Micro-mirror array plate of two crossed layers, as ASKA3D-488: forms a mid-air image, with its stray light",
+        "Micro-mirror array plate of two crossed layers, as ASKA3D-488: forms a mid-air image,"
+        " with its stray light",
         ("MMAP", "ASKA3D"),
     ),
     "Kiriko Plate DCRA": (
         MirrorArray("holes", pitch=0.1e-3, height=0.25e-3),
-        "Dihedral corner reflector array, square holes in one layer: forms a mid-air image, with its stray light",
+        "Dihedral corner reflector array, square holes in one layer: forms a mid-air image, with"
+        " its stray light",
         ("DCRA",),
     ),
     "Kiriko Plate Radial": (
         MirrorArray("radial", pitch=0.1e-3, height=0.25e-3),
-        "Dihedral corner reflectors turned round the object's origin: an image that is seen from all sides",
+        "Dihedral corner reflectors turned round the object's origin: an image that is seen from"
+        " all sides",
         ("DCRA", "radial"),
     ),
 }
 
 
 def emblem(size: int = 256) -> np.ndarray:
-    """What the display shows (size, size, 3), linear: a ring and four corners of different colours on black."""
+    """What the display shows (size, size, 3), linear: a ring
+    and four corners of different colours on black.
+    """
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1
     light = np.zeros((size, size, 3))
-    radius, turn = np.hypot(x, y), np.arctan2(y, x)
+    radius = np.hypot(x, y)
+    turn = np.arctan2(y, x)
     hue = 0.5 + 0.5 * np.cos(turn[..., None] - 2 * np.pi / 3 * np.arange(3))
     light += ((radius > 0.5) & (radius < 0.75))[..., None] * hue
     light += (radius < 0.2)[..., None] * np.array([1.0, 0.9, 0.6])
     corner = (np.abs(x) > 0.78) & (np.abs(y) > 0.78)
-    light[corner] = np.where(x < 0, 0.9, 0.1)[corner, None] * [1, 0, 0] + np.where(y < 0, 0.9, 0.1)[corner, None] * [
+    light[corner] = np.where(x < 0, 0.9, 0.1)[corner, None] * [1, 0, 0] + np.where(y < 0, 0.9, 0.1)[
+        corner, None
+    ] * [
         0,
         0,
         1,
@@ -65,8 +79,12 @@ def emblem(size: int = 256) -> np.ndarray:
     return light.astype(np.float32)
 
 
-def stage(material: bpy.types.Material, pixels: int, samples: int, field: float = 0.34) -> bpy.types.Scene:
-    """A display below a plate at 45 degrees, in the material, seen by a camera 1 m before the mid-air image."""
+def stage(
+    material: bpy.types.Material, pixels: int, samples: int, field: float = 0.34
+) -> bpy.types.Scene:
+    """A display below a plate at 45 degrees, in the material,
+    seen by a camera 1 m before the mid-air image.
+    """
     scene = bpy.data.scenes.new("Stage")
     bench = Workbench(scene, "Stage")
     at = place((0.0, 0.0, 0.0), 0.15, np.pi / 4, 1.0)
@@ -79,14 +97,19 @@ def stage(material: bpy.types.Material, pixels: int, samples: int, field: float 
     scene.world = bench.keep(bpy.data.worlds.new("Dim"))
     scene.world.color = (0.01, 0.01, 0.012)
     render = scene.render
-    render.engine, render.resolution_x, render.resolution_y = "CYCLES", pixels, pixels
+    render.engine = "CYCLES"
+    render.resolution_x = pixels
+    render.resolution_y = pixels
     scene.cycles.samples, scene.cycles.use_denoising = samples, False
     scene.view_settings.view_transform = "Standard"
     return scene
 
 
 def rendered(scene: bpy.types.Scene, path: Path | None = None) -> np.ndarray:
-    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top; written as PNG where asked for."""
+    """The scene's picture (h, w, 4), encoded 0..1, row 0 at the top.
+
+    Written as PNG where asked for.
+    """
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = str(path or Path(folder) / "picture.png")
         scene.render.image_settings.color_mode = "RGB"
@@ -105,7 +128,8 @@ def asset(name: str) -> bpy.types.Material:
     material["kiriko_plate"] = array.layout  # by which Add > Kiriko > Plate Material finds it again
     material.asset_mark()
     material.asset_data.description = f"{description}. For a flat mesh, in Cycles"
-    material.asset_data.author, material.asset_data.license = "Kiriko developers", "GPL-3.0-or-later"
+    material.asset_data.author = "Kiriko developers"
+    material.asset_data.license = "GPL-3.0-or-later"
     material.asset_data.catalog_id = CATALOGUE_ID
     for tag in ("Kiriko", "mid-air image", *tags):
         material.asset_data.tags.new(tag)
@@ -117,15 +141,20 @@ def asset(name: str) -> bpy.types.Material:
 
 
 def main() -> None:
-    oldest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["blender_version_min"]
+    oldest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))[
+        "blender_version_min"
+    ]
     if not bpy.app.version_string.startswith(oldest.rpartition(".")[0]):
         sys.exit(
-            f"Assets are saved by Blender {oldest}, the oldest that has to open them; this is {bpy.app.version_string}."
+            f"Assets are saved by Blender {oldest}, the oldest that has to open them; this is"
+            f" {bpy.app.version_string}."
         )
     bpy.ops.wm.read_factory_settings(use_empty=True)
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / "kiriko_plate.blend"
-    bpy.data.libraries.write(str(path), {asset(name) for name in MATERIALS}, fake_user=True, compress=True)
+    bpy.data.libraries.write(
+        str(path), {asset(name) for name in MATERIALS}, fake_user=True, compress=True
+    )
     catalogue = f"VERSION 1\n\n{CATALOGUE_ID}:{CATALOGUE}:{CATALOGUE}\n"
     (FOLDER / "blender_assets.cats.txt").write_text(catalogue, encoding="utf-8")
     scene = stage(bpy.data.materials["Kiriko Plate"], PICTURE_PIXELS, SAMPLES, PICTURE_FIELD)

@@ -1,8 +1,10 @@
-"""The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent of `dev.py compare`, and a judge from outside.
+"""The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent
+of `dev.py compare`, and a judge from outside.
 
-It carries the same values as core/image/source_image.py, in single precision and on all threads: random points of the
-viewer's pixels, refraction at the triangles with interpolated normals or at a sphere, total reflection, an ideal plate,
-a rectangular display. Only glass is asked of Embree; plate and display are two planes, which is faster.
+It carries the same values as core/image/source_image.py, in single precision and on all threads:
+random points of the viewer's pixels, refraction at the triangles with interpolated normals or at a
+sphere, total reflection, an ideal plate, a rectangular display. Only glass is asked of Embree;
+plate and display are two planes, which is faster.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ except ImportError as error:
 if dr.detail.llvm_version()[0] < LEAST_LLVM:
     raise SystemExit(MISSING_LLVM)
 
-OFFSET = 1e-6  # m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
+# m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
+OFFSET = 1e-6
 MOST_EVENTS = 32  # as in core.settings.Settings
 
 
@@ -43,14 +46,19 @@ def _vector(values: Floats) -> mi.Vector3f:
 
 
 class Rectangle:
-    """A flat rectangle with UV. No dataclass, or Dr.Jit would carry its fields through the loop as state."""
+    """A flat rectangle with UV. No dataclass, or Dr.Jit would
+    carry its fields through the loop as state.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
-        points, uv = mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2)
+        points = mesh.corners.reshape(-1, 3)
+        uv = mesh.uv.reshape(-1, 2)
         system = np.column_stack([uv, np.ones(len(uv))])
         fit, *_ = np.linalg.lstsq(system, points, rcond=None)
         if np.abs(system @ fit - points).max() > 1e-9 or np.ptp(uv, axis=0).min() < 1:
-            raise ValueError("Plate, display and picture have to be flat rectangles under a whole UV square.")
+            raise ValueError(
+                "Plate, display and picture have to be flat rectangles under a whole UV square."
+            )
         right, up, corner = fit
         normal = np.cross(right, up)
         self.corner = mi.Point3f(_vector(corner))
@@ -67,7 +75,9 @@ class Rectangle:
 
 
 class MeshGlass:
-    """Triangles with interpolated normals. Fetched here, for Mitsuba's surface interaction costs a sixth more."""
+    """Triangles with interpolated normals. Fetched here, for
+    Mitsuba's surface interaction costs a sixth more.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         if mesh.corner_normals is None or not mesh.is_smooth.all():
@@ -77,15 +87,20 @@ class MeshGlass:
         unique, faces = np.unique(corners, axis=0, return_inverse=True)
         shape = mi.Mesh("glass", len(unique), len(mesh.triangles), has_vertex_normals=True)
         parameters = mi.traverse(shape)
-        parameters["vertex_positions"] = mesh.vertices[unique[:, 0].astype(int)].ravel().astype(np.float32)
+        parameters["vertex_positions"] = (
+            mesh.vertices[unique[:, 0].astype(int)].ravel().astype(np.float32)
+        )
         parameters["vertex_normals"] = unique[:, 1:].ravel().astype(np.float32)
         parameters["faces"] = faces.ravel().astype(np.uint32)
         parameters.update()
         self.scene = mi.load_dict({"type": "scene", "glass": shape})
         self.faces = parameters["faces"]
-        self.positions, self.normals = parameters["vertex_positions"], parameters["vertex_normals"]
+        self.positions = parameters["vertex_positions"]
+        self.normals = parameters["vertex_normals"]
 
-    def surface(self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, is_met: mi.Bool) -> tuple[mi.Vector3f, ...]:
+    def surface(
+        self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, is_met: mi.Bool
+    ) -> tuple[mi.Vector3f, ...]:
         """Point, the face's normal and the interpolated one."""
         corners = dr.gather(mi.Vector3u, self.faces, pi.prim_index, is_met)
         p0, p1, p2 = (dr.gather(mi.Vector3f, self.positions, corner, is_met) for corner in corners)
@@ -103,16 +118,24 @@ class SphereGlass:
         if np.ptp(radii) > 1e-9:
             raise ValueError("The glass is no ball around the origin.")
         self.radius = float(radii.mean())
-        self.scene = mi.load_dict({"type": "scene", "glass": {"type": "sphere", "radius": self.radius}})
+        self.scene = mi.load_dict(
+            {"type": "scene", "glass": {"type": "sphere", "radius": self.radius}}
+        )
 
-    def surface(self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, is_met: mi.Bool) -> tuple[mi.Vector3f, ...]:
+    def surface(
+        self, pi: mi.PreliminaryIntersection3f, ray: mi.Ray3f, is_met: mi.Bool
+    ) -> tuple[mi.Vector3f, ...]:
         """Point, and the normal twice."""
         normal = dr.normalize(mi.Vector3f(ray.o + pi.t * ray.d))
         return self.radius * normal, normal, normal
 
 
-def refract(directions: mi.Vector3f, normals: mi.Vector3f, eta: mi.Float) -> tuple[mi.Vector3f, mi.Bool]:
-    """Snell's law as in core.light.optics: the refracted or totally reflected direction, and which of the two it is."""
+def refract(
+    directions: mi.Vector3f, normals: mi.Vector3f, eta: mi.Float
+) -> tuple[mi.Vector3f, mi.Bool]:
+    """Snell's law as in core.light.optics: the refracted or
+    totally reflected direction, and which of the two it is.
+    """
     c = -dr.dot(directions, normals)
     k = c * c + (1 - eta) * (1 + eta) * dr.squared_norm(directions + c * normals)
     is_tir = k < 0
@@ -123,12 +146,15 @@ def refract(directions: mi.Vector3f, normals: mi.Vector3f, eta: mi.Float) -> tup
 def meet_glass(
     d: mi.Vector3f, face: mi.Vector3f, normal: mi.Vector3f, ior: float
 ) -> tuple[mi.Vector3f, mi.Bool, mi.Bool]:
-    """Directions after a surface of the glass, which of them are totally reflected, and which come from outside.
+    """Directions after a surface of the glass, which of them are
+    totally reflected, and which come from outside.
 
-    As in core/light, the face's own normal takes over where the interpolated one would send light to the wrong side.
+    As in core/light, the face's own normal takes over where the
+    interpolated one would send light to the wrong side.
     """
     enters = dr.dot(d, face) < 0
-    face, normal = dr.select(enters, face, -face), dr.select(enters, normal, -normal)
+    face = dr.select(enters, face, -face)
+    normal = dr.select(enters, normal, -normal)
     face = dr.normalize(face)
     normal = dr.select(dr.dot(d, normal) >= 0, face, normal)
     eta = dr.select(enters, mi.Float(1 / ior), mi.Float(ior))
@@ -140,12 +166,23 @@ def meet_glass(
 
 @dr.syntax
 def follow(
-    o: mi.Point3f, d: mi.Vector3f, glass: MeshGlass | SphereGlass, ior: float, plate: Rectangle, display: Rectangle
+    o: mi.Point3f,
+    d: mi.Vector3f,
+    glass: MeshGlass | SphereGlass,
+    ior: float,
+    plate: Rectangle,
+    display: Rectangle,
 ) -> tuple[mi.Bool, mi.Point2f]:
     """Which rays arrive on the display by glass and plate, and at which uv."""
-    o, d, uv = mi.Point3f(o), mi.Vector3f(d), mi.Point2f(0)
-    is_inside, has_met_glass, has_met_plate = mi.Bool(False), mi.Bool(False), mi.Bool(False)
-    has_arrived, is_live, n_events = mi.Bool(False), mi.Bool(True), mi.UInt32(0)
+    o = mi.Point3f(o)
+    d = mi.Vector3f(d)
+    uv = mi.Point2f(0)
+    is_inside = mi.Bool(False)
+    has_met_glass = mi.Bool(False)
+    has_met_plate = mi.Bool(False)
+    has_arrived = mi.Bool(False)
+    is_live = mi.Bool(True)
+    n_events = mi.UInt32(0)
     while is_live & (n_events < MOST_EVENTS):
         ray = mi.Ray3f(o, d)
         # coherent: neighbours are samples of one pixel; three times as fast as without
@@ -187,12 +224,15 @@ class MitsubaSplat:
 
     def __init__(self, rig: Rig, is_sphere: bool = False) -> None:
         if len(rig.glasses) != 1 or len(rig.plates) != 1 or rig.mirrors or rig.blockers:
-            raise ValueError("The Mitsuba loop follows one glass, one plate and the display, and nothing else.")
+            raise ValueError(
+                "The Mitsuba loop follows one glass, one plate and the display, and nothing else."
+            )
         self.rig = rig
         mesh = rig.glasses[0].mesh
         self.ior = float(rig.glasses[0].ior(WAVELENGTH))
         self.glass = SphereGlass(mesh) if is_sphere else MeshGlass(mesh)
-        self.plate, self.display = Rectangle(rig.plates[0].mesh), Rectangle(rig.display.mesh)
+        self.plate = Rectangle(rig.plates[0].mesh)
+        self.display = Rectangle(rig.display.mesh)
         self.picture = Rectangle(rig.picture.mesh)
         self.texture = mi.Texture2f(
             mi.TensorXf(np.ascontiguousarray(rig.picture.image, np.float32)),
@@ -205,8 +245,10 @@ class MitsubaSplat:
         viewer = self.rig.viewer
         left, right, bottom, top = viewer.window
         to_right, up, forward = (_vector(axis) for axis in viewer.axes)
-        x, y = left + (right - left) / viewer.width * x, top + (bottom - top) / viewer.height * y
-        across, position = x * to_right + y * up, mi.Point3f(_vector(viewer.position))
+        x = left + (right - left) / viewer.width * x
+        y = top + (bottom - top) / viewer.height * y
+        across = x * to_right + y * up
+        position = mi.Point3f(_vector(viewer.position))
         if viewer.projection == "orthographic":
             return mi.Point3f(position + across), forward
         return position, dr.normalize(forward + across)
@@ -219,11 +261,14 @@ class MitsubaSplat:
     def landings(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) of viewer pixels (n, 2); NaN without a landing."""
         has_arrived, x, y = self._land(*self._rays(mi.Float(xy[:, 0]), mi.Float(xy[:, 1])))
-        return np.stack([np.array(dr.select(has_arrived, a, dr.nan), float) for a in (x, y)], axis=1)
+        return np.stack(
+            [np.array(dr.select(has_arrived, a, dr.nan), float) for a in (x, y)], axis=1
+        )
 
     def sums(self, spp: int, seed: int = 0) -> NDArray[np.float32]:
         """Sums of red, green, blue and number of the samples on each display pixel (H, W, 4)."""
-        viewer, display = self.rig.viewer, self.rig.display
+        viewer = self.rig.viewer
+        display = self.rig.display
         n = viewer.width * viewer.height * spp
         pixel = dr.arange(mi.UInt32, n) // spp
         random = mi.PCG32(size=n, initstate=seed)
@@ -235,7 +280,8 @@ class MitsubaSplat:
         colour = self.texture.eval(mi.Point2f(uv.x, 1 - uv.y))
         is_seen = distance < dr.inf
         value = mi.Vector4f(*(dr.select(is_seen, channel, 0) for channel in colour[:3]), 1)
-        column, row = mi.UInt32(x), mi.UInt32(y)
+        column = mi.UInt32(x)
+        row = mi.UInt32(y)
         has_arrived &= (column < display.width) & (row < display.height)
         total = dr.zeros(mi.Float, 4 * display.width * display.height)
         dr.scatter_reduce(dr.ReduceOp.Add, total, value, row * display.width + column, has_arrived)

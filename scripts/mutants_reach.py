@@ -1,4 +1,6 @@
-"""Plugin of pytest for `dev.py mutants`: tells coverage which test is under way, and notes how long each took."""
+"""Plugin of pytest for `dev.py mutants`: tells coverage which
+test is under way, and notes how long each took.
+"""
 
 from __future__ import annotations
 

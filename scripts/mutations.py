@@ -1,8 +1,9 @@
-"""Small mutants of Python source: where they can be made, what they are, and which of them are taken.
+"""Small mutants of Python source: where they can be made,
+what they are, and which of them are taken.
 
-A mutant is one node of the syntax tree in another form, put back into the text where the node stood. Its name is made
-of what it changes, not of line numbers, so that a mutant keeps its name, and its place in the draw, while other
-code is edited.
+A mutant is one node of the syntax tree in another form, put back into the text where the node
+stood. Its name is made of what it changes, not of line numbers, so that a mutant keeps its name,
+and its place in the draw, while other code is edited.
 """
 
 from __future__ import annotations
@@ -28,16 +29,34 @@ COMPARISONS = {
     ast.In: (ast.NotIn,),
     ast.NotIn: (ast.In,),
 }
-ARITHMETIC = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
+ARITHMETIC = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Pow: ast.Mult,
+}
 MASKS = {ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd}
-PAIRS = ("min max", "minimum maximum", "fmin fmax", "argmin argmax", "floor ceil", "any all", "sin cos", "zeros ones")
+PAIRS = (
+    "min max",
+    "minimum maximum",
+    "fmin fmax",
+    "argmin argmax",
+    "floor ceil",
+    "any all",
+    "sin cos",
+    "zeros ones",
+)
 SWAPPED = {a: b for pair in PAIRS for a, b in (pair.split(), reversed(pair.split()))}
-UNTOUCHED = (ast.Raise, ast.JoinedStr, ast.Assert, ast.Import, ast.ImportFrom)  # errors' words are no arithmetic
+# errors' words are no arithmetic
+UNTOUCHED = (ast.Raise, ast.JoinedStr, ast.Assert, ast.Import, ast.ImportFrom)
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One node in another form: bytes `start` to `end` of the file become `new`. Line is that of its statement."""
+    """One node in another form: bytes `start` to `end` of the
+    file become `new`. Line is that of its statement.
+    """
 
     file: str
     function: str
@@ -56,7 +75,9 @@ class Mutant:
 
 def mutants_of(file: str, source: str) -> list[Mutant]:
     """All mutants of a file that can be made."""
-    tree, found, seen = ast.parse(source), [], Counter()
+    tree = ast.parse(source)
+    found = []
+    seen = Counter()
     begins = [0]
     for line in source.encode().splitlines(keepends=True):
         begins.append(begins[-1] + len(line))
@@ -74,9 +95,12 @@ def mutants_of(file: str, source: str) -> list[Mutant]:
     return found
 
 
-def draw(mutants: Mapping[str, list[Mutant]], lines: Mapping[str, int], n: int, seed: int) -> list[Mutant]:
+def draw(
+    mutants: Mapping[str, list[Mutant]], lines: Mapping[str, int], n: int, seed: int
+) -> list[Mutant]:
     """About n mutants, over files by their lines; within a file the kinds take turns."""
-    total, drawn = sum(lines.values()), []
+    total = sum(lines.values())
+    drawn = []
     for file in sorted(mutants):
         share = n * lines[file] / total
         # what is left of a share after whole mutants is a chance, the same for the same seed
@@ -98,7 +122,9 @@ def _lot(seed: int, name: str) -> float:
 def _nodes(tree: ast.Module) -> Iterator[tuple[str, ast.stmt, ast.AST]]:
     """Nodes that may be changed, with the function and the statement that they stand in."""
 
-    def walk(node: ast.AST, function: str, statement: ast.stmt | None) -> Iterator[tuple[str, ast.stmt, ast.AST]]:
+    def walk(
+        node: ast.AST, function: str, statement: ast.stmt | None
+    ) -> Iterator[tuple[str, ast.stmt, ast.AST]]:
         if isinstance(node, ast.stmt):
             statement = node
         if isinstance(node, UNTOUCHED):
@@ -123,7 +149,10 @@ def _forms(node: ast.AST) -> Iterable[tuple[str, ast.AST]]:
     """Kinds and other forms of a node."""
     match node:
         case ast.Compare(ops=[first, *_]) if type(first) in COMPARISONS:
-            return [("comparison", _with(node, ops=[kind(), *node.ops[1:]])) for kind in COMPARISONS[type(first)]]
+            return [
+                ("comparison", _with(node, ops=[kind(), *node.ops[1:]]))
+                for kind in COMPARISONS[type(first)]
+            ]
         case ast.BinOp(op=op) if type(op) in ARITHMETIC:
             return [("arithmetic", _with(node, op=ARITHMETIC[type(op)]()))]
         case ast.BinOp(op=op) if type(op) in MASKS:

@@ -1,4 +1,5 @@
-"""Fetches and builds the wheels the manifest lists; builds and validates the extension's zips with Blender's own tool.
+"""Fetches and builds the wheels the manifest lists; builds and
+validates the extension's zips with Blender's own tool.
 
 Runs in an environment that has bpy: `python scripts/dev.py build` calls it there.
 """
@@ -31,7 +32,11 @@ def extension_tool(*arguments: str | Path) -> None:
     bpy = Path(importlib.util.find_spec("bpy").submodule_search_locations[0])
     (scripts,) = bpy.glob("*/scripts")
     tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-    run(scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py", *arguments, f"--valid-tags={tags}")
+    run(
+        scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py",
+        *arguments,
+        f"--valid-tags={tags}",
+    )
 
 
 def fetch_wheel(path: Path) -> None:
@@ -42,12 +47,31 @@ def fetch_wheel(path: Path) -> None:
     path.unlink(missing_ok=True)
     python, abi, platforms = path.stem.split("-")[2:]
     version = re.sub(r"cp(\d)(\d+)", r"\1.\2", python)
-    options = ["--no-deps", "--only-binary=:all:", "--require-hashes", "--disable-pip-version-check", "--quiet"]
+    options = [
+        "--no-deps",
+        "--only-binary=:all:",
+        "--require-hashes",
+        "--disable-pip-version-check",
+        "--quiet",
+    ]
     platform = [option for name in platforms.split(".") for option in ("--platform", name)]
     target = ["--implementation", "cp", "--python-version", version, "--abi", abi, *platform]
-    run("-m", "pip", "download", *options, *target, "--dest", path.parent, "--requirement", WHEELS_PINS)
+    run(
+        "-m",
+        "pip",
+        "download",
+        *options,
+        *target,
+        "--dest",
+        path.parent,
+        "--requirement",
+        WHEELS_PINS,
+    )
     if not path.exists():
-        sys.exit(f"The manifest lists {path.name}, and {WHEELS_PINS.name} gives another file: make them agree.")
+        sys.exit(
+            f"The manifest lists {path.name}, and {WHEELS_PINS.name} gives another file: make"
+            f" them agree."
+        )
 
 
 def build() -> None:
@@ -59,7 +83,9 @@ def build() -> None:
         if not name.startswith(build_kernel.MODULE):
             fetch_wheel(ROOT / wheel)
         elif not (ROOT / wheel).exists():
-            sys.exit(f"The manifest lists {name}, which build_kernel.py does not make: make them agree.")
+            sys.exit(
+                f"The manifest lists {name}, which build_kernel.py does not make: make them agree."
+            )
     extension_tool("validate", ROOT)
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):
@@ -67,7 +93,10 @@ def build() -> None:
     extension_tool("build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms")
     zips = sorted(DIST.glob("kiriko-*.zip"))
     if len(zips) != len(manifest["platforms"]):
-        sys.exit(f"dist/ has {len(zips)} zips for {len(manifest['platforms'])} platforms: see the output above.")
+        sys.exit(
+            f"dist/ has {len(zips)} zips for {len(manifest['platforms'])} platforms: see the"
+            f" output above."
+        )
     for path in zips:
         extension_tool("validate", path)
 

@@ -1,6 +1,7 @@
 """The paper's results beside ours, as pictures and tables in out/paper/: `dev.py paper`.
 
-Runs inside Blender, which is imported only where it is asked: geometry and measures in core run without.
+Runs inside Blender, which is imported only where it is
+asked: geometry and measures in core run without.
 """
 
 from __future__ import annotations
@@ -35,25 +36,36 @@ if TYPE_CHECKING:
     from kiriko.core.blender.scene import Reading
 
 SPP = 100
-GAP = 1e-6  # m of air between the display and the half glass before it, so that the two are not in one place
-FINER, FINEST = 2, 1e-3  # of what is called converged: viewer pixels each way times as many, tolerance in display px
-PIXELS, SAMPLES = 512, 64  # of the pictures by Cycles
-CYCLES_SAMPLES = 16  # where Cycles is measured: with 4 its dots are off by up to 0.06 px, with 64 by 0.003
-PLAIN, HALF, SOURCE = "no compensation", "InFloasion", "source image"  # the conditions, as the paper has them
-PAPER_SECONDS = {"ideal plate": 5.1, "mirror array": 2552.8}  # on 32 cores of a Threadripper 3970X, 100 spp
+# m of air between the display and the half glass before it, so that the two are not in one place
+GAP = 1e-6
+# of what is called converged: viewer pixels each way times as many, tolerance in display px
+FINER = 2
+FINEST = 1e-3
+# of the pictures by Cycles
+PIXELS = 512
+SAMPLES = 64
+# where Cycles is measured: with 4 its dots are off by up to 0.06 px, with 64 by 0.003
+CYCLES_SAMPLES = 16
+# the conditions, as the paper has them
+PLAIN = "no compensation"
+HALF = "InFloasion"
+SOURCE = "source image"
+# on 32 cores of a Threadripper 3970X, 100 spp
+PAPER_SECONDS = {"ideal plate": 5.1, "mirror array": 2552.8}
 PAPER_DX = {PLAIN: 276.1, HALF: 155.4, SOURCE: 62.8}  # px, mean over the 49 points of photographs
 COLOURS = {"ideal": "#888888", PLAIN: "#c8501e", HALF: "#3f7d20", SOURCE: "#0b6e99"}
 
 ABOUT_TIMES = (
-    "RMSE of linear values over all display pixels that are wholly seen, against Kiriko's own image at 2 x 2 times the"
-    " viewer pixels and a tolerance of 0.001 display pixels. A second splat with samples of its own, a quarter of them,"
-    " tells the noise from what both have in common: what the splat would keep at any number of samples. The paper's"
-    " times are of 32 cores of a Threadripper 3970X."
+    "RMSE of linear values over all display pixels that are wholly seen, against Kiriko's own"
+    " image at 2 x 2 times the viewer pixels and a tolerance of 0.001 display pixels. A second"
+    " splat with samples of its own, a quarter of them, tells the noise from what both have in"
+    " common: what the splat would keep at any number of samples. The paper's times are of 32"
+    " cores of a Threadripper 3970X."
 )
 ABOUT_LATTICE = (
-    "Against the ideal image, in pixels of a frame in which the lattice is 1165 px wide from dot to dot, over 49 dots;"
-    " dx to the right, dy downward. Apart: distance between the dots of core's simulation and of Cycles. The paper"
-    " measured photographs."
+    "Against the ideal image, in pixels of a frame in which the lattice is 1165 px wide from dot"
+    " to dot, over 49 dots; dx to the right, dy downward. Apart: distance between the dots of"
+    " core's simulation and of Cycles. The paper measured photographs."
 )
 
 Table = list[list[str]]
@@ -96,7 +108,9 @@ def half_before(mesh: Mesh, point: Floats, normal: Floats) -> Mesh:
         across = normalise(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]))
         around = np.array(vertices)[rim]
         around = around - around.mean(axis=0)
-        order = rim[np.argsort(np.arctan2(around @ np.cross(normal, across), around @ across))][::-1]
+        order = rim[np.argsort(np.arctan2(around @ np.cross(normal, across), around @ across))][
+            ::-1
+        ]
         triangles += [[order[0], order[k], order[k + 1]] for k in range(1, len(order) - 1)]
     return Mesh(np.array(vertices), np.array(triangles, int).reshape(-1, 3))
 
@@ -114,13 +128,16 @@ def face_of(mesh: Mesh) -> tuple[Floats, Floats]:
 
 
 def infloasion(rig: Rig) -> Rig:
-    """The rig with the mirror image of the half of its glass on the plate's side, standing on the display.
+    """The rig with the mirror image of the half of its glass
+    on the plate's side, standing on the display.
 
-    The aerial plane cuts the glass; its mirror image in the plate is the display. Light of a point of the display
-    goes through the mirrored half as it does, by symmetry, through the half behind the plate, and meets again in the
-    point's mirror image: what is left is the bending by the half on the viewer's side.
+    The aerial plane cuts the glass; its mirror image in the plate is the display. Light of a point
+    of the display goes through the mirrored half as it does, by symmetry, through the half behind
+    the plate, and meets again in the point's mirror image: what is left is the bending by the half
+    on the viewer's side.
     """
-    plate, (display, front) = face_of(rig.plates[0].mesh), face_of(rig.display.mesh)
+    plate = face_of(rig.plates[0].mesh)
+    (display, front) = face_of(rig.display.mesh)
     halves = [
         replace(
             glass,
@@ -129,7 +146,9 @@ def infloasion(rig: Rig) -> Rig:
         )
         for glass in rig.glasses
     ]
-    return replace(rig, glasses=(*rig.glasses, *(half for half in halves if len(half.mesh.triangles))))
+    return replace(
+        rig, glasses=(*rig.glasses, *(half for half in halves if len(half.mesh.triangles)))
+    )
 
 
 # Figure 5 and the times
@@ -148,24 +167,38 @@ def converged(rig: Rig) -> Solution:
 
 
 def rmse(one: Floats, other: Floats | None = None) -> float:
-    """Root of the mean product of two errors: of one error its RMSE, of two with noise of their own what they share."""
+    """Root of the mean product of two errors: of one error its
+    RMSE, of two with noise of their own what they share.
+    """
     return float(np.sqrt(max(np.mean(one * (one if other is None else other)), 0.0)))
 
 
 def holes(source: Floats, best: Solution) -> int:
     """How many display pixels (H, W, 3) are black where the converged image is bright."""
-    return int(((best.display_coverage > 0.999) & (source.max(axis=2) == 0) & (best.source.max(axis=2) > 0.5)).sum())
+    return int(
+        (
+            (best.display_coverage > 0.999)
+            & (source.max(axis=2) == 0)
+            & (best.source.max(axis=2) > 0.5)
+        ).sum()
+    )
 
 
 def timed(run: Callable[[], Result]) -> tuple[Result, list[str]]:
     """What a run returns, with seconds that passed and the processor's as a table has them."""
-    started, busy = perf_counter(), process_time()
+    started = perf_counter()
+    busy = process_time()
     found = run()
-    return found, [f"{seconds:.2f}" for seconds in (perf_counter() - started, process_time() - busy)]
+    return found, [
+        f"{seconds:.2f}" for seconds in (perf_counter() - started, process_time() - busy)
+    ]
 
 
 def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
-    """Two rows, of Kiriko and of the splat, for the ball's source image by one plate; pictures into `out`."""
+    """Two rows, of Kiriko and of the splat, for the ball's source image by one plate.
+
+    Pictures into `out`.
+    """
     best = converged(rig)
     is_judged = best.display_coverage > 0.999
     solution, seconds = timed(lambda: solve(rig))
@@ -177,9 +210,11 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
     plan = make_plan(rig, Settings(brightness=rig.plates[0].array is not None))
     image, seconds = timed(lambda: finish(splat(plan, spp, 1, "folded")))
     off, again = (
-        (some - best.source)[is_judged] for some in (image, finish(splat(plan, max(spp // 4, 1), 2, "folded")))
+        (some - best.source)[is_judged]
+        for some in (image, finish(splat(plan, max(spp // 4, 1), 2, "folded")))
     )
-    error, shared = rmse(off), rmse(off, again)
+    error = rmse(off)
+    shared = rmse(off, again)
     noise = np.sqrt(max(error**2 - shared**2, 0.0))
     n_rays = spp * rig.viewer.width * rig.viewer.height
     shown = f"{error:.4f}", f"{noise:.4f}", f"{shared:.4f}", str(holes(image, best))
@@ -191,9 +226,24 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
 
 def figure_5(rig: Rig, spp: int, out: Path) -> Table:
     """The ball's source image by each plate and each way: pictures into `out`, and the table."""
-    table = [["plate", "way", "rays", "seconds", "processor s", "RMSE", "of it noise", "shared by all runs", "holes"]]
+    table = [
+        [
+            "plate",
+            "way",
+            "rays",
+            "seconds",
+            "processor s",
+            "RMSE",
+            "of it noise",
+            "shared by all runs",
+            "holes",
+        ]
+    ]
     for name, array in {"ideal plate": None, "mirror array": PRESETS["ASKA3D-488"]}.items():
-        print(f"ball, {name}: solving, and {spp} + {max(spp // 4, 1)} samples a pixel by splat ...", flush=True)
+        print(
+            f"ball, {name}: solving, and {spp} + {max(spp // 4, 1)} samples a pixel by splat ...",
+            flush=True,
+        )
         this = replace(rig, plates=tuple(replace(plate, array=array) for plate in rig.plates))
         table += [[name, *row] for row in by_both_ways(this, spp, out, name.replace(" ", "_"))]
         paper = [name, f"the paper's, {SPP} spp", "26.2 M paths", f"{PAPER_SECONDS[name]:.1f}"]
@@ -241,7 +291,9 @@ def add_halves(rig: Rig, material: object) -> None:
 
 
 class Bench:
-    """The cube's rig as it stands in Blender, solved at the viewer's own size and in the frame of the photographs."""
+    """The cube's rig as it stands in Blender, solved at the
+    viewer's own size and in the frame of the photographs.
+    """
 
     def __init__(self, reading: Reading) -> None:
         from lattice import measuring_width
@@ -249,7 +301,8 @@ class Bench:
         self.reading = reading
         self.own = solve(reading.rig)
         self.ideal = self.own.ideal()
-        viewer, width = reading.rig.viewer, measuring_width(reading, self.ideal)
+        viewer = reading.rig.viewer
+        width = measuring_width(reading, self.ideal)
         viewer = replace(viewer, width=width, height=round(width * viewer.height / viewer.width))
         self.framed = solve(replace(reading.rig, viewers=(viewer,)))
 
@@ -258,9 +311,12 @@ class Bench:
         import bpy
         from lattice import shift_in_cycles
 
-        seen, ideal = self.framed.seen(source), self.framed.ideal()
+        seen = self.framed.seen(source)
+        ideal = self.framed.ideal()
         images = source, self.ideal, self.own.seen(source)
-        in_cycles = shift_in_cycles(bpy.context.scene, self.reading, *images, samples=CYCLES_SAMPLES)
+        in_cycles = shift_in_cycles(
+            bpy.context.scene, self.reading, *images, samples=CYCLES_SAMPLES
+        )
         return Condition(name, dot_centroids(ideal), lattice_shift(seen, ideal), in_cycles)
 
     def show(self, source: Floats, path: Path) -> None:
@@ -289,7 +345,10 @@ def figures_7_and_8(out: Path) -> list[Condition]:
         rig = bench.reading.rig
         plain = solve(without_glass(rig), only_through_glass=False).source
         found = [bench.measure(PLAIN, plain), bench.measure(SOURCE, bench.own.source)]
-        add_halves(replace(rig, glasses=infloasion(rig).glasses[len(rig.glasses) :]), bpy.data.materials["Acrylic"])
+        add_halves(
+            replace(rig, glasses=infloasion(rig).glasses[len(rig.glasses) :]),
+            bpy.data.materials["Acrylic"],
+        )
         with_half = Bench(work.read(bpy.context))
         found.insert(1, with_half.measure(HALF, plain))
         light_the_glass()
@@ -298,7 +357,11 @@ def figures_7_and_8(out: Path) -> list[Condition]:
             bpy.data.objects.remove(half)
         bench.show(plain, out / "figure_7_plain.png")
         bench.show(bench.own.source, out / "figure_7_source.png")
-    pictures = {"figure_7_ideal": bench.ideal, "display_plain": plain, "display_source": bench.own.source}
+    pictures = {
+        "figure_7_ideal": bench.ideal,
+        "display_plain": plain,
+        "display_source": bench.own.source,
+    }
     for name, pixels in pictures.items():
         image_io.write(out / f"{name}.png", pixels, "PNG8", overwrite=True)
     return found
@@ -306,11 +369,14 @@ def figures_7_and_8(out: Path) -> list[Condition]:
 
 def lattice_table(conditions: Sequence[Condition]) -> Table:
     """Mean displacement of the 49 points, and how far core and Cycles are apart."""
-    head = ["condition", "mean dx", "mean abs dx", "mean abs dy", "Cycles: mean abs dx", "mean abs dy", "dots",
+    head = ["condition", "mean dx", "mean abs dx", "mean abs dy", "Cycles: mean abs dx",
+    "mean abs dy", "dots",
             "apart, mean", "largest", "the paper's mean dx"]  # fmt: skip
     table = [head]
     for condition in conditions:
-        core, cycles, apart = condition.in_core, condition.in_cycles, condition.apart
+        core = condition.in_core
+        cycles = condition.in_cycles
+        apart = condition.apart
         numbers = np.nanmean(core.shift[..., 0]), *core.mean_xy, *cycles.mean_xy
         table.append([
             condition.name,
@@ -327,40 +393,63 @@ def points_csv(conditions: Sequence[Condition]) -> str:
     lines = ["condition,column,row,ideal x,ideal y,core dx,core dy,Cycles dx,Cycles dy"]
     for condition in conditions:
         for j, i in np.ndindex(condition.ideal.shape[:2]):
-            values = *condition.ideal[j, i], *condition.in_core.shift[j, i], *condition.in_cycles.shift[j, i]
-            lines.append(",".join([condition.name, str(i + 1), str(j + 1), *(f"{value:.3f}" for value in values)]))
+            values = (
+                *condition.ideal[j, i],
+                *condition.in_core.shift[j, i],
+                *condition.in_cycles.shift[j, i],
+            )
+            lines.append(
+                ",".join(
+                    [condition.name, str(i + 1), str(j + 1), *(f"{value:.3f}" for value in values)]
+                )
+            )
     return "\n".join([*lines, ""])
 
 
 def figure_8(conditions: Sequence[Condition]) -> str:
     """Where the 49 points stand in each condition, as SVG: px from the middle of the ideal grid."""
     ideal = conditions[0].ideal
-    sets = {"ideal": ideal, **{condition.name: condition.ideal + condition.in_core.shift for condition in conditions}}
+    sets = {
+        "ideal": ideal,
+        **{condition.name: condition.ideal + condition.in_core.shift for condition in conditions},
+    }
     middle = ideal.mean(axis=(0, 1))
     every = np.concatenate([points.reshape(-1, 2) for points in sets.values()]) - middle
     size, margin = 720, 60
     reach = 100 * np.ceil(np.nanmax(np.abs(every)) / 100)
     scale = (size - 2 * margin) / (2 * reach)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size + 40}" viewBox="0 0 {size} {size + 40}"'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size + 40}" viewBox="0 0'
+        f' {size} {size + 40}"'
         ' font-family="Helvetica, Arial, sans-serif" font-size="13">',
         f'<rect width="{size}" height="{size + 40}" fill="white"/>',
     ]
     for tick in np.arange(-reach, reach + 1, 200):
         at = size / 2 + scale * tick
         parts += [
-            f'<path d="M{at:.1f} {margin}V{size - margin}M{margin} {at:.1f}H{size - margin}" stroke="#e5e5e5"/>',
+            f'<path d="M{at:.1f} {margin}V{size - margin}M{margin} {at:.1f}H{size - margin}"'
+            f' stroke="#e5e5e5"/>',
             f'<text x="{at:.1f}" y="{size - margin + 18}" text-anchor="middle">{tick:.0f}</text>',
             f'<text x="{margin - 8}" y="{at + 4:.1f}" text-anchor="end">{tick:.0f}</text>',
         ]
-    parts.append(f'<text x="{size / 2}" y="{size - 16}" text-anchor="middle">x, camera px (y downward)</text>')
+    parts.append(
+        f'<text x="{size / 2}" y="{size - 16}" text-anchor="middle">x, camera px (y'
+        f" downward)</text>"
+    )
     # a shift is nearly as long as from dot to dot: lines tell which point is which
-    for way in np.moveaxis(size / 2 + scale * (np.stack(list(sets.values())) - middle), 0, 2).reshape(-1, len(sets), 2):
+    for way in np.moveaxis(
+        size / 2 + scale * (np.stack(list(sets.values())) - middle), 0, 2
+    ).reshape(-1, len(sets), 2):
         line = " ".join(f"{x:.2f},{y:.2f}" for x, y in way[np.isfinite(way[:, 0])])
         parts.append(f'<polyline points="{line}" fill="none" stroke="#bbbbbb"/>')
     for n, (name, points) in enumerate(sets.items()):
-        colour, radius = COLOURS[name], 6 if name == "ideal" else 3.5
-        look = f'fill="none" stroke="{colour}" stroke-width="1.5"' if name == "ideal" else f'fill="{colour}"'
+        colour = COLOURS[name]
+        radius = 6 if name == "ideal" else 3.5
+        look = (
+            f'fill="none" stroke="{colour}" stroke-width="1.5"'
+            if name == "ideal"
+            else f'fill="{colour}"'
+        )
         for x, y in size / 2 + scale * (points.reshape(-1, 2) - middle):
             if np.isfinite(x):
                 parts.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius}" {look}/>')
@@ -406,7 +495,8 @@ def figures(names: dict[str, str]) -> str:
 def page(times: Table, lattice: Table, bench: dict[str, dict[str, Table]], spp: int) -> str:
     """index.html. bench : tables by what they are about, in sections."""
     return "\n".join([
-        f"<!doctype html><meta charset=utf-8><title>The paper's results beside ours</title><style>{STYLE}</style>",
+        f"<!doctype html><meta charset=utf-8><title>The paper's results beside"
+        f" ours</title><style>{STYLE}</style>",
         "<h1>The paper's results beside ours</h1>",
         "<h2>Figure 5: the ball's source image, and the times</h2>",
         figures({
@@ -426,14 +516,16 @@ def page(times: Table, lattice: Table, bench: dict[str, dict[str, Table]], spp: 
         }),
         html_table(lattice),
         f"<p>{html.escape(ABOUT_LATTICE)}</p>",
-        '<p><a href="lattice.csv">All points (CSV)</a></p><img class="plot" src="figure_8.svg" alt="figure 8">',
+        '<p><a href="lattice.csv">All points (CSV)</a></p><img class="plot" src="figure_8.svg"'
+        ' alt="figure 8">',
         figures({
             "display_plain.png": f"what the display shows: {PLAIN} and {HALF}",
             "display_source.png": f"what it shows: {SOURCE}",
         }),
         *(
             f"<h2>{html.escape(section)}</h2>"
-            + "".join(f"<p>{html.escape(about)}:</p>{html_table(table)}" for about, table in tables.items())
+            + "".join(f"<p>{html.escape(about)}:</p>{html_table(table)}" for about,
+            table in tables.items())
             for section, tables in bench.items()
         ),
         "",
@@ -442,11 +534,18 @@ def page(times: Table, lattice: Table, bench: dict[str, dict[str, Table]], spp: 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("out/paper"), help="folder for the results (out/paper)")
     parser.add_argument(
-        "--spp", type=int, default=SPP, help=f"samples a viewer pixel of the splat ({SPP}, as in the paper)"
+        "--out", type=Path, default=Path("out/paper"), help="folder for the results (out/paper)"
     )
-    parser.add_argument("--benches", type=int, default=200, help="random benches that are calibrated (200)")
+    parser.add_argument(
+        "--spp",
+        type=int,
+        default=SPP,
+        help=f"samples a viewer pixel of the splat ({SPP}, as in the paper)",
+    )
+    parser.add_argument(
+        "--benches", type=int, default=200, help="random benches that are calibrated (200)"
+    )
     arguments = parser.parse_args()
     import bench_misalignment as misaligned
     import bpy
@@ -471,7 +570,9 @@ def main() -> None:
     bench = misaligned.cube_bench()
     sections = {
         "Misalignment: which screw matters": misaligned.sensitivities(bench),
-        "What would make the paper's numbers": misaligned.explain(bench.rig, misaligned.tolerance_of).tables,
+        "What would make the paper's numbers": misaligned.explain(
+            bench.rig, misaligned.tolerance_of
+        ).tables,
         "Calibration: what one photograph tells": misaligned.fits(bench, arguments.benches, seed=0),
     }
     for tables in sections.values():

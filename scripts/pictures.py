@@ -1,4 +1,6 @@
-"""The README's pictures: what the viewer sees, warped and corrected, in Cycles. Started by `dev.py pictures`."""
+"""The README's pictures: what the viewer sees, warped and
+corrected, in Cycles. Started by `dev.py pictures`.
+"""
 
 from __future__ import annotations
 
@@ -26,21 +28,33 @@ SAMPLES = 128
 
 
 def star_pattern(size: int = 1024) -> np.ndarray:
-    """Lines of cut glass (size, size, 3), linear: a triangular grid and its altitudes, in a square frame."""
+    """Lines of cut glass (size, size, 3), linear: a triangular
+    grid and its altitudes, in a square frame.
+    """
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1
     y = -y
     radius = np.hypot(x, y)
     light = np.zeros((size, size))
     for k in range(6):
         angle = np.pi * k / 6
-        across = (x * np.cos(angle) + y * np.sin(angle)) / (0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5)
+        across = (x * np.cos(angle) + y * np.sin(angle)) / (
+            0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5
+        )
         away = np.abs(across - np.rint(across)) * (0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5)
-        light = np.maximum(light, np.clip((0.012 - away) * size / 3, 0, 1) * (0.55 if k % 2 else 1.0))
+        light = np.maximum(
+            light, np.clip((0.012 - away) * size / 3, 0, 1) * (0.55 if k % 2 else 1.0)
+        )
     to_edge = np.maximum(np.abs(x), np.abs(y))
-    light = np.maximum(light * (to_edge < 0.93), np.clip((0.02 - np.abs(to_edge - 0.95)) * size / 3, 0, 1))
+    light = np.maximum(
+        light * (to_edge < 0.93), np.clip((0.02 - np.abs(to_edge - 0.95)) * size / 3, 0, 1)
+    )
     hue = np.clip(radius, 0, 1)[..., None]
-    gold, cyan, blue = np.array([1.0, 0.62, 0.18]), np.array([0.15, 0.85, 0.9]), np.array([0.25, 0.3, 1.0])
-    colour = np.where(hue < 0.5, gold + (cyan - gold) * hue * 2, cyan + (blue - cyan) * (hue * 2 - 1))
+    gold = np.array([1.0, 0.62, 0.18])
+    cyan = np.array([0.15, 0.85, 0.9])
+    blue = np.array([0.25, 0.3, 1.0])
+    colour = np.where(
+        hue < 0.5, gold + (cyan - gold) * hue * 2, cyan + (blue - cyan) * (hue * 2 - 1)
+    )
     return (light[..., None] * colour).astype(np.float32)
 
 
@@ -49,11 +63,17 @@ def light_the_glass() -> None:
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Room")
     scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.012, 0.014, 0.02, 1)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (
+        0.012,
+        0.014,
+        0.02,
+        1,
+    )
     for x, size, power in ((-0.6, 0.4, 0.9), (0.7, 0.25, 0.35)):
         light = bpy.data.objects.new("Window", bpy.data.lights.new("Window", "AREA"))
         light.data.size, light.data.energy = size, power
-        light.location, light.rotation_euler = (x, -0.35, 0.35), (0.9, 0, -0.9 if x < 0 else 0.9)
+        light.location = (x, -0.35, 0.35)
+        light.rotation_euler = (0.9, 0, -0.9 if x < 0 else 0.9)
         scene.collection.objects.link(light)
 
 
@@ -74,23 +94,31 @@ def run(name: str, folder: Path) -> None:
     bpy.ops.kiriko.solve()
     reading = work.read(bpy.context)
     solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    plain = finish(
+        Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
+    ).source
     light_the_glass()
     for what, source in (("warped", plain), ("corrected", solution.source)):
-        seen = render_preview(scene, reading, source, size=(PIXELS, PIXELS), samples=SAMPLES, surroundings=True)
+        seen = render_preview(
+            scene, reading, source, size=(PIXELS, PIXELS), samples=SAMPLES, surroundings=True
+        )
         image_io.write(folder / f"{name}_{what}.png", seen[..., :3], "PNG8", overwrite=True)
     small = solution.source.reshape(512, 4, 512, 4, 3).mean(axis=(1, 3))
     image_io.write(folder / f"{name}_source.png", small, "PNG8", overwrite=True)
 
 
 def run_glare(folder: Path) -> None:
-    """Write glare_seen.png and glare_suppressed.png: all that is seen of a vase, by Kiriko's own map."""
+    """Write glare_seen.png and glare_suppressed.png: all
+    that is seen of a vase, by Kiriko's own map.
+    """
     pattern = np.concatenate([star_pattern(), np.ones((1024, 1024, 1), np.float32)], axis=2)
     mesh = replace(made("vase"), surface="automatic")
     a_rig = glass_rig(mesh, image=pattern, pixels=PIXELS)
     for what, weight in (("seen", 0.0), ("suppressed", 1.0)):
         solution = finish(Session().solve(a_rig, Settings(suppress_glare=weight)))
-        image_io.write(folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True)
+        image_io.write(
+            folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True
+        )
 
 
 def main() -> None:

@@ -1,4 +1,5 @@
-"""Runs Python with the kernel built to stop at a wrong access or an undefined step: `sanitise_kernel.py -m pytest ...`.
+"""Runs Python with the kernel built to stop at a wrong access or an
+undefined step: `sanitise_kernel.py -m pytest ...`.
 
 Needs gcc with its libasan, and Linux; says so and ends well where they are not.
 """
@@ -35,8 +36,23 @@ def main() -> None:
         return
     built = DEV / "kernel-sanitised.so"
     sources = sorted(SOURCES.glob("*.c"))
-    run(["gcc", *FLAGS, "-fvisibility=hidden", "-shared", "-fPIC", "-pthread", "-o", built, *sources, "-lm"])
-    variables = clean_environment(LD_PRELOAD=str(library.resolve()), KIRIKO_KERNEL=str(built), **OPTIONS)
+    run(
+        [
+            "gcc",
+            *FLAGS,
+            "-fvisibility=hidden",
+            "-shared",
+            "-fPIC",
+            "-pthread",
+            "-o",
+            built,
+            *sources,
+            "-lm",
+        ]
+    )
+    variables = clean_environment(
+        LD_PRELOAD=str(library.resolve()), KIRIKO_KERNEL=str(built), **OPTIONS
+    )
     sys.exit(subprocess.run([sys.executable, *sys.argv[1:]], cwd=ROOT, env=variables).returncode)
 
 

@@ -1,7 +1,8 @@
 """What a script's own parser says to `--help`, without the packages that the script is for.
 
-The script runs in the running Python up to its parser, which prints and leaves. Whatever it imports beside Python's own
-modules and other scripts is stood in for, so that nothing has to be set up to read what its options are.
+The script runs in the running Python up to its parser, which prints and leaves. Whatever it imports
+beside Python's own modules and other scripts is stood in for, so that nothing has to be set up to
+read what its options are.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ OPERATORS = (*NUMERIC, *(f"r{name}" for name in NUMERIC), "and", "or", "xor", "n
 
 
 class StandIn(ModuleType):
-    """A module, function, class or number that is not there: whatever is done with it, one like it comes of it."""
+    """A module, function, class or number that is not there:
+    whatever is done with it, one like it comes of it.
+    """
 
     __path__: Sequence[str] = ()  # it is a package, too
     __dataclass_fields__: ClassVar = {}  # and takes replace()

@@ -1,8 +1,8 @@
 """The steps of `dev.py test`: runs them two at a time and adds up their results.
 
-A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when nothing was added to
-its log for `STILL_MINUTES`. Tests write a dot each, and their stack when one takes longer than `STACK_AFTER_S`, so
-that the log of a step that was stopped says where it stood.
+A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when
+nothing was added to its log for `STILL_MINUTES`. Tests write a dot each, and their stack when one
+takes longer than `STACK_AFTER_S`, so that the log of a step that was stopped says where it stood.
 """
 
 from __future__ import annotations
@@ -17,15 +17,26 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import build_kernel
-from environments import BLENDERS, ONE_THREAD, PYTHONS, ROOT, ToolError, clean_environment, find_python, set_up
+from environments import (
+    BLENDERS,
+    ONE_THREAD,
+    PYTHONS,
+    ROOT,
+    ToolError,
+    clean_environment,
+    find_python,
+    set_up,
+)
 
 LOGS = ROOT / "out" / "test"
 AT_ONCE = 2
-STILL_MINUTES = 15.0  # a step that prints nothing for so long hangs; the slowest test takes a tenth of it
+# a step that prints nothing for so long hangs; the slowest test takes a tenth of it
+STILL_MINUTES = 15.0
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
-# What holds for many cases, and is run with the kernel and without it; the oldest numpy runs all else without it.
+# What holds for many cases, and is run with the kernel and
+# without it; the oldest numpy runs all else without it.
 BOTH_WAYS = tuple(
     f"tests/core/test_{name}.py"
     for name in (
@@ -45,7 +56,9 @@ SLOWEST_OF_ALL = 8  # tests named at the end
 
 @dataclass(frozen=True)
 class Step:
-    """One command of the suite: arguments for the Python of an environment; and is it run without the kernel?"""
+    """One command of the suite: arguments for the Python of an
+    environment; and is it run without the kernel?
+    """
 
     name: str
     environment: str
@@ -76,7 +89,8 @@ class Timed:
 def steps(tools: str, newest: str) -> list[Step]:
     """All steps, in the order in which they start.
 
-    `tools` is the environment for what needs any Blender; `newest` that in which no test is left out.
+    `tools` is the environment for what needs any Blender;
+    `newest` that in which no test is left out.
     """
     told = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
     pytest = ("-m", "pytest", "-q", "--color=no", *told)
@@ -91,22 +105,41 @@ def steps(tools: str, newest: str) -> list[Step]:
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
         Step("core-numpy-alone", newest, (*pytest, *BOTH_WAYS), without_kernel=True),
         *(
-            Step(f"blender-{short}", name, (*by_name[name], "tests/blender"), without_kernel=short.startswith("4.2"))
+            Step(
+                f"blender-{short}",
+                name,
+                (*by_name[name], "tests/blender"),
+                without_kernel=short.startswith("4.2"),
+            )
             for name, short in blenders.items()
         ),
         Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
         Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
-        Step("kernel-sanitised", newest, ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py")),
-        *(Step(f"install-{short}", name, (*pytest, "tests/package"), "package") for name, short in blenders.items()),
+        Step(
+            "kernel-sanitised",
+            newest,
+            ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py"),
+        ),
+        *(
+            Step(f"install-{short}", name, (*pytest, "tests/package"), "package")
+            for name, short in blenders.items()
+        ),
     ]
 
 
 def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
-    """Steps whose names begin with one of the prefixes (all when there are none), with those they come after."""
+    """Steps whose names begin with one of the prefixes (all
+    when there are none), with those they come after.
+    """
     for prefix in prefixes:
         if not any(step.name.startswith(prefix) for step in everything):
-            raise ToolError(f"There is no step '{prefix}': choose among {', '.join(step.name for step in everything)}.")
-    wanted = {step.name for step in everything if not prefixes or step.name.startswith(tuple(prefixes))}
+            raise ToolError(
+                f"There is no step '{prefix}': choose among"
+                f" {', '.join(step.name for step in everything)}."
+            )
+    wanted = {
+        step.name for step in everything if not prefixes or step.name.startswith(tuple(prefixes))
+    }
     wanted |= {step.after for step in everything if step.name in wanted and step.after}
     return [step for step in everything if step.name in wanted]
 
@@ -126,7 +159,9 @@ def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
     for step in todo:
         if step.environment not in interpreters:
             remark = f"no Python {PYTHONS[step.environment]} was found"
-            results[step.name] = Result(failed=1, remark=remark) if need_all else Result(skipped=1, remark=remark)
+            results[step.name] = (
+                Result(failed=1, remark=remark) if need_all else Result(skipped=1, remark=remark)
+            )
     return print_results(results)
 
 
@@ -138,7 +173,9 @@ def run_steps(todo: Sequence[Step], interpreters: dict[str, Path]) -> dict[str, 
     try:
         for step in todo:
             # The step it comes after was handed in earlier, so waiting for it always ends.
-            futures[step.name] = pool.submit(run_step, step, interpreters[step.environment], futures.get(step.after))
+            futures[step.name] = pool.submit(
+                run_step, step, interpreters[step.environment], futures.get(step.after)
+            )
         return {name: future.result() for name, future in futures.items()}
     finally:
         pool.shutdown(cancel_futures=True)
@@ -146,7 +183,8 @@ def run_steps(todo: Sequence[Step], interpreters: dict[str, Path]) -> dict[str, 
 
 def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Result:
     """Run a step; its output goes to a log, which is shown when the step fails."""
-    log, report = LOGS / f"{step.name}.log", LOGS / f"{step.name}.xml"
+    log = LOGS / f"{step.name}.log"
+    report = LOGS / f"{step.name}.xml"
     report.unlink(missing_ok=True)
     if before and before.result().failed:
         return Result(failed=1, remark=f"not run, since {step.after} failed")
@@ -180,13 +218,17 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
 
 
 def wait_while_it_prints(process: subprocess.Popen[bytes], log: Path) -> int | None:
-    """Exit code of a process that prints into a log; None where the log stood still and the process was stopped."""
-    size, grown = 0, time.monotonic()
+    """Exit code of a process that prints into a log; None where
+    the log stood still and the process was stopped.
+    """
+    size = 0
+    grown = time.monotonic()
     while True:
         try:
             return process.wait(timeout=LOOK_EVERY_S)
         except subprocess.TimeoutExpired:
-            before, size = size, log.stat().st_size
+            before = size
+            size = log.stat().st_size
         if size != before:
             grown = time.monotonic()
         elif time.monotonic() - grown > 60 * STILL_MINUTES:

@@ -1,4 +1,6 @@
-"""For all tests: the checkout as package `kiriko`, no Blender profile but an empty one, the same numbers each time."""
+"""For all tests: the checkout as package `kiriko`, no Blender
+profile but an empty one, the same numbers each time.
+"""
 
 import importlib
 import os
@@ -33,7 +35,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         for mark in item.iter_markers("newest_only"):
             if not mark.kwargs.get("reason"):
-                raise pytest.UsageError(f"{item.nodeid} runs with the newest versions only: say why by a reason=")
+                raise pytest.UsageError(
+                    f"{item.nodeid} runs with the newest versions only: say why by a reason="
+                )
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
@@ -45,8 +49,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     shutil.rmtree(PROFILE, ignore_errors=True)
     bpy = sys.modules.get("bpy")
     if bpy and bpy.app.version < (4, 5) and EXIT_STATUS in config.stash:
-        # As a module, Blender 4.2 crashes when Python ends, once a class has been registered with a property that has
-        # a callback (a poll will do), unregistered or not: this leaves with pytest's own exit code before that.
+        # As a module, Blender 4.2 crashes when Python ends, once a class has been registered with a
+        # property that has a callback (a poll will do), unregistered or not: this leaves with
+        # pytest's own exit code before that.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(config.stash[EXIT_STATUS])

@@ -38,19 +38,28 @@ def extra_photographs(
 ) -> Generator[float, None, list[Extra]]:
     """Other places to take a photograph from, the most telling first; yields progress.
 
-    The place of the second viewer is as uncertain as that of the first; its focal length is the same.
+    The place of the second viewer is as uncertain as that
+    of the first; its focal length is the same.
     """
-    viewer, pivot = bench.rig.viewer, bench.rig.glasses[0].mesh.bounds.mean(axis=0)
+    viewer = bench.rig.viewer
+    pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
     right, up, away = viewer.axes
     places = {
         f"{ASIDE:g} degrees further right": turned(up, ASIDE, pivot),
         f"{ASIDE:g} degrees further left": turned(up, -ASIDE, pivot),
         f"{ASIDE:g} degrees higher": turned(right, -ASIDE, pivot),
         f"{ASIDE:g} degrees lower": turned(right, ASIDE, pivot),
-        f"{NEARER:g} times the distance": Motion(np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away),
+        f"{NEARER:g} times the distance": Motion(
+            np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away
+        ),
     }
     n = len(bench.parameters)
-    own = np.array([p.name.startswith(f"{viewer.name}: ") and p.unit in {"mm", "deg"} for p in bench.parameters])
+    own = np.array(
+        [
+            p.name.startswith(f"{viewer.name}: ") and p.unit in {"mm", "deg"}
+            for p in bench.parameters
+        ]
+    )
     shared = np.flatnonzero(~own)
     first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
     columns = np.arange(n)
@@ -62,8 +71,11 @@ def extra_photographs(
     extras = []
     for k, (where, motion) in enumerate(places.items()):
         rig = replace(bench.rig, viewers=(moved(viewer, motion),))
-        theirs = {p.name: p for p in parameters(rig)}  # the second viewer is shifted and turned about its own axes
-        among = [theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)]
+        # the second viewer is shifted and turned about its own axes
+        theirs = {p.name: p for p in parameters(rig)}
+        among = [
+            theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)
+        ]
         try:
             there = Bench(rig, bench.settings, rig.viewer.project(points), among)
             at = there.seen(np.zeros(n), display=bench.display)
@@ -80,5 +92,12 @@ def extra_photographs(
         covariance = covariance_of(both)
         after = covariance[np.ix_(shared, shared)]
         gain = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) / np.log(2)
-        extras.append(Extra(where, np.sqrt(np.diag(covariance))[:n] * tolerances, condition_of(both), float(gain)))
+        extras.append(
+            Extra(
+                where,
+                np.sqrt(np.diag(covariance))[:n] * tolerances,
+                condition_of(both),
+                float(gain),
+            )
+        )
     return sorted(extras, key=lambda extra: -extra.gain)

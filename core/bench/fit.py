@@ -10,11 +10,14 @@ from ..errors import RigError
 from ..steps import within
 from .misalignment import FEWEST, ITERATIONS, Bench
 
-ENOUGH = 1e-5  # of the sum of squares, in noise, or of one: the gain of a step when there is nothing more to gain
+# of the sum of squares, in noise, or of one: the gain of a step when there is nothing more to gain
+ENOUGH = 1e-5
 HOPELESS = 1e8  # damping
 UNLIKELY = 6.0  # times the noise: points that stay so far from a fit are none of this bench's
 LEAST_USED = 0.5  # of the measured points have to be seen in the fitted rig
-STRANGE, MOST_STRANGE = 5.0, 0.1  # times the median distance; share of the points that may be left out for it
+# times the median distance; share of the points that may be left out for it
+STRANGE = 5.0
+MOST_STRANGE = 0.1
 ALIKE = 0.99  # cosine between movements from which on they are called alike
 
 
@@ -25,13 +28,18 @@ class Fit:
     Parameters
     ----------
     amounts : (p,) of the bench's parameters
-    errors : (p,) their standard deviations: where they are near the tolerances the points tell nothing of them
+    errors : (p,) their standard deviations: where they are near
+        the tolerances the points tell nothing of them
     correlation : (p, p) of these errors; near 1 or -1 two amounts cannot be told apart
-    condition : largest by smallest singular value of the points' movements, each for its tolerance, over the noise
-    before, after : rms distance of the points from where they were to be seen, and from where the fit has them, px
-    used, left_out : (m,) points that were fitted, and measured ones that are too far from where the others have them
+    condition : largest by smallest singular value of the points'
+        movements, each for its tolerance, over the noise
+    before, after : rms distance of the points from where they were
+        to be seen, and from where the fit has them, px
+    used, left_out : (m,) points that were fitted, and measured ones
+        that are too far from where the others have them
     n_measured : points that were measured
-    movements : (2 k, p) of the coordinates of the k used points, for the tolerance of each parameter, over the noise
+    movements : (2 k, p) of the coordinates of the k used points, for
+        the tolerance of each parameter, over the noise
     """
 
     amounts: Floats
@@ -50,11 +58,19 @@ class Fit:
         return int(self.used.sum())
 
     def groups(self) -> tuple[list[list[int]], list[int]]:
-        """Groups of parameters that move the points almost alike; and those that, within tolerance, hardly move any."""
+        """Groups of parameters that move the points almost alike.
+
+        And those that, within tolerance, hardly move any.
+        """
         length = np.linalg.norm(self.movements, axis=0)
-        left, groups = [int(k) for k in np.argsort(-length) if length[k] >= 1], []
+        left = [int(k) for k in np.argsort(-length) if length[k] >= 1]
+        groups = []
         while left:
-            cosine = self.movements[:, left[0]] @ self.movements[:, left] / (length[left[0]] * length[left])
+            cosine = (
+                self.movements[:, left[0]]
+                @ self.movements[:, left]
+                / (length[left[0]] * length[left])
+            )
             like = [k for k, c in zip(left, cosine, strict=True) if abs(c) > ALIKE]
             left = [k for k in left if k not in like]
             if len(like) > 1:
@@ -62,11 +78,15 @@ class Fit:
         return groups, np.flatnonzero(length < 1).tolist()
 
 
-def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) -> Generator[float, None, Fit]:
-    """Find the errors from points that were measured (m, 2), viewer px, NaN where they were not. Yields progress.
+def fit(
+    bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3
+) -> Generator[float, None, Fit]:
+    """Find the errors from points that were measured (m, 2),
+    viewer px, NaN where they were not. Yields progress.
 
-    Damped least squares (Levenberg's), with the knowledge of before: each amount is likely to be within its tolerance.
-    A few points that stay far from where all others have them, by glare or a speck of dust, are left out.
+    Damped least squares (Levenberg's), with the knowledge of before: each amount is likely to be
+    within its tolerance. A few points that stay far from where all others have them, by glare or a
+    speck of dust, are left out.
 
     Parameters
     ----------
@@ -77,21 +97,29 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
     ------
     RigError : too few points were measured, they are none of this bench's, or the fit finds no end
     """
-    tolerances, measured = np.asarray(tolerances, float), np.array(measured, float)
+    tolerances = np.asarray(tolerances, float)
+    measured = np.array(measured, float)
     is_measured = np.isfinite(measured).all(axis=1)
     if is_measured.sum() < FEWEST:
-        raise RigError(f"Only {is_measured.sum()} points were measured: a fit takes {FEWEST} or more.")
-    amounts, at, done = np.zeros(len(tolerances)), bench.view, 0.0
+        raise RigError(
+            f"Only {is_measured.sum()} points were measured: a fit takes {FEWEST} or more."
+        )
+    amounts = np.zeros(len(tolerances))
+    at = bench.view
+    done = 0.0
     away = measured - at
     before = _rms(away[is_measured].ravel())
 
     def strangers(distance: Floats) -> Bools:
-        """Which points (m,) are much further off, in noise, than the others? None if they are many."""
+        """Which points (m,) are much further off, in noise, than the others? None if
+        they are many.
+        """
         far = distance > max(UNLIKELY, STRANGE * np.nanmedian(distance))
         return far & ((left_out | far).sum() <= MOST_STRANGE * is_measured.sum())
 
     left_out = np.zeros(len(measured), bool)
-    # to begin with, against the others' displacement: far ones would draw the fit to where it finds no end
+    # to begin with, against the others' displacement: far ones
+    # would draw the fit to where it finds no end
     left_out = strangers(np.linalg.norm(away - np.nanmedian(away, axis=0), axis=1) / noise)
     measured[left_out] = np.nan
     while True:
@@ -109,13 +137,13 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
     n_left = int((is_measured & ~left_out).sum())
     if used.sum() < max(FEWEST, LEAST_USED * n_left):
         raise RigError(
-            f"Only {used.sum()} of {n_left} measured points can be followed to the display: they may be swapped or"
-            " those of another rig, or the glass has too many flat faces."
+            f"Only {used.sum()} of {n_left} measured points can be followed to the display: they"
+            " may be swapped or those of another rig, or the glass has too many flat faces."
         )
     if after >= UNLIKELY * noise:
         raise RigError(
-            f"The points lie {after:.3g} pixels from where the rig can show them, whatever is off: they may be swapped,"
-            " or those of another rig."
+            f"The points lie {after:.3g} pixels from where the rig can show them, whatever is"
+            " off: they may be swapped, or those of another rig."
         )
     covariance = covariance_of(movements)
     deviation = np.sqrt(np.diag(covariance))
@@ -136,12 +164,14 @@ def fit(bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3) 
 def _settle(
     bench: Bench, measured: Floats, tolerances: Floats, noise: float, amounts: Floats, at: Floats
 ) -> Generator[float, None, tuple[Floats, Floats, Floats, Bools, Floats]]:
-    """The fit of all points that are measured, from amounts (p,) on, where they are seen about at (m, 2).
+    """The fit of all points that are measured, from amounts
+    (p,) on, where they are seen about at (m, 2).
 
-    Returns amounts (p,); residuals (2 k,) over the noise; where all points are seen (m, 2); which k were used (m,);
-    movements (2 k, p) as in Fit.
+    Returns amounts (p,); residuals (2 k,) over the noise; where all points are
+    seen (m, 2); which k were used (m,); movements (2 k, p) as in Fit.
     """
-    n, n_measured = len(tolerances), int(np.isfinite(measured).all(axis=1).sum())
+    n = len(tolerances)
+    n_measured = int(np.isfinite(measured).all(axis=1).sum())
 
     def state(amounts: Floats, start: Floats) -> tuple[float, Floats, Floats, Bools]:
         """The sum to be made small, residuals, and where which points are seen."""
@@ -151,11 +181,14 @@ def _settle(
             return np.inf, np.empty(0), start, np.zeros(len(start), bool)
         used = np.isfinite(measured - at).all(axis=1)
         off = (measured - at)[used].ravel() / noise
-        # points that are not seen count as the others do on average: else to lose the worst would seem to help
+        # points that are not seen count as the others do on
+        # average: else to lose the worst would seem to help
         data = off @ off * n_measured / used.sum() if used.sum() >= FEWEST else np.inf
         return float(data + ((amounts / tolerances) ** 2).sum()), off, at, used
 
-    def movements(amounts: Floats, at: Floats, used: Bools) -> Generator[float, None, Floats | None]:
+    def movements(
+        amounts: Floats, at: Floats, used: Bools
+    ) -> Generator[float, None, Floats | None]:
         """Of residuals (2 k,) for each tolerance (p,); None where no such rig can be made."""
         try:
             found = yield from bench.sensitivities(amounts, at)
@@ -168,7 +201,9 @@ def _settle(
     d = yield from within(movements(amounts, at, used), 0.0, 0.2)
     for k in range(ITERATIONS):
         normal = d.T @ d + np.eye(n)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), d.T @ off - amounts / tolerances)
+        step = np.linalg.solve(
+            normal + damping * np.diag(np.diag(normal)), d.T @ off - amounts / tolerances
+        )
         tried = amounts + step * tolerances
         value, *found = state(tried, at)
         # how many steps it takes is not known: each gets a part of the rest
@@ -180,11 +215,16 @@ def _settle(
                 return amounts, off, at, used, d
             continue
         is_at_end = cost - value < ENOUGH * max(cost, 1.0)
-        amounts, cost, (off, at, used), d, damping = tried, value, found, there, damping / 10
+        amounts = tried
+        cost = value
+        (off, at, used) = found
+        d = there
+        damping = damping / 10
         if is_at_end:
             return amounts, off, at, used, d
     raise RigError(
-        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong or counted in another way,"
+        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong or"
+        f" counted in another way,"
         " compare the lattice with the picture, or expect less to be off."
     )
 

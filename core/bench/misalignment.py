@@ -1,7 +1,8 @@
 """The view of a bench whose parts do not stand, or are not made, as planned.
 
-A dot of the source image stays where it is on the display; the viewer sees it where a ray lands on it. With y the map
-from viewer to display and p the errors, dx = -J^-1 dy/dp: by the view map's own derivatives, with no dot looked for.
+A dot of the source image stays where it is on the display; the viewer sees it where a ray lands on
+it. With y the map from viewer to display and p the errors, dx = -J^-1 dy/dp: by the view map's own
+derivatives, with no dot looked for.
 """
 
 from collections.abc import Generator
@@ -37,12 +38,16 @@ class Bench:
 
     Attributes
     ----------
-    display : (m, 2) display px at which the display shows the points; NaN where the viewer does not see them
+    display : (m, 2) display px at which the display shows the
+        points; NaN where the viewer does not see them
     """
 
-    def __init__(self, rig: Rig, settings: Settings, view: Floats, among: list[Parameter] | None = None) -> None:
+    def __init__(
+        self, rig: Rig, settings: Settings, view: Floats, among: list[Parameter] | None = None
+    ) -> None:
         # a point that is seen beside the glass is none of those that are seen in it
-        self.rig, self.settings = rig, replace(settings, suppress_glare=0.0)
+        self.rig = rig
+        self.settings = replace(settings, suppress_glare=0.0)
         self.view = np.asarray(view, float)
         self.parameters = parameters(rig) if among is None else among
         self._kept = Kept()
@@ -51,20 +56,27 @@ class Bench:
     def plan(self, amounts: Floats | None = None) -> Plan:
         """Of the bench, with amounts (p,) of its parameters."""
         rig = self.rig
-        for parameter, amount in zip(self.parameters, () if amounts is None else amounts, strict=False):
+        for parameter, amount in zip(
+            self.parameters, () if amounts is None else amounts, strict=False
+        ):
             if amount:
                 rig = parameter.applied(rig, float(amount))
         return make_plan(rig, self.settings, self._kept)
 
     def shown(self, amounts: Floats) -> Floats:
-        """Display px (m, 2) at which the points have to be shown when amounts (p,) are known to be off."""
+        """Display px (m, 2) at which the points have to be
+        shown when amounts (p,) are known to be off.
+        """
         return self._on_branch(self.plan(amounts), self.view)
 
-    def seen(self, amounts: Floats, start: Floats | None = None, display: Floats | None = None) -> Floats:
-        """Where the points are seen (m, 2), viewer px, with amounts (p,) off; NaN where they are not, or not found.
+    def seen(
+        self, amounts: Floats, start: Floats | None = None, display: Floats | None = None
+    ) -> Floats:
+        """Where the points are seen (m, 2), viewer px, with amounts
+        (p,) off; NaN where they are not, or not found.
 
-        By Newton's method from `start` (m, 2), by default from where they are planned to be seen. The points are shown
-        where that was planned, or at display px (m, 2).
+        By Newton's method from `start` (m, 2), by default from where they are planned to be
+        seen. The points are shown where that was planned, or at display px (m, 2).
         """
         wanted = self.display if display is None else display
         plan = self.plan(amounts)
@@ -84,13 +96,17 @@ class Bench:
         return at
 
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
-        """How the points move (p, m, 2), viewer px for a unit of each parameter, by the view map's derivatives.
+        """How the points move (p, m, 2), viewer px for a unit of
+        each parameter, by the view map's derivatives.
 
-        amounts (p,) and at (m, 2): the errors, and where the points are seen then; by default nothing, as planned
+        amounts (p,) and at (m, 2): the errors, and where the
+        points are seen then; by default nothing, as planned
         """
         return finish(self.sensitivities(amounts, at))
 
-    def sensitivities(self, amounts: Floats | None = None, at: Floats | None = None) -> Generator[float, None, Floats]:
+    def sensitivities(
+        self, amounts: Floats | None = None, at: Floats | None = None
+    ) -> Generator[float, None, Floats]:
         """The same in steps; yields progress 0..1."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.asarray(amounts, float)
         at = self.view if at is None else at
@@ -113,15 +129,21 @@ class Bench:
         return y[0], np.stack([y[1] - y[2], y[3] - y[4]], axis=2) / STEP
 
     def _land(self, plan: Plan, at: Floats) -> tuple[Floats, np.ndarray]:
-        """Display px (n, 2), also beside a flat display, and branch (n,) of viewer px (n, 2); NaN for none."""
+        """Display px (n, 2), also beside a flat display, and
+        branch (n,) of viewer px (n, 2); NaN for none.
+        """
         is_there = np.isfinite(at).all(axis=1)
-        xy, branch = np.full(at.shape, np.nan), np.zeros(len(at), np.uint64)
+        xy = np.full(at.shape, np.nan)
+        branch = np.zeros(len(at), np.uint64)
         landings = trace_all(plan, *plan.rig.viewer.rays(at[is_there]))
-        xy[is_there], branch[is_there] = landings.xy, landings.branch
+        xy[is_there] = landings.xy
+        branch[is_there] = landings.branch
         return xy, branch
 
     def _on_branch(self, plan: Plan, at: Floats) -> Floats:
-        """Landings (k m, 2) of viewer px; NaN where light takes another way than as planned to the same point."""
+        """Landings (k m, 2) of viewer px; NaN where light takes
+        another way than as planned to the same point.
+        """
         xy, branch = self._land(plan, at)
         xy[branch != np.tile(self._branch, len(at) // len(self.view))] = np.nan
         return xy

@@ -10,8 +10,16 @@ from ..glass.motion import Motion, find_motion
 from ..products import turn
 from ..rig import WAVELENGTH, ConstantIndex, Mesh, Plate, Rig, Viewer
 
-# standard deviations to expect, in the parameters' units, of a bench that was set up with rulers and squares
-TOLERANCES = {"shift": 0.5, "turn": 0.1, "index": 0.002, "crossing": 0.02, "mirror": 0.01, "focal": 0.1}
+# standard deviations to expect, in the parameters' units, of a
+# bench that was set up with rulers and squares
+TOLERANCES = {
+    "shift": 0.5,
+    "turn": 0.1,
+    "index": 0.002,
+    "crossing": 0.02,
+    "mirror": 0.01,
+    "focal": 0.1,
+}
 AXES = ("right", "up", "away")  # as the viewer of the planned rig looks
 
 
@@ -35,29 +43,41 @@ class Parameter:
 
 
 def parameters(rig: Rig) -> list[Parameter]:
-    """All that may be off: place and angle of each part, indices of the glass, the plate's make, the camera's image."""
+    """All that may be off: place and angle of each part, indices of
+    the glass, the plate's make, the camera's image.
+    """
     found = []
     for kind in ("glasses", "plates", "displays", "viewers"):
         for number, part in enumerate(getattr(rig, kind)):
             found += _poses(rig, kind, number, part.name)
     for number, glass in enumerate(rig.glasses):
-        found.append(Parameter(f"{glass.name}: index", "", 1e-4, _changed("glasses", number, _other_index)))
+        found.append(
+            Parameter(f"{glass.name}: index", "", 1e-4, _changed("glasses", number, _other_index))
+        )
     for number, plate in enumerate(rig.plates):
         if plate.array is not None and plate.array.layout == "crossed":
             change = _changed("plates", number, _crossed_wrong)
             found.append(Parameter(f"{plate.name}: crossing angle", "deg", 1e-2, change))
         if plate.array is not None:
-            found.append(Parameter(f"{plate.name}: mirror height", "mm", 1e-3, _changed("plates", number, _higher)))
-    found.append(Parameter(f"{rig.viewer.name}: focal length", "%", 1e-2, _changed("viewers", 0, _zoomed)))
+            found.append(
+                Parameter(
+                    f"{plate.name}: mirror height", "mm", 1e-3, _changed("plates", number, _higher)
+                )
+            )
+    found.append(
+        Parameter(f"{rig.viewer.name}: focal length", "%", 1e-2, _changed("viewers", 0, _zoomed))
+    )
     return found
 
 
 def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
     """The rig with amounts by the names of its parameters, and those names that it does not have.
 
-    The picture goes along with the viewer: all that is wanted, and measured, is in the viewer's own image.
+    The picture goes along with the viewer: all that is
+    wanted, and measured, is in the viewer's own image.
     """
-    planned, left = rig, {name: amount for name, amount in amounts.items() if amount}
+    planned = rig
+    left = {name: amount for name, amount in amounts.items() if amount}
     for parameter in parameters(rig):
         amount = left.pop(parameter.name, 0.0)
         if amount:
@@ -65,7 +85,9 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
     if rig.viewer is not planned.viewer:
         linear, shift = along_with(planned.viewer, rig.viewer)
         pictures = tuple(
-            p if p.mesh is None else replace(p, mesh=replace(p.mesh, vertices=turn(linear, p.mesh.vertices) + shift))
+            p
+            if p.mesh is None
+            else replace(p, mesh=replace(p.mesh, vertices=turn(linear, p.mesh.vertices) + shift))
             for p in rig.pictures
         )
         rig = replace(rig, pictures=pictures)
@@ -73,7 +95,9 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
 
 
 def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, tuple[str, ...]]:
-    """The rig with several sets of amounts, one after the other, and the names that it does not have."""
+    """The rig with several sets of amounts, one after the
+    other, and the names that it does not have.
+    """
     unknown: list[str] = []
     for amounts in offset:
         rig, names = with_amounts(rig, amounts)
@@ -82,8 +106,12 @@ def with_offset(rig: Rig, offset: Iterable[Mapping[str, float]]) -> tuple[Rig, t
 
 
 def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
-    """Where points p go, linear (3, 3) @ p + shift (3,), that are seen in the same pixels, as far away, as before."""
-    zoom = np.diag([*(np.ptp(after.window[k : k + 2]) / np.ptp(before.window[k : k + 2]) for k in (0, 2)), 1.0])
+    """Where points p go, linear (3, 3) @ p + shift (3,), that are
+    seen in the same pixels, as far away, as before.
+    """
+    zoom = np.diag(
+        [*(np.ptp(after.window[k : k + 2]) / np.ptp(before.window[k : k + 2]) for k in (0, 2)), 1.0]
+    )
     linear = after.axes.T @ zoom @ before.axes
     return linear, after.position - linear @ before.position
 
@@ -103,14 +131,24 @@ def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
 
 
 def _poses(rig: Rig, kind: str, number: int, name: str) -> Iterator[Parameter]:
-    """Shifts of a part along the viewer's axes, in mm, and turns about these through its own middle, in degrees."""
+    """Shifts of a part along the viewer's axes, in mm, and turns
+    about these through its own middle, in degrees.
+    """
     part = getattr(rig, kind)[number]
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
     for word, axis in zip(AXES, rig.viewer.axes, strict=True):
-        shift = _changed(kind, number, lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)))
+        shift = _changed(
+            kind,
+            number,
+            lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
+        )
         yield Parameter(f"{name}: shift {word}", "mm", 1e-2, shift)
     for word, axis in zip(AXES, rig.viewer.axes, strict=True):
-        turn = _changed(kind, number, lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)))
+        turn = _changed(
+            kind,
+            number,
+            lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)),
+        )
         yield Parameter(f"{name}: turn about {word}", "deg", 1e-2, turn)
 
 
@@ -127,7 +165,9 @@ def turned(axis: Floats, degrees: float, about: Floats) -> Motion:
 def moved(part, motion: Motion):
     """A glass, plate, display or viewer elsewhere."""
     if isinstance(part, Viewer):
-        return replace(part, position=motion.points(part.position), axes=motion.directions(part.axes))
+        return replace(
+            part, position=motion.points(part.position), axes=motion.directions(part.axes)
+        )
     mesh = _moved_mesh(part.mesh, motion)
     if not isinstance(part, Plate):
         return replace(part, mesh=mesh)
@@ -161,7 +201,10 @@ def _other_index(glass, amount: float):
 
 
 def _crossed_wrong(plate: Plate, degrees: float) -> Plate:
-    return replace(plate, array=replace(plate.array, crossing_error=plate.array.crossing_error + np.radians(degrees)))
+    return replace(
+        plate,
+        array=replace(plate.array, crossing_error=plate.array.crossing_error + np.radians(degrees)),
+    )
 
 
 def _higher(plate: Plate, mm: float) -> Plate:

@@ -1,7 +1,8 @@
 """Where the parts of a new rig stand, and how large they are. Lengths in m.
 
-The viewer looks along f; the picture stands in the glass's centre c and faces the viewer; the plate stands at c + D f.
-The display stands where the plate images the picture: at its mirror image in the plate, turned as a mirror turns it.
+The viewer looks along f; the picture stands in the glass's centre c and faces the viewer; the plate
+stands at c + D f. The display stands where the plate images the picture: at its mirror image in the
+plate, turned as a mirror turns it.
 """
 
 from dataclasses import dataclass, replace
@@ -13,18 +14,23 @@ from ..light.optics import reflect
 from ..rig import Display, Mesh, Picture, Plate, Rig, Viewer
 from ..vectors import dot
 
-# The rig of Kiriko's reference (docs): for a glass up to LARGE wide; a larger one scales all of them
+# The rig of Kiriko's reference (docs): for a glass up to
+# LARGE wide; a larger one scales all of them
 DISTANCE = 0.15  # m, from the glass's centre to the plate's
 VIEWER_DISTANCE = 1.0  # m
 PLATE_SIZE = 0.488  # m
 LARGE = 0.1  # m
-PICTURE_SHARE = 0.5  # of the glass's smaller side: the plate takes all light of it from balls of index up to 1.6
+# of the glass's smaller side: the plate takes all light of it from balls of index up to 1.6
+PICTURE_SHARE = 0.5
 DISPLAY_LIMIT = 10  # times the picture
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Frames (4, 4) of the parts: columns right, up, front, position; right-handed. The viewer looks along -front."""
+    """Frames (4, 4) of the parts: columns right, up, front, position.
+
+    Right-handed. The viewer looks along -front.
+    """
 
     viewer: Floats
     picture: Floats
@@ -39,20 +45,24 @@ def frame(right: Floats, up: Floats, position: Floats) -> Floats:
     return matrix
 
 
-def place(centre: Floats, distance: float, tilt: float, viewer_distance: float, azimuth: float = 0.0) -> Placement:
+def place(
+    centre: Floats, distance: float, tilt: float, viewer_distance: float, azimuth: float = 0.0
+) -> Placement:
     """Stand the parts of a rig around a glass, z up.
 
     Parameters
     ----------
     centre : (3,) of the glass
     distance : from there to the plate's centre along the view axis
-    tilt : rad, of the plate about the horizontal; 0 faces the viewer, pi/4 has the display straight below the plate
+    tilt : rad, of the plate about the horizontal; 0 faces the
+        viewer, pi/4 has the display straight below the plate
     viewer_distance : from the centre to the viewer
     azimuth : rad, by which the viewer goes round the glass about z; at 0 it looks along +y
     """
     centre = np.asarray(centre, float)
     forward = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    right, up = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]), np.array([0.0, 0.0, 1.0])
+    right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
     normal = np.cos(tilt) * forward - np.sin(tilt) * up
     plate_centre = centre + distance * forward
     mirrored = centre + 2 * dot(plate_centre - centre, normal) * normal
@@ -68,7 +78,8 @@ def place(centre: Floats, distance: float, tilt: float, viewer_distance: float, 
 class Wishes:
     """The request for a new rig: lengths in m, 0 where the glass decides; angles in rad.
 
-    `field` is the width that the viewer sees at the glass; `max_display` the most that a display may have by itself.
+    `field` is the width that the viewer sees at the glass;
+    `max_display` the most that a display may have by itself.
     """
 
     distance: float = 0.0
@@ -107,7 +118,8 @@ def propose(bounds: Floats, wishes: Wishes) -> Proposal:
     grow = max(1.0, wide / LARGE)
 
     picture = wishes.picture or PICTURE_SHARE * float(min(width, height) or wide)
-    distance, away = wishes.distance or DISTANCE * grow, wishes.viewer_distance or VIEWER_DISTANCE * grow
+    distance = wishes.distance or DISTANCE * grow
+    away = wishes.viewer_distance or VIEWER_DISTANCE * grow
     return Proposal(
         placement=place((low + high) / 2, distance, wishes.tilt, away, wishes.azimuth),
         viewer_distance=away,
@@ -119,7 +131,9 @@ def propose(bounds: Floats, wishes: Wishes) -> Proposal:
 
 
 def rectangle(at: Floats, width: float, height: float) -> Mesh:
-    """A plane in the frame `at` (4, 4), whose front is the third axis, with UV from its lower left corner."""
+    """A plane in the frame `at` (4, 4), whose front is the
+    third axis, with UV from its lower left corner.
+    """
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
     across = (uv - 0.5) * (width, height)
     triangles = np.array([[0, 1, 2], [0, 2, 3]])
@@ -127,12 +141,17 @@ def rectangle(at: Floats, width: float, height: float) -> Mesh:
 
 
 def viewer_of(proposal: Proposal, pixels: tuple[int, int], aspect: float = 1.0) -> Viewer:
-    """The viewer, whose longer side is the field; pixels (width, height), each `aspect` times as wide as high."""
+    """The viewer, whose longer side is the field.
+
+    Pixels (width, height), each `aspect` times as wide as high.
+    """
     right, up, front = proposal.placement.viewer[:3, :3].T
     sides = np.array([pixels[0] * aspect, pixels[1]])
     x, y = 0.5 * proposal.field / proposal.viewer_distance * sides / sides.max()
     at = proposal.placement.viewer[:3, 3]
-    return Viewer("Kiriko Viewer", "perspective", at, np.stack([right, up, -front]), (-x, x, -y, y), *pixels)
+    return Viewer(
+        "Kiriko Viewer", "perspective", at, np.stack([right, up, -front]), (-x, x, -y, y), *pixels
+    )
 
 
 def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, int]) -> Rig:
@@ -143,7 +162,8 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
     bench : glass, and the plates, mirrors and blockers that are there
     pixels : width and height of the display
     """
-    where, (columns, rows) = proposal.placement, pixels
+    where = proposal.placement
+    (columns, rows) = pixels
     plate = rectangle(where.plate, proposal.plate, proposal.plate)
     picture = rectangle(where.picture, proposal.picture, proposal.picture)
     display = rectangle(where.display, proposal.display, proposal.display * rows / columns)
@@ -159,8 +179,9 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
 def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:
     """The default picture: n x n dots on black whose colour says which is which.
 
-    Dot (i, j), column i from the left and row j from the top, has linear red 1, green (i + 1) / (n + 1) and blue
-    (j + 1) / (n + 1); its centre is at ((i + 1/2) / n, (j + 1/2) / n) of the picture, its radius a fifth of the pitch.
+    Dot (i, j), column i from the left and row j from the top, has linear red 1, green (i + 1) / (n
+    + 1) and blue (j + 1) / (n + 1); its centre is at ((i + 1/2) / n, (j + 1/2) / n) of the picture,
+    its radius a fifth of the pitch.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Where does a picture's light land, and how large has a display to be for it?
 
-Points spread evenly over the picture are traced from the viewer, straight through them, to the display's plane. Each
-stands for the part of the picture around it, as the viewer sees it.
+Points spread evenly over the picture are traced from the viewer, straight through them, to the
+display's plane. Each stands for the part of the picture around it, as the viewer sees it.
 """
 
 from collections.abc import Generator
@@ -21,7 +21,8 @@ CHUNK = 5000  # rays traced together
 MOST = 0.95  # share of the light without its outermost part
 THIRDS = 1 / 3, 2 / 3  # of the picture's sides
 SEVERAL = "several parts of the picture"
-MOSTLY = 0.5  # share of the outermost light that has to come from a part of the picture for that part to be named
+# share of the outermost light that has to come from a part of the picture for that part to be named
+MOSTLY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,8 @@ class Spread:
     weight : (n,) share of the picture
     beside : (m, 2) as places, of light that lands beside the display
     beside_weight : (m,) share of the picture
-    lost : shares of the picture that do not arrive, by reason; the part out of the viewer's sight does not count
+    lost : shares of the picture that do not arrive, by reason; the
+        part out of the viewer's sight does not count
     leaked : share of the picture whose light goes through gaps in open glass
     """
 
@@ -46,7 +48,9 @@ class Spread:
     leaked: float
 
     def width(self, aspect: float, share: float = 1.0) -> float:
-        """Width, m, of a display, `aspect` times as wide as high, on which this share of the arriving light lands."""
+        """Width, m, of a display, `aspect` times as wide as high,
+        on which this share of the arriving light lands.
+        """
         if not len(self.across):
             return 0.0
         half = self._half_widths(aspect)
@@ -56,7 +60,9 @@ class Spread:
         return 2 * float(half[order[last]])
 
     def outermost(self, aspect: float) -> str:
-        """From which part of the picture the light comes that lands furthest from the display's middle, in words."""
+        """From which part of the picture the light comes that lands
+        furthest from the display's middle, in words.
+        """
         is_far = 2 * self._half_widths(aspect) > self.width(aspect, MOST)
         return part_of_picture(self.places[is_far], self.weight[is_far])
 
@@ -65,7 +71,9 @@ class Spread:
 
 
 def part_of_picture(places: Floats, weight: Floats) -> str:
-    """The part of a picture in which most of these places (n, 2) lie, in its UV, by their weight (n,), in words."""
+    """The part of a picture in which most of these places (n,
+    2) lie, in its UV, by their weight (n,), in words.
+    """
     if not len(places):
         return SEVERAL
     column, row = np.digitize(places, THIRDS).T
@@ -76,14 +84,24 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     if of_part[row, column] >= MOSTLY:
         words = [("lower", "", "upper")[row], ("left", "", "right")[column]]
         kind = "corner" if all(words) else "side"
-        return f"the picture's {' '.join(filter(None, words))} {kind}" if any(words) else "the picture's middle"
-    sides = {"lower": of_part[0], "upper": of_part[2], "left": of_part[:, 0], "right": of_part[:, 2]}
+        return (
+            f"the picture's {' '.join(filter(None, words))} {kind}"
+            if any(words)
+            else "the picture's middle"
+        )
+    sides = {
+        "lower": of_part[0],
+        "upper": of_part[2],
+        "left": of_part[:, 0],
+        "right": of_part[:, 2],
+    }
     side = max(sides, key=lambda word: sides[word].sum())
     return f"the picture's {side} side" if sides[side].sum() >= MOSTLY else SEVERAL
 
 
 def points_of(picture: Picture) -> tuple[Floats, Floats, Floats]:
-    """Points (n, 3) spread evenly over the triangles of a picture, their UV (n, 2) and the area (n,) each stands for.
+    """Points (n, 3) spread evenly over the triangles of a picture,
+    their UV (n, 2) and the area (n,) each stands for.
 
     A triangle is divided into small ones; a third of each belongs to each of its corners.
     """
@@ -95,7 +113,10 @@ def points_of(picture: Picture) -> tuple[Floats, Floats, Floats]:
 
     corners = picture.mesh.corners
     weights = np.stack([a, b, c], axis=1) / GRID
-    points, uv = (np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1]) for x in (corners, picture.mesh.uv))
+    points, uv = (
+        np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1])
+        for x in (corners, picture.mesh.uv)
+    )
     sides = corners[:, 1:] - corners[:, :1]
     whole = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return points, uv, (whole[:, None] * area).ravel()
@@ -114,18 +135,22 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     xy = viewer.project(points)
     is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
     origins, directions = viewer.rays(xy[is_seen])
-    uv, weight = uv[is_seen], area[is_seen] / max(area[is_seen].sum(), np.finfo(float).tiny)
+    uv = uv[is_seen]
+    weight = area[is_seen] / max(area[is_seen].sum(), np.finfo(float).tiny)
 
-    across, reason = np.full((len(uv), 2), np.nan), np.zeros(len(uv), int)
+    across = np.full((len(uv), 2), np.nan)
+    reason = np.zeros(len(uv), int)
     has_leaked = np.zeros(len(uv), bool)
     for first in range(0, len(uv), CHUNK):
         some = slice(first, first + CHUNK)
         landings = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
         across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
-        reason[some], has_leaked[some] = landings.reason, landings.leak >= 0
+        reason[some] = landings.reason
+        has_leaked[some] = landings.leak >= 0
 
     lost = {word: float(weight[reason == number].sum()) for number, word in REASON_WORDS.items()}
-    arrived, beside = reason == Reason.ARRIVED, reason == Reason.MISSED_DISPLAY
+    arrived = reason == Reason.ARRIVED
+    beside = reason == Reason.MISSED_DISPLAY
     return Spread(
         places=uv[arrived],
         across=across[arrived],

@@ -1,4 +1,6 @@
-"""From where is the picture seen? Viewers on a sphere around it, each looking straight at points of it."""
+"""From where is the picture seen? Viewers on a sphere
+around it, each looking straight at points of it.
+"""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -24,15 +26,16 @@ ROUNDING = 1e-9  # of shares
 
 @dataclass(frozen=True, eq=False)
 class VisibleRange:
-    """The picture's points as viewers see them at places of a grid, rows going up and columns to the right.
+    """The picture's points as viewers see them at places of a
+    grid, rows going up and columns to the right.
 
     Parameters
     ----------
     positions : (n, n, 3) m, world
     share : (n, n) of the picture's area whose light comes from the display, 0..1
     brightness : (n, n) mean throughput of that light
-    extent : how far to the left, right, down and up from the viewer's place as much is seen as was asked for, rad;
-        NaN where not even from there
+    extent : how far to the left, right, down and up from the viewer's place as
+        much is seen as was asked for, rad; NaN where not even from there
     best : largest share seen from any place
     """
 
@@ -50,9 +53,12 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     ------
     RigError : the picture has no place of its own
     """
-    viewer, picture = plan.rig.viewer, plan.rig.picture
+    viewer = plan.rig.viewer
+    picture = plan.rig.picture
     if picture.mesh is None:
-        raise RigError("The picture is in the viewer's own pixels and moves with it: choose a picture plane.")
+        raise RigError(
+            "The picture is in the viewer's own pixels and moves with it: choose a picture plane."
+        )
     plan = replace(plan, settings=replace(plan.settings, brightness=True))
     points, area = _points_of(picture.mesh.corners)
     centre = picture.mesh.bounds.mean(axis=0)
@@ -63,7 +69,9 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
 
     def places(a: Floats, b: Floats) -> Floats:
         """Positions (..., 3) by angles (...) to the right and up."""
-        outward = np.cos(b)[..., None] * (np.sin(a)[..., None] * right - np.cos(a)[..., None] * forward)
+        outward = np.cos(b)[..., None] * (
+            np.sin(a)[..., None] * right - np.cos(a)[..., None] * forward
+        )
         return centre + distance * (outward + np.sin(b)[..., None] * up)
 
     def seen_from(positions: Floats) -> tuple[Floats, Floats]:
@@ -73,7 +81,10 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         landings = trace_all(plan, origins, directions)
         share = landings.has_arrived.reshape(len(positions), -1) @ area
-        light = dot(np.where(landings.has_arrived, landings.throughput, 0.0).reshape(len(positions), -1), area)
+        light = dot(
+            np.where(landings.has_arrived, landings.throughput, 0.0).reshape(len(positions), -1),
+            area,
+        )
         return np.minimum(share, 1.0), light / np.where(share > 0, share, 1.0)
 
     angles = np.linspace(-FARTHEST, FARTHEST, STEPS + 1)
@@ -94,12 +105,18 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         yield 0.9 + 0.025 * len(extent)
     shape = a.shape
     return VisibleRange(
-        positions.reshape(*shape, 3), share.reshape(shape), brightness.reshape(shape), tuple(extent), float(share.max())
+        positions.reshape(*shape, 3),
+        share.reshape(shape),
+        brightness.reshape(shape),
+        tuple(extent),
+        float(share.max()),
     )
 
 
 def _points_of(corners: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) spread over triangles (m, 3, 3), at most POINTS of them, and each one's share (n,) of the area."""
+    """Points (n, 3) spread over triangles (m, 3, 3), at most
+    POINTS of them, and each one's share (n,) of the area.
+    """
     area = areas_of(corners)
     if len(corners) > POINTS:  # every so much of the area, a triangle
         until = np.cumsum(area) / area.sum()

@@ -1,4 +1,6 @@
-"""Puts a calibration's result into the scene: objects moved, settings changed. All of it, or nothing."""
+"""Puts a calibration's result into the scene: objects
+moved, settings changed. All of it, or nothing.
+"""
 
 import json
 from collections.abc import Callable, Iterator
@@ -16,14 +18,18 @@ from ..light.display import display_pixel
 from ..rig import WAVELENGTH, Rig
 from .scene import Reading, length_of_unit, object_matrix
 
-NEAR = 0.1  # px of display and viewer: so near, in single precision, everything has to come to be as fitted
+# px of display and viewer: so near, in single precision, everything has to come to be as fitted
+NEAR = 0.1
 SINGLE = 1e-6  # the error of numbers of about 1 in single precision
 PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
 @contextmanager
-def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]) -> Iterator[None]:
-    """Make the scene show the rig that a reading has with its offset; the offset goes. Undone if the code within fails.
+def put_into_scene(
+    scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]
+) -> Iterator[None]:
+    """Make the scene show the rig that a reading has with its
+    offset; the offset goes. Undone if the code within fails.
 
     Parameters
     ----------
@@ -31,13 +37,14 @@ def put_into_scene(scene: bpy.types.Scene, reading: Reading, read: Callable[[], 
 
     Raises
     ------
-    RigError : a part is gone, or held where it is by something else: a constraint, an animation, a parent
+    RigError : a part is gone, or held where it is by something
+        else: a constraint, an animation, a parent
     """
     _, unknown = with_offset(reading.drawn, json.loads(scene.kiriko.calibration.offset or "[]"))
     if unknown:
         raise RigError(
-            f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate again, or remove the"
-            " offset."
+            f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate"
+            " again, or remove the offset."
         )
     undo = _Undo()
     try:
@@ -75,18 +82,30 @@ class _Undo:
 def _object(name: str) -> bpy.types.Object:
     thing = bpy.data.objects.get(name)
     if thing is None:
-        raise RigError(f"'{name}' is an instance, and cannot be moved alone: keep the offset instead.")
+        raise RigError(
+            f"'{name}' is an instance, and cannot be moved alone: keep the offset instead."
+        )
     for block in (thing, thing.data):
         if block is not None and not block.is_editable:
-            raise RigError(f"'{name}' is linked from another file, and would not stay as it is set: keep the offset.")
+            raise RigError(
+                f"'{name}' is linked from another file, and would not stay as it is"
+                f" set: keep the offset."
+            )
         animation = None if block is None else block.animation_data
-        if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
-            raise RigError(f"'{name}' is animated, and would not stay as it is set: keep the offset instead.")
+        if animation is not None and (
+            animation.action or animation.drivers or animation.nla_tracks
+        ):
+            raise RigError(
+                f"'{name}' is animated, and would not stay as it is set: keep the offset instead."
+            )
     return thing
 
 
 def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
-    """Move objects of parts that are off, and the picture; parents first, for they take their children along."""
+    """Move objects of parts that are off, and the picture.
+
+    Parents first, for they take their children along.
+    """
     motions = part_motions(reading.drawn, reading.rig)
     moves = {name: (motion.rotation, motion.shift) for name, motion in motions.items()}
     for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
@@ -94,7 +113,8 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
             moves[b.name] = along_with(reading.drawn.viewer, reading.rig.viewer)
     targets = []
     for name, (linear, shift) in moves.items():
-        thing, matrix = _object(name), object_matrix(linear, shift, length_of_unit(scene))
+        thing = _object(name)
+        matrix = object_matrix(linear, shift, length_of_unit(scene))
         depth, parent = 0, thing.parent
         while parent is not None:
             depth, parent = depth + 1, parent.parent
@@ -106,7 +126,9 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
 
 
 def _change(reading: Reading, undo: _Undo) -> None:
-    """Set indices, the make of plates, and the focal length, where they are not as the scene has them."""
+    """Set indices, the make of plates, and the focal
+    length, where they are not as the scene has them.
+    """
     for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
         if a.ior(WAVELENGTH) != b.ior(WAVELENGTH):
             ours = _object(b.name).kiriko
@@ -128,13 +150,21 @@ def _change(reading: Reading, undo: _Undo) -> None:
 
 def _compare(found: Rig, wanted: Rig) -> None:
     """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
-    viewer, pixel = wanted.viewer, display_pixel(wanted.display)
+    viewer = wanted.viewer
+    pixel = display_pixel(wanted.display)
     for kind in ("glasses", "plates", "displays", "mirrors", "blockers"):
         for a, b in zip(getattr(found, kind), getattr(wanted, kind), strict=True):
-            if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(a, b):
+            if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(
+                a, b
+            ):
                 raise _held(b.name)
-    across = np.ptp(viewer.window[:2]) / viewer.width  # of a viewer pixel at unit distance, or of its plane
-    reach = 1.0 if viewer.projection == "perspective" else np.abs(wanted.display.mesh.vertices - viewer.position).max()
+    # of a viewer pixel at unit distance, or of its plane
+    across = np.ptp(viewer.window[:2]) / viewer.width
+    reach = (
+        1.0
+        if viewer.projection == "perspective"
+        else np.abs(wanted.display.mesh.vertices - viewer.position).max()
+    )
     if (
         np.abs(found.viewer.position - viewer.position).max() > NEAR * pixel
         or np.abs(found.viewer.axes - viewer.axes).max() * reach > NEAR * across
@@ -150,8 +180,8 @@ def _compare(found: Rig, wanted: Rig) -> None:
 
 def _held(name: str) -> RigError:
     return RigError(
-        f"'{name}' does not come to be as fitted (a constraint, a parent or shared data holds it, or takes it along):"
-        " keep the offset instead."
+        f"'{name}' does not come to be as fitted (a constraint, a parent or shared data holds it,"
+        " or takes it along): keep the offset instead."
     )
 
 
@@ -168,9 +198,12 @@ def _is_made_like(a: Any, b: Any) -> bool:
 
 @contextmanager
 def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
-    """Keep calibrations' results, amounts by the parameters' names. Undone if the code within fails."""
+    """Keep calibrations' results, amounts by the parameters'
+    names. Undone if the code within fails.
+    """
     ours = scene.kiriko.calibration
-    before, ours.offset = ours.offset, json.dumps(offset)
+    before = ours.offset
+    ours.offset = json.dumps(offset)
     try:
         yield
     except BaseException:

@@ -14,7 +14,8 @@ from .parts import Part
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
 from .shapes import Kept
 
-UPRIGHT = 0.99  # cosine between a plate's normal and its x axis above which that axis does not lie in it
+# cosine between a plate's normal and its x axis above which that axis does not lie in it
+UPRIGHT = 0.99
 DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 
 
@@ -22,7 +23,8 @@ DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
 class MaterialReading:
     """One material of a glass object, as read.
 
-    `source` is the shader that gave the index, 'override' or 'default'; `ignored` is in the material but not followed.
+    `source` is the shader that gave the index, 'override' or
+    'default'; `ignored` is in the material but not followed.
     """
 
     object_name: str
@@ -35,11 +37,12 @@ class MaterialReading:
 def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     """A glass with the index of its most used refractive material, or the override.
 
-    The settings are the original object's: drivers and keys are written to them too, while the evaluated copy does
-    not hear of a script's settings.
+    The settings are the original object's: drivers and keys are written to them
+    too, while the evaluated copy does not hear of a script's settings.
     """
     settings = part.owner.kiriko
-    name, notes = part.owner.name, []
+    name = part.owner.name
+    notes = []
     readings = []
     for material in part.materials:
         found = read_refraction(material)
@@ -47,19 +50,31 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
             continue
         notes += found.notes
         if settings.use_ior:
-            readings.append(MaterialReading(name, material.name, settings.ior, "override", found.ignored))
+            readings.append(
+                MaterialReading(name, material.name, settings.ior, "override", found.ignored)
+            )
         else:
-            readings.append(MaterialReading(name, material.name, found.ior, found.source, found.ignored))
+            readings.append(
+                MaterialReading(name, material.name, found.ior, found.source, found.ignored)
+            )
     if not readings:
         ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
         material = next((m.name for m in part.materials if m is not None), "")
         readings = [MaterialReading(name, material, ior, source)]
         if source == "default":
-            notes.append(f"The glass '{name}' has no refractive material: using an index of refraction of {ior}.")
-    plain = sorted({m.name for m in part.materials if m is not None} - {r.material_name for r in readings})
+            notes.append(
+                f"The glass '{name}' has no refractive material: using an index of"
+                f" refraction of {ior}."
+            )
+    plain = sorted(
+        {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
+    )
     if plain:
         listed = ", ".join(f"'{material}'" for material in plain)
-        notes.append(f"The glass '{name}' has faces of {listed}, which does not refract: taken as glass all the same.")
+        notes.append(
+            f"The glass '{name}' has faces of {listed}, which does not refract: taken as"
+            f" glass all the same."
+        )
     others = {r.ior for r in readings} - {readings[0].ior}
     if others:
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
@@ -86,20 +101,28 @@ def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
 
 
 def read_plate(part: Part) -> Plate:
-    """A plate with its mirrors, counted from the object's origin and turned with its x axis, or y if x stands on it."""
+    """A plate with its mirrors, counted from the object's origin
+    and turned with its x axis, or y if x stands on it.
+    """
     if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
         return Plate(part.name, part.mesh)
     x, y = normalise(part.matrix[:3, :2].T)
     corners = part.mesh.corners[:1]
     is_upright = len(corners) > 0 and abs(geometric_normals(corners)[0] @ x) > UPRIGHT
     return Plate(
-        part.name, part.mesh, mirrors(part.owner.kiriko.plate), side=y if is_upright else x, centre=part.matrix[:3, 3]
+        part.name,
+        part.mesh,
+        mirrors(part.owner.kiriko.plate),
+        side=y if is_upright else x,
+        centre=part.matrix[:3, 3],
     )
 
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
-    name, texture, notes = part.owner.name, part.texture, []
+    name = part.owner.name
+    texture = part.texture
+    notes = []
     image = chosen_image(part.owner)
     if image is None and texture is None:
         raise RigError(
@@ -107,15 +130,18 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
             "or choose an image in its Kiriko settings."
         )
     if image is None or (texture is not None and texture.image == image):
-        image, notes = texture.image, list(texture.notes)
+        image = texture.image
+        notes = list(texture.notes)
     elif texture is not None:
         notes.append(
-            f"The picture '{name}' shows '{texture.image.name}', but '{image.name}' is chosen and solved:"
-            " choose it again in the Kiriko tab, to have it shown."
+            f"The picture '{name}' shows '{texture.image.name}', but '{image.name}' is chosen and"
+            " solved: choose it again in the Kiriko tab, to have it shown."
         )
     pixels = kept.pixels(image, f"the picture '{name}'")
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
-        notes.append(f"The image '{image.name}' is {squeezed} on the picture '{name}': {FIT_BUTTON}.")
+        notes.append(
+            f"The image '{image.name}' is {squeezed} on the picture '{name}': {FIT_BUTTON}."
+        )
     return Picture(part.name, pixels, part.mesh), notes + about(image)
 
 
@@ -131,12 +157,16 @@ def read_picture_image(
         height, width = pixels.shape[:2]
         if abs(width * viewer.height - height * viewer.width) > max(viewer.width, viewer.height):
             notes.append(
-                f"The picture image '{image.name}' has {width} x {height} pixels, the viewer {viewer.width} x "
-                f"{viewer.height}: it is stretched to fit."
+                f"The picture image '{image.name}' has {width} x {height} pixels, the viewer"
+                f" {viewer.width} x {viewer.height}: it is stretched to fit."
             )
     return [Picture(image.name, pixels)], notes
 
 
 def about(image: bpy.types.Image) -> list[str]:
     """Notes on an image of which only a part was read."""
-    return [f"Of the image '{image.name}' only the first tile is used."] if image.source == "TILED" else []
+    return (
+        [f"Of the image '{image.name}' only the first tile is used."]
+        if image.source == "TILED"
+        else []
+    )

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import ImageError
 from ..image_io import encode
 
-LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")  # its names through the versions
+# its names through the versions
+LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")
 
 
 @contextmanager
@@ -37,16 +38,23 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
     height, width, channels = pixels.shape
     image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True)
     with or_none(image):
-        spaces = {item.identifier for item in image.colorspace_settings.bl_rna.properties["name"].enum_items}
+        spaces = {
+            item.identifier
+            for item in image.colorspace_settings.bl_rna.properties["name"].enum_items
+        }
         linear = next((space for space in LINEAR if space in spaces), None)
-        if linear is not None:  # else a colour configuration of the user's own: a new float image is scene linear there
+        # else a colour configuration of the user's own: a new float image is scene linear there
+        if linear is not None:
             image.colorspace_settings.name = linear
         set_pixels(image, pixels)
     return image
 
 
 def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
-    """Give a float image of the same size other pixels (h, w, 3 or 4), linear, row 0 at the top; it stays unsaved."""
+    """Give a float image of the same size other pixels (h, w, 3 or 4), linear, row 0 at the top.
+
+    It stays unsaved.
+    """
     height, width, channels = pixels.shape
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :channels] = pixels[::-1]
@@ -63,7 +71,9 @@ def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
 
 
 def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
-    """New packed 8-bit sRGB image of linear pixels (h, w, 3), row 0 at the top: small in the file, for pictures."""
+    """New packed 8-bit sRGB image of linear pixels (h, w, 3),
+    row 0 at the top: small in the file, for pictures.
+    """
     encoded = encode(pixels)[::-1]
     height, width, _ = encoded.shape
     rgba = np.concatenate([encoded, np.ones((height, width, 1))], axis=2).astype(np.float32)
@@ -78,8 +88,8 @@ def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
 def pack(image: bpy.types.Image, name: str) -> None:
     """Save a float image within the file as `name`.exr, every number exact.
 
-    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in each undo step. But it
-    needs no file: it is the way that is left where there is no room for one.
+    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in
+    each undo step. But it needs no file: it is the way that is left where there is no room for one.
     """
     try:
         data = _compressed(image)
@@ -97,7 +107,9 @@ def _compressed(image: bpy.types.Image) -> bytes:
     try:
         form = scene.render.image_settings
         form.file_format = "OPEN_EXR"
-        form.color_mode, form.color_depth, form.exr_codec = "RGBA" if image.depth == 128 else "RGB", "32", "ZIP"
+        form.color_mode = "RGBA" if image.depth == 128 else "RGB"
+        form.color_depth = "32"
+        form.exr_codec = "ZIP"
         with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
             path = Path(folder) / "packed.exr"
             image.save_render(str(path), scene=scene)
@@ -107,7 +119,8 @@ def _compressed(image: bpy.types.Image) -> bytes:
 
 
 def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
-    """Write whole numbers (h, w, 1, 3 or 4) of 8 or 16 bit as they are to a PNG file, by Blender's own means.
+    """Write whole numbers (h, w, 1, 3 or 4) of 8 or 16 bit as
+    they are to a PNG file, by Blender's own means.
 
     Raises
     ------
@@ -119,11 +132,15 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
     rgba = np.full((height, width, 4), top, numbers.dtype)
     rgba[..., :channels] = numbers[::-1] if channels != 1 else np.repeat(numbers[::-1], 4, axis=2)
     # without a colour space, so that nothing is converted
-    image = bpy.data.images.new("Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True)
+    image = bpy.data.images.new(
+        "Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True
+    )
     try:
         image.pixels.foreach_set((rgba / np.float32(top)).astype(np.float32).ravel())
         image.update()
-        _save_as_it_is(image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8")
+        _save_as_it_is(
+            image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8"
+        )
     except RuntimeError as reason:
         why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
         raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.") from None
@@ -138,7 +155,9 @@ def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) ->
     scene = bpy.data.scenes.new("Kiriko PNG")
     try:
         form = scene.render.image_settings
-        form.file_format, form.color_mode, form.color_depth = "PNG", mode, depth
+        form.file_format = "PNG"
+        form.color_mode = mode
+        form.color_depth = depth
         form.color_management = "OVERRIDE"
         form.view_settings.view_transform = "Raw"
         scene.render.dither_intensity = 0.0

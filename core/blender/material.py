@@ -1,4 +1,6 @@
-"""Reads materials: the index of refraction, nodes that are not followed, and the image of a picture plane."""
+"""Reads materials: the index of refraction, nodes that are
+not followed, and the image of a picture plane.
+"""
 
 from collections import deque
 from collections.abc import Iterator
@@ -29,7 +31,9 @@ Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outer
 
 @dataclass(frozen=True)
 class Refraction:
-    """The index of refraction of a material, the shader it comes from, and its settings that are not followed."""
+    """The index of refraction of a material, the shader it
+    comes from, and its settings that are not followed.
+    """
 
     ior: float
     source: str
@@ -39,7 +43,9 @@ class Refraction:
 
 @dataclass(frozen=True)
 class Texture:
-    """The image on a surface, the UV map that places it ('' for the one used in renders), and remarks."""
+    """The image on a surface, the UV map that places it
+    ('' for the one used in renders), and remarks.
+    """
 
     image: bpy.types.Image
     uv_map: str
@@ -55,20 +61,33 @@ def material_output(material: bpy.types.Material | None) -> bpy.types.Node | Non
     return material.node_tree.get_output_node("CYCLES")
 
 
-def twin(sockets: bpy.types.bpy_prop_collection, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
-    """The socket with the same identifier: how a group node and the group's own input and output nodes correspond."""
+def twin(
+    sockets: bpy.types.bpy_prop_collection, socket: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket | None:
+    """The socket with the same identifier: how a group node and
+    the group's own input and output nodes correspond.
+    """
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
 
-def step_back(output: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.NodeSocket | None, Groups]:
-    """The input an output merely passes on (reroute, muted node, in and out of a group), or None for a real node."""
+def step_back(
+    output: bpy.types.NodeSocket, groups: Groups
+) -> tuple[bpy.types.NodeSocket | None, Groups]:
+    """The input an output merely passes on (reroute, muted node,
+    in and out of a group), or None for a real node.
+    """
     node = output.node
     if node.mute:
-        return next((link.from_socket for link in node.internal_links if link.to_socket == output), None), groups
+        return next(
+            (link.from_socket for link in node.internal_links if link.to_socket == output), None
+        ), groups
     if node.type == "REROUTE":
         return node.inputs[0], groups
     if node.type == "GROUP" and node.node_tree is not None:
-        inner = next((n for n in node.node_tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output), None)
+        inner = next(
+            (n for n in node.node_tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output),
+            None,
+        )
         return (None if inner is None else twin(inner.inputs, output)), (*groups, node)
     if node.type == "GROUP_INPUT" and groups:
         return twin(groups[-1].inputs, output), groups[:-1]
@@ -95,7 +114,9 @@ def number(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, bool]:
     return float(socket.default_value), False
 
 
-def shaders(socket: bpy.types.NodeSocket, groups: Groups) -> Iterator[tuple[bpy.types.Node, Groups]]:
+def shaders(
+    socket: bpy.types.NodeSocket, groups: Groups
+) -> Iterator[tuple[bpy.types.Node, Groups]]:
     """The shaders that feed a shader input, through Mix and Add, with the groups they stand in."""
     end, groups = feeding(socket, groups)
     if not end.is_output:
@@ -147,7 +168,9 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
 
 
 def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
-    """Index of refraction of a material: of the first refractive shader on its surface, or None if it has none."""
+    """Index of refraction of a material: of the first refractive
+    shader on its surface, or None if it has none.
+    """
     output = material_output(material)
     if output is None:
         return None
@@ -156,7 +179,9 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
     if node is None:
         return None
     ior, is_known = number(node.inputs["IOR"], groups)
-    notes = () if is_known else (f"The IOR of '{material.name}' is driven by nodes: using {ior:.4g}.",)
+    notes = (
+        () if is_known else (f"The IOR of '{material.name}' is driven by nodes: using {ior:.4g}.",)
+    )
     ignored = list(not_followed(node, groups))
     ignored += [f"mixed with {other.bl_label}" for other, _ in found if other != node]
     ignored += [name.lower() for name in ("Volume", "Displacement") if is_linked(output, name, ())]
@@ -164,7 +189,9 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
 
 
 def read_texture(material: bpy.types.Material | None) -> Texture | None:
-    """The image texture nearest to the surface of a material, colours before numbers; None if there is none."""
+    """The image texture nearest to the surface of a material,
+    colours before numbers; None if there is none.
+    """
     node, groups, is_altered = find_texture(material) or (None, (), False)
     return None if node is None else texture_of(node, groups, material.name, is_altered)
 
@@ -198,14 +225,20 @@ def find_texture(
 
 def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool) -> Texture:
     """The texture of an Image Texture node, with the changes to it that Kiriko does not follow."""
-    notes, uv_map = [], ""
+    notes = []
+    uv_map = ""
     if is_altered:
-        notes.append(f"The material '{name}' alters the colours of '{node.image.name}': using the plain image.")
+        notes.append(
+            f"The material '{name}' alters the colours of '{node.image.name}': using the"
+            f" plain image."
+        )
     end, _ = feeding(node.inputs["Vector"], groups)
     if end.is_output and end.node.type == "UVMAP":
         uv_map = end.node.uv_map
     elif end.is_output and not (end.node.type == "TEX_COORD" and end.name == "UV"):
-        notes.append(f"The material '{name}' places '{node.image.name}' by nodes: using the plane's UV map.")
+        notes.append(
+            f"The material '{name}' places '{node.image.name}' by nodes: using the plane's UV map."
+        )
     return Texture(node.image.original, uv_map, tuple(notes))
 
 

@@ -1,4 +1,6 @@
-"""Turns Blender meshes into triangles in the world, and back. Blender's float32 numbers are taken as exact."""
+"""Turns Blender meshes into triangles in the world, and
+back. Blender's float32 numbers are taken as exact.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,10 +15,14 @@ from ..glass.weld import welded
 from ..products import turn
 from ..rig import Mesh, SurfaceChoice
 
-NO_AREA = 1e-12  # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
-AFFINE = 1e-4  # a display is a flat rectangle when its UV map misses an affine one by less than this share of its size
+# twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
+NO_AREA = 1e-12
+# a display is a flat rectangle when its UV map misses an
+# affine one by less than this share of its size
+AFFINE = 1e-4
 
-COPIED = 4 * 2.0**-23  # of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
+# of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
+COPIED = 4 * 2.0**-23
 
 SAME = 1e-6  # normals that differ by less are the same but for float32
 
@@ -29,13 +35,17 @@ def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
 
 
 def cofactors(matrix: Floats) -> Floats:
-    """Cofactor matrix (3, 3): det(M) times the inverse transpose of M, which exists for a singular M, too."""
+    """Cofactor matrix (3, 3): det(M) times the inverse
+    transpose of M, which exists for a singular M, too.
+    """
     a, b, c = matrix
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
 
 
 def world_normals(normals: Floats, linear: Floats) -> Floats:
-    """Unit normals (n, 3) in the world of local ones, by the inverse transpose: outward stays outward."""
+    """Unit normals (n, 3) in the world of local ones, by
+    the inverse transpose: outward stays outward.
+    """
     turned = turn(cofactors(linear) * (-1.0 if np.linalg.det(linear) < 0 else 1.0), normals)
     length = np.sqrt(np.einsum("ij,ij->i", turned, turned))
     length[length == 0] = 1.0
@@ -44,7 +54,10 @@ def world_normals(normals: Floats, linear: Floats) -> Floats:
 
 
 def has_area(vertices: Floats, triangles: Ints) -> Bools:
-    """Which triangles (t, 3) span a plane; those with corners that are not numbers count as such."""
+    """Which triangles (t, 3) span a plane.
+
+    Those with corners that are not numbers count as such.
+    """
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     with np.errstate(invalid="ignore", over="ignore"):
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -65,31 +78,41 @@ def uv_layer(mesh: bpy.types.Mesh, name: str) -> Any | None:
 
 
 def has_means(mesh: bpy.types.Mesh) -> bool:
-    """Are a Blender mesh's corner normals means over the faces around each vertex, not given by the artist?
+    """Are a Blender mesh's corner normals means over the faces
+    around each vertex, not given by the artist?
 
-    Blender marks custom normals that are its own means to 1e-4 with zeros; and up to 4.5 it hands others on, as zeros,
-    through a subdivision modifier that does not use them.
+    Blender marks custom normals that are its own means to 1e-4 with zeros; and up to 4.5 it
+    hands others on, as zeros, through a subdivision modifier that does not use them.
     """
     if not mesh.has_custom_normals:
         return True
     if bpy.app.version < (4, 5):  # it does not show those numbers
         means = column(mesh.vertex_normals, "vector", 3, np.float32)
         means = means[column(mesh.loops, "vertex_index", 1, np.int32)]
-        return bool((np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means) < SAME).all())
+        return bool(
+            (np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means) < SAME).all()
+        )
     given = mesh.attributes["custom_normal"]
     return given.data_type == "INT16_2D" and not column(given.data, "value", 2, np.int32).any()
 
 
 def sharpen_creases(mesh: bpy.types.Mesh, drawn: bpy.types.Object) -> None:
-    """Mark edges of full crease as sharp in the evaluated mesh of an object, where a subdivision modifier follows them.
+    """Mark edges of full crease as sharp in the evaluated mesh of an
+    object, where a subdivision modifier follows them.
 
-    The limit surface has a sharp edge there, while Blender's means go across it. Custom normals stay as they are.
+    The limit surface has a sharp edge there, while Blender's means
+    go across it. Custom normals stay as they are.
     """
-    is_followed = any(m.type in {"SUBSURF", "MULTIRES"} and m.show_viewport and m.use_creases for m in drawn.modifiers)
+    is_followed = any(
+        m.type in {"SUBSURF", "MULTIRES"} and m.show_viewport and m.use_creases
+        for m in drawn.modifiers
+    )
     creases = mesh.attributes.get("crease_edge")
     if is_followed and creases is not None and has_means(mesh):
         is_creased = column(creases.data, "value", 1, np.float32) >= 1
-        mesh.edges.foreach_set("use_edge_sharp", column(mesh.edges, "use_edge_sharp", 1, np.bool_) | is_creased)
+        mesh.edges.foreach_set(
+            "use_edge_sharp", column(mesh.edges, "use_edge_sharp", 1, np.bool_) | is_creased
+        )
         mesh.update()
 
 
@@ -100,10 +123,12 @@ def has_open_edges(mesh: bpy.types.Mesh) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class LocalMesh:
-    """A Blender mesh as read, before it is put into the world: all that does not change when it is moved.
+    """A Blender mesh as read, before it is put into the
+    world: all that does not change when it is moved.
 
     vertices : (v, 3) float64, in the mesh's own units
-    triangles, loops : (t, 3) int, corners as vertices, welded where open edges lie in one place, and as loops
+    triangles, loops : (t, 3) int, corners as vertices, welded where
+        open edges lie in one place, and as loops
     is_smooth : (t,) bool; None where normals are not wanted or no triangle is smooth
     normals : (l, 3) float64, of loops; None with is_smooth
     uv : (t, 3, 2) float64 or None
@@ -121,7 +146,8 @@ class LocalMesh:
         """The same mesh, with one vertex for those at which open edges lie in one place."""
         size = float(np.abs(self.vertices).max(initial=0.0))
         triangles = welded(self.vertices, self.triangles, COPIED * size)
-        keep = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # the others have become lines and points
+        # the others have become lines and points
+        keep = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         return replace(
             self,
             triangles=triangles[keep],
@@ -131,15 +157,22 @@ class LocalMesh:
         )
 
 
-def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool = False, uv_map: str = "") -> LocalMesh:
-    """Triangles of an evaluated Blender mesh in its own coordinates; parameters as for `read_mesh`."""
+def read_local(
+    mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool = False, uv_map: str = ""
+) -> LocalMesh:
+    """Triangles of an evaluated Blender mesh in its own coordinates.
+
+    Parameters as for `read_mesh`.
+    """
     mesh.calc_loop_triangles()
     found = mesh.loop_triangles
     loops = column(found, "loops", 3, np.int32)
     normals = is_smooth = uv = None
     has_mean_normals = False
     if has_normals:
-        is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[column(found, "polygon_index", 1, np.int32)]
+        is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[
+            column(found, "polygon_index", 1, np.int32)
+        ]
         if is_smooth.any():
             normals = column(mesh.corner_normals, "vector", 3, np.float32).astype(float)
             has_mean_normals = has_means(mesh)
@@ -155,29 +188,38 @@ def read_local(mesh: bpy.types.Mesh, *, has_normals: bool = False, has_uv: bool 
     return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
 
 
-def in_world(local: LocalMesh, matrix: Floats, surface: SurfaceChoice = "smooth") -> tuple[Mesh, int]:
+def in_world(
+    local: LocalMesh, matrix: Floats, surface: SurfaceChoice = "smooth"
+) -> tuple[Mesh, int]:
     """A mesh as read, in the world; parameters and result as for `read_mesh`."""
     linear = matrix[:3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         vertices = turn(linear, local.vertices) + matrix[:3, 3]
         size = float(np.abs(local.vertices).max(initial=0.0))
         rounding = 2.0**-24 * size * float(np.linalg.norm(linear, axis=0).max())
-    triangles, loops, uv = local.triangles, local.loops, local.uv
+    triangles = local.triangles
+    loops = local.loops
+    uv = local.uv
     if np.linalg.det(linear) < 0:
-        triangles, loops = triangles[:, ::-1], loops[:, ::-1]
+        triangles = triangles[:, ::-1]
+        loops = loops[:, ::-1]
         uv = None if uv is None else uv[:, ::-1].copy()
     keep = has_area(vertices, triangles)
     n_dropped = int(len(keep) - keep.sum())
-    is_smooth, normals = local.is_smooth, None
+    is_smooth = local.is_smooth
+    normals = None
     if n_dropped:
-        triangles, loops = triangles[keep], loops[keep]
+        triangles = triangles[keep]
+        loops = loops[keep]
         uv = None if uv is None else uv[keep]
         is_smooth = None if is_smooth is None or not is_smooth[keep].any() else is_smooth[keep]
     if is_smooth is not None:
         normals = world_normals(local.normals, linear).take(loops, axis=0)
     has_mean_normals = local.has_mean_normals and is_smooth is not None
     triangles = np.ascontiguousarray(triangles)
-    return Mesh(vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding), n_dropped
+    return Mesh(
+        vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding
+    ), n_dropped
 
 
 def read_mesh(
@@ -194,8 +236,8 @@ def read_mesh(
     Parameters
     ----------
     mesh : an evaluated mesh
-    matrix : (4, 4) float64, metres in the world from local coordinates. Where it mirrors (det < 0) the winding is
-        turned, so that the front stays in front.
+    matrix : (4, 4) float64, metres in the world from local coordinates. Where it
+        mirrors (det < 0) the winding is turned, so that the front stays in front.
     has_normals, has_uv : are corner normals, is a UV map wanted
     uv_map : name of the UV map; the one used in renders when there is none of that name
     surface : the choice of what smooth-shaded faces stand for
@@ -204,13 +246,17 @@ def read_mesh(
     -------
     the Mesh, and the number of triangles left out because they have no area
     """
-    return in_world(read_local(mesh, has_normals=has_normals, has_uv=has_uv, uv_map=uv_map), matrix, surface)
+    return in_world(
+        read_local(mesh, has_normals=has_normals, has_uv=has_uv, uv_map=uv_map), matrix, surface
+    )
 
 
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
-    """A Blender mesh of triangles in the world, with their corner normals; the inverse of `read_mesh`.
+    """A Blender mesh of triangles in the world, with their
+    corner normals; the inverse of `read_mesh`.
 
-    Each triangle has vertices of its own, so that normals need no sharp edges to differ between neighbours.
+    Each triangle has vertices of its own, so that normals need
+    no sharp edges to differ between neighbours.
 
     Parameters
     ----------
@@ -218,7 +264,8 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
 
     Returns
     -------
-    the mesh, about its own middle, where float32 is most exact; and the matrix that puts it in place
+    the mesh, about its own middle, where float32 is most
+    exact; and the matrix that puts it in place
     """
     middle = drawn.bounds.mean(axis=0)
     n = len(drawn.triangles)
@@ -243,7 +290,9 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
 
 
 def flat_size(mesh: Mesh) -> tuple[float, float] | None:
-    """Width and height in m of the UV square on a flat rectangle; None where the UV map is bent, skewed or missing."""
+    """Width and height in m of the UV square on a flat rectangle;
+    None where the UV map is bent, skewed or missing.
+    """
     if mesh.uv is None or not len(mesh.triangles):
         return None
     axes = uv_axes(mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2))
@@ -251,10 +300,13 @@ def flat_size(mesh: Mesh) -> tuple[float, float] | None:
 
 
 def uv_axes(points: Floats, uv: Floats) -> Floats | None:
-    """Ways (2, 3) that points (n, 3) go for a whole u and a whole v of theirs, uv (n, 2); None unless uv is affine."""
+    """Ways (2, 3) that points (n, 3) go for a whole u and a whole
+    v of theirs, uv (n, 2); None unless uv is affine.
+    """
     if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
         return None
-    origin, place = points.mean(axis=0), uv.mean(axis=0)
+    origin = points.mean(axis=0)
+    place = uv.mean(axis=0)
     axes, _, rank, _ = np.linalg.lstsq(uv - place, points - origin, rcond=None)
     if rank < 2:
         return None
@@ -263,7 +315,9 @@ def uv_axes(points: Floats, uv: Floats) -> Floats | None:
 
 
 def sides(axes: Floats) -> tuple[float, float] | None:
-    """Width and height of the rectangle that ways (2, 3) span; None where they are not at right angles."""
+    """Width and height of the rectangle that ways (2, 3)
+    span; None where they are not at right angles.
+    """
     width, height = np.linalg.norm(axes, axis=1)
     if abs(axes[0] @ axes[1]) > AFFINE * width * height:
         return None

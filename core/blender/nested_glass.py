@@ -1,7 +1,7 @@
 """Glass in glass, as Cycles has to be told of it.
 
-Kiriko finds the medium at a point from all solids and their priorities; Cycles knows one relative index of refraction a
-surface, and which side is inside from its normals.
+Kiriko finds the medium at a point from all solids and their priorities; Cycles knows one
+relative index of refraction a surface, and which side is inside from its normals.
 """
 
 from dataclasses import dataclass
@@ -32,16 +32,23 @@ class Interface:
 
 
 class _Solids:
-    """All solids of a rig, the glass each belongs to, and which of them touch or hold each other."""
+    """All solids of a rig, the glass each belongs to, and which of them touch or hold
+    each other.
+    """
 
     def __init__(self, glasses: tuple[Glass, ...]) -> None:
         self.glasses = glasses
-        found = [(k, solid) for k, glass in enumerate(glasses) for solid in solids_from_mesh(glass.mesh.flat())]
+        found = [
+            (k, solid)
+            for k, glass in enumerate(glasses)
+            for solid in solids_from_mesh(glass.mesh.flat())
+        ]
         self.owners = [k for k, _ in found]
         self.surfaces = [solid for _, solid in found]
         self.volumes = np.array([abs(solid.volume) for solid in self.surfaces])
         self.boxes = np.array([solid.bounds for solid in self.surfaces]).reshape(-1, 2, 3)
-        self._centre = self.boxes.mean(axis=(0, 1)) if found else np.zeros(3)  # near it float32 is exact enough
+        # near it float32 is exact enough
+        self._centre = self.boxes.mean(axis=(0, 1)) if found else np.zeros(3)
         self._trees: dict[int, BVHTree] = {}
 
     def rank(self, i: int) -> tuple[int, float]:
@@ -50,7 +57,8 @@ class _Solids:
 
     def near(self, i: int) -> list[int]:
         """Solids whose boxes overlap that of i."""
-        low, high = self.boxes[:, 0], self.boxes[:, 1]
+        low = self.boxes[:, 0]
+        high = self.boxes[:, 1]
         overlap = ((low <= high[i]) & (low[i] <= high)).all(axis=1)
         return [int(j) for j in np.flatnonzero(overlap) if j != i]
 
@@ -67,7 +75,9 @@ class _Solids:
         if i not in self._trees:
             points = self._points(i)
             faces = np.arange(len(points)).reshape(-1, 3)
-            self._trees[i] = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
+            self._trees[i] = BVHTree.FromPolygons(
+                points.tolist(), faces.tolist(), all_triangles=True
+            )
         return self._trees[i]
 
     def touch(self, i: int, j: int) -> bool:
@@ -78,13 +88,18 @@ class _Solids:
         for one, other in ((i, j), (j, i)):
             points = np.unique(self._points(one), axis=0)
             points = points[:: len(points) // MOST_ASKED + 1]
-            if any(self._tree(other).find_nearest(point, reach)[0] is not None for point in points.tolist()):
+            if any(
+                self._tree(other).find_nearest(point, reach)[0] is not None
+                for point in points.tolist()
+            ):
                 return True
         return False
 
 
 def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
-    """The surface of each glass object to a renderer, and one sentence for each reason why it cannot be told."""
+    """The surface of each glass object to a renderer, and one
+    sentence for each reason why it cannot be told.
+    """
     solids = _Solids(glasses)
     ratios: list[set[float | None]] = [set() for _ in glasses]
     reasons: dict[str, None] = {}  # in order, each once
@@ -100,12 +115,18 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
         elif solids.rank(around) > solids.rank(i):
             ratios[k].add(None)
         else:
-            ratios[k].add(glasses[k].ior(WAVELENGTH) / glasses[solids.owners[around]].ior(WAVELENGTH))
+            ratios[k].add(
+                glasses[k].ior(WAVELENGTH) / glasses[solids.owners[around]].ior(WAVELENGTH)
+            )
     found = []
     for k, glass in enumerate(glasses):
         if len(ratios[k]) > 1:
             reasons[f"parts of '{glass.name}' lie in different media"] = None
-        own = [surface for owner, surface in zip(solids.owners, solids.surfaces, strict=True) if owner == k]
+        own = [
+            surface
+            for owner, surface in zip(solids.owners, solids.surfaces, strict=True)
+            if owner == k
+        ]
         side = _side(glass, own)
         if abs(abs(side) - 1) > SAME:
             reasons[f"some faces of '{glass.name}' look inward: recalculate its normals"] = None
@@ -114,7 +135,9 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
 
 
 def _side(glass: Glass, solids: list[Surface]) -> float:
-    """+1 where the faces look out of the glass as drawn, -1 where they all look in, else something between."""
+    """+1 where the faces look out of the glass as drawn, -1
+    where they all look in, else something between.
+    """
     volume = sum(solid.volume for solid in solids)
     if volume == 0 or any(solid.n_open for solid in solids):
         return 1.0  # a surface that encloses nothing is taken as drawn

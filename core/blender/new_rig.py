@@ -1,4 +1,6 @@
-"""A new rig in Blender: the bench as it stands before, and the objects that are made. All of them, or none."""
+"""A new rig in Blender: the bench as it stands before, and
+the objects that are made. All of them, or none.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -55,11 +57,15 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     found = tuple(thing for thing, why in reasons.items() if not why)
     if things and not found:
         thing, why = next(iter(reasons.items()))
-        raise RigError(f"'{thing.name}' cannot be glass, for {why}: select your glass, or nothing for a ball.")
+        raise RigError(
+            f"'{thing.name}' cannot be glass, for {why}: select your glass, or nothing for a ball."
+        )
     return found
 
 
-def read_bench(context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> Bench:
+def read_bench(
+    context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
+) -> Bench:
     """Read the bench as it stands, with these objects as glass; nothing is changed.
 
     Raises
@@ -112,20 +118,31 @@ def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
 
 
 def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown: Shown) -> None:
-    """Raise RigError for objects that cannot be glass as they stand. The parts are those with faces."""
+    """Raise RigError for objects that cannot be glass as
+    they stand. The parts are those with faces.
+    """
     met = {part.owner for part in parts}
     for thing in things:
         if by := shown.hidden_by(thing):
-            raise RigError(f"'{thing.name}' is hidden{by} and cannot be glass: show it, or deselect it.")
+            raise RigError(
+                f"'{thing.name}' is hidden{by} and cannot be glass: show it, or deselect it."
+            )
         # the surface of a family of metaballs is that of one of them
         if thing not in met and (thing.type != "META" or not met):
-            raise RigError(f"'{thing.name}' has no faces and cannot be glass: give it some, or deselect it.")
+            raise RigError(
+                f"'{thing.name}' has no faces and cannot be glass: give it some, or deselect it."
+            )
     for part in parts:
-        name = f"'{part.owner.name}'" if part.name == part.owner.name else f"'{part.name}' of '{part.owner.name}'"
+        name = (
+            f"'{part.owner.name}'"
+            if part.name == part.owner.name
+            else f"'{part.name}' of '{part.owner.name}'"
+        )
         part.mesh.check(f"The glass {name}")
         if part.mesh.is_flat:
             raise RigError(
-                f"{name} is no closed body, but flat: give it a thickness, as by a Solidify modifier, or deselect it."
+                f"{name} is no closed body, but flat: give it a thickness, as by a Solidify"
+                f" modifier, or deselect it."
             )
 
 
@@ -174,7 +191,9 @@ def make_rig(
         raise
 
 
-def _values(scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> list[tuple[Any, str, Any]]:
+def _values(
+    scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
+) -> list[tuple[Any, str, Any]]:
     """All changes to things that are there already: owner, name, value."""
     names = (
         (scene, ("camera",)),
@@ -186,13 +205,19 @@ def _values(scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]) -> li
 
 def _make_ball(scene: bpy.types.Scene, made: Workbench) -> bpy.types.Object:
     ball = made.ball(BALL, _ball_frame(scene), BALL_RADIUS / length_of_unit(scene))
-    ball.data.materials.append(made.material("Kiriko Glass", lambda m: shaders.be_glass(m, DEFAULT_IOR, True)))
+    ball.data.materials.append(
+        made.material("Kiriko Glass", lambda m: shaders.be_glass(m, DEFAULT_IOR, True))
+    )
     return ball
 
 
-def _make_parts(scene: bpy.types.Scene, made: Workbench, proposal: Proposal, pixels: tuple[int, int]) -> None:
+def _make_parts(
+    scene: bpy.types.Scene, made: Workbench, proposal: Proposal, pixels: tuple[int, int]
+) -> None:
     """Plate, picture and display."""
-    metres, where, (columns, rows) = length_of_unit(scene), proposal.placement, pixels
+    metres = length_of_unit(scene)
+    where = proposal.placement
+    (columns, rows) = pixels
     side = proposal.plate / metres
     plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
     plate.kiriko.role, plate.display_type = "PLATE", "WIRE"
@@ -202,22 +227,31 @@ def _make_parts(scene: bpy.types.Scene, made: Workbench, proposal: Proposal, pix
     picture = made.rectangle("Kiriko Picture", _in_units(where.picture, metres), side, side)
     picture.kiriko.role, scene.kiriko.picture_source = "PICTURE", "PLANE"
     image = made.keep(encoded_image("Kiriko Lattice", lattice()))
-    picture.data.materials.append(made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image)))
+    picture.data.materials.append(
+        made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
+    )
     for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-        setattr(picture, f"visible_{kind}", False)  # a guide: in the artist's own renders the light itself is there
+        # a guide: in the artist's own renders the light itself is there
+        setattr(picture, f"visible_{kind}", False)
 
     width = proposal.display / metres
-    display = made.rectangle("Kiriko Display", _in_units(where.display, metres), width, width * rows / columns)
+    display = made.rectangle(
+        "Kiriko Display", _in_units(where.display, metres), width, width * rows / columns
+    )
     display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
 
 
 def _make_viewer(
     scene: bpy.types.Scene, made: Workbench, proposal: Proposal, resolution: tuple[int, int] | None
 ) -> None:
-    """The viewer's camera. It becomes the scene's only where there is none: an artist's own goes on being rendered."""
+    """The viewer's camera. It becomes the scene's only where there
+    is none: an artist's own goes on being rendered.
+    """
     metres = length_of_unit(scene)
     frame = _in_units(proposal.placement.viewer, metres)
-    viewer = made.camera("Kiriko Viewer", frame, proposal.viewer_distance / metres, proposal.field / metres)
+    viewer = made.camera(
+        "Kiriko Viewer", frame, proposal.viewer_distance / metres, proposal.field / metres
+    )
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
     scene.kiriko.viewer = viewer

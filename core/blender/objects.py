@@ -1,4 +1,6 @@
-"""Makes objects: those of a new rig, all of them or none, and those that show a result in the scene."""
+"""Makes objects: those of a new rig, all of them or
+none, and those that show a result in the scene.
+"""
 
 from collections.abc import Callable
 
@@ -13,7 +15,9 @@ OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
 
 
 class Workbench:
-    """A new collection and the objects that are made in it. Frames (4, 4) and lengths are in Blender units."""
+    """A new collection and the objects that are made in it.
+    Frames (4, 4) and lengths are in Blender units.
+    """
 
     def __init__(self, scene: bpy.types.Scene, name: str) -> None:
         self._made: list[bpy.types.ID] = []
@@ -36,11 +40,17 @@ class Workbench:
         return thing
 
     def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
-        """A plane whose front is the frame's third axis, with UV from its lower left to its upper right corner."""
+        """A plane whose front is the frame's third axis, with UV
+        from its lower left to its upper right corner.
+        """
         mesh = self.keep(bpy.data.meshes.new(name))
         x, y = width / 2, height / 2
-        mesh.from_pydata([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)])
-        mesh.uv_layers.new(name="UVMap").data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
+        mesh.from_pydata(
+            [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)]
+        )
+        mesh.uv_layers.new(name="UVMap").data.foreach_set(
+            "uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
+        )
         return self._object(name, mesh, frame)
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
@@ -48,15 +58,20 @@ class Workbench:
         return self._object(name, self.keep(ball_mesh(name, radius)), frame)
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
-        """A perspective camera that sees a square `field` wide at a distance, and is drawn half as large."""
+        """A perspective camera that sees a square `field` wide
+        at a distance, and is drawn half as large.
+        """
         camera = self.keep(bpy.data.cameras.new(name))
         camera.sensor_fit = "AUTO"
         camera.angle = 2 * np.arctan(field / (2 * distance))
-        camera.clip_start, camera.clip_end = 1e-3 * distance, 1e3 * distance
+        camera.clip_start = 1e-3 * distance
+        camera.clip_end = 1e3 * distance
         camera.display_size = 0.5 * field
         return self._object(name, camera, frame)
 
-    def material(self, name: str, build: Callable[[bpy.types.Material], None]) -> bpy.types.Material:
+    def material(
+        self, name: str, build: Callable[[bpy.types.Material], None]
+    ) -> bpy.types.Material:
         """A material whose nodes are made by `build`."""
         material = self.keep(bpy.data.materials.new(name))
         build(material)
@@ -78,16 +93,20 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
 def grid_object(
     scene: bpy.types.Scene, name: str, positions: Floats, is_shown: Bools, values: Floats
 ) -> bpy.types.Object:
-    """An object, seen in the viewport only, of a grid's squares whose corners are all shown; it replaces one before.
+    """An object, seen in the viewport only, of a grid's squares whose
+    corners are all shown; it replaces one before.
 
     Parameters
     ----------
     positions : (m, n, 3) world, Blender units
     is_shown : (m, n)
-    values : (m, n) kept as the point attribute `brightness`, and as grey in `Brightness`, brightest white
+    values : (m, n) kept as the point attribute `brightness`, and
+        as grey in `Brightness`, brightest white
     """
     index = np.arange(is_shown.size).reshape(is_shown.shape)
-    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    quads = np.stack(
+        [index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1
+    ).reshape(-1, 4)
     quads = quads[is_shown.ravel()[quads].all(axis=1)]
     used, corners = np.unique(quads, return_inverse=True)
     points = positions.reshape(-1, 3)[used]

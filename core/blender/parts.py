@@ -41,10 +41,12 @@ class Part:
 def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
     """Does Blender keep a camera's place up to date?
 
-    Always that of the scene's camera; of others not when they are disabled or left out of the view layer: the depsgraph
-    then has them with the place they had before, or at the origin, and does not say so.
+    Always that of the scene's camera; of others not when they are disabled or left out of the view
+    layer: the depsgraph then has them with the place they had before, or at the origin, and does
+    not say so.
     """
-    scene, layer = depsgraph.scene, depsgraph.view_layer
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer
     flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
     is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
     is_enabled = is_in and not getattr(camera, flag)
@@ -52,7 +54,9 @@ def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
 
 
 def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
-    """The original object whose role an instance has: its own, else that of the collection or nodes that make it."""
+    """The original object whose role an instance has: its own,
+    else that of the collection or nodes that make it.
+    """
     own = instance.object.original
     if own.kiriko.role != "NONE":
         return own
@@ -74,38 +78,64 @@ def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str])
 
 
 def read_part(
-    instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object, name: str, to_metres: Floats, kept: Kept
+    instance: bpy.types.DepsgraphObjectInstance,
+    owner: bpy.types.Object,
+    name: str,
+    to_metres: Floats,
+    kept: Kept,
 ) -> Part:
     """Triangles, materials and texture of one instance, read while the iterator stands on it."""
-    shown, shape = instance.object, kept.shape(instance, owner)
+    shown = instance.object
+    shape = kept.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
-    return Part(owner, name, mesh, shown.original, used_materials(shown, shape.slots), shape.texture, n_dropped, matrix)
+    return Part(
+        owner,
+        name,
+        mesh,
+        shown.original,
+        used_materials(shown, shape.slots),
+        shape.texture,
+        n_dropped,
+        matrix,
+    )
 
 
 def shown_parts(
     depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
-    """Instances with a role that are seen both in the viewport and in renders, and the objects they have it from."""
+    """Instances with a role that are seen both in the viewport and
+    in renders, and the objects they have it from.
+    """
     shown = Shown(scene, depsgraph.view_layer)
-    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))  # one object may make thousands of instances
+    # one object may make thousands of instances
+    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
     for instance in depsgraph.object_instances:
         owner = role_owner(instance)
         if owner is None or not instance.show_self:
             continue
         own = instance.object.original
-        top = instance.parent.original if instance.is_instance and instance.parent is not None else own
+        top = (
+            instance.parent.original
+            if instance.is_instance and instance.parent is not None
+            else own
+        )
         if not (instance_hidden_by(own) or is_hidden(top)):
             yield instance, owner
 
 
 def read_parts(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float, kept: Kept, needed: tuple[str, ...] = ()
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    metres: float,
+    kept: Kept,
+    needed: tuple[str, ...] = (),
 ) -> tuple[list[Part], list[str]]:
-    """All parts with a role that are seen both in the viewport and in renders; notes on those that are not.
+    """All parts with a role that are seen both in the viewport
+    and in renders; notes on those that are not.
 
-    Raises RigError for an object with a role that can be no part of a rig, and where all of a role that is needed are
-    hidden.
+    Raises RigError for an object with a role that can be no part of a
+    rig, and where all of a role that is needed are hidden.
     """
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[Part] = []
@@ -114,20 +144,25 @@ def read_parts(
     for instance, owner in shown_parts(depsgraph, scene):
         met.add(owner)
         if why := bodiless(owner):
-            raise RigError(f"'{owner.name}' has the role {role_label(owner)}, but {why}: set its role to None.")
+            raise RigError(
+                f"'{owner.name}' has the role {role_label(owner)}, but {why}: set its role to None."
+            )
         if instance.object.type == "MESH":
             parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
     kept.end()
-    parts, unmet = without_hollows(parts, met), unmet_parts(met, scene, depsgraph.view_layer)
+    parts = without_hollows(parts, met)
+    unmet = unmet_parts(met, scene, depsgraph.view_layer)
     for role in needed:
         check_some_are_shown(role, parts, unmet)
     return parts, notes_on_parts(parts, met, unmet, scene)
 
 
 def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
-    """Parts with faces, and one empty part for each object that shows none at all, for the rig's check to name.
+    """Parts with faces, and one empty part for each object that
+    shows none at all, for the rig's check to name.
 
-    An object that only makes instances is no such object, nor is a metaball whose surface is that of its family.
+    An object that only makes instances is no such object, nor
+    is a metaball whose surface is that of its family.
     """
     full = [part for part in parts if len(part.mesh.triangles)]
     empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
@@ -144,9 +179,13 @@ def role_label(owner: bpy.types.Object) -> str:
 def unmet_parts(
     met: set[bpy.types.Object], scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[bpy.types.Object, str]:
-    """Objects of the scene that have a role but no part was met of, and the setting that hides each."""
+    """Objects of the scene that have a role but no part
+    was met of, and the setting that hides each.
+    """
     shown = Shown(scene, layer)
-    return {o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met}
+    return {
+        o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met
+    }
 
 
 def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Object, str]) -> None:
@@ -157,26 +196,36 @@ def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Obj
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:
-    """The trouble with an object that has a role and is hidden, and the remedy, without a full stop."""
+    """The trouble with an object that has a role and is
+    hidden, and the remedy, without a full stop.
+    """
     return f"The {role_label(thing).lower()} '{thing.name}' is hidden{by}: show it"
 
 
 def notes_on_parts(
-    parts: list[Part], met: set[bpy.types.Object], unmet: dict[bpy.types.Object, str], scene: bpy.types.Scene
+    parts: list[Part],
+    met: set[bpy.types.Object],
+    unmet: dict[bpy.types.Object, str],
+    scene: bpy.types.Scene,
 ) -> list[str]:
-    """Notes on parts left out: hidden objects, metaballs that have no surface of their own, triangles without area."""
+    """Notes on parts left out: hidden objects, metaballs that have
+    no surface of their own, triangles without area.
+    """
     notes = [
-        f"'{o.name}' has the role {role_label(o)} but {f'is hidden{by}' if by else 'shows nothing'}: left out."
+        f"'{o.name}' has the role {role_label(o)} but"
+        f" {f'is hidden{by}' if by else 'shows nothing'}: left out."
         for o, by in unmet.items()
     ]
     full = {part.owner for part in parts if len(part.mesh.triangles)}
     notes += [
-        f"The metaball '{o.name}' is part of another of the same name: give the role to the first of the family."
+        f"The metaball '{o.name}' is part of another of the same name: give the role to the first"
+        f" of the family."
         for o in scene.objects
         if o in met - full and o.type == "META"
     ]
     notes += [
-        f"'{part.name}' has {part.n_dropped} triangle{'s' if part.n_dropped > 1 else ''} without area: left out."
+        f"'{part.name}' has {part.n_dropped} triangle{'s' if part.n_dropped > 1 else ''} without"
+        f" area: left out."
         for part in parts
         if part.n_dropped
     ]

@@ -11,9 +11,12 @@ RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0)
 
 
 def absolute(path: str) -> Path:
-    """The place that a path from the interface means; ImageError when it is relative to a .blend never saved."""
+    """The place that a path from the interface means; ImageError
+    when it is relative to a .blend never saved.
+    """
     if path.startswith("//") and not bpy.data.filepath:
         raise ImageError(
-            f"The path '{path}' is relative to this file, which was never saved: save it or choose another."
+            f"The path '{path}' is relative to this file, which was never saved: save it or choose"
+            f" another."
         )
     return Path(bpy.path.abspath(path))

@@ -8,14 +8,17 @@ from ..errors import ImageError
 from ..free_memory import check_free
 
 LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
-UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}  # types of image that Blender shows and has no pixels of for others
+# types of image that Blender shows and has no pixels of for others
+UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}
 OF_PIXEL = 16  # bytes that reading takes: four float32
 AT_ONCE = 1 << 18  # pixels that are decoded at once
 
 
 def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
     """Linear light of sRGB-encoded numbers, both 0..1. Source: IEC 61966-2-1."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4)
+    return np.where(
+        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
+    )
 
 
 def check_readable(image: bpy.types.Image, owner: str) -> None:
@@ -28,11 +31,15 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
     if image.source in {"SEQUENCE", "MOVIE"}:
         kind = "a movie" if image.source == "MOVIE" else "an image sequence"
         raise ImageError(
-            f"The image '{image.name}' of {owner} is {kind}, and moving pictures are not read yet: choose one frame's"
-            " file, with Source: Single Image."
+            f"The image '{image.name}' of {owner} is {kind}, and moving pictures are not read"
+            " yet: choose one frame's file, with Source: Single Image."
         )
     if min(image.size) < 1:  # asking for the size loads the file
-        place = f"the file {bpy.path.abspath(image.filepath, library=image.library)}" if image.filepath else "no file"
+        place = (
+            f"the file {bpy.path.abspath(image.filepath, library=image.library)}"
+            if image.filepath
+            else "no file"
+        )
         raise ImageError(
             f"The image '{image.name}' of {owner} cannot be read from {place}: "
             "the file is missing or broken; choose another or find it again."
@@ -57,7 +64,10 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
 
 def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels; of 4 these pixels themselves."""
+    """RGBA (h, w, 4) of pixels with 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 channels.
+
+    Of 4 these pixels themselves.
+    """
     height, width, channels = pixels.shape
     if channels == 4:
         return pixels
@@ -71,9 +81,10 @@ def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     """Pixels of an image for the painter.
 
-    Blender keeps float images linear and premultiplied, byte images as their colour space encodes them and straight.
-    An image whose alpha is no coverage (None, Channel Packed, Non-Color) is opaque. The colours are those that Cycles
-    shows over black with the texture's alpha linked; without that link it premultiplies *encoded* colours.
+    Blender keeps float images linear and premultiplied, byte images as their colour space encodes
+    them and straight. An image whose alpha is no coverage (None, Channel Packed, Non-Color) is
+    opaque. The colours are those that Cycles shows over black with the texture's alpha linked;
+    without that link it premultiplies *encoded* colours.
 
     Parameters
     ----------
@@ -86,8 +97,8 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
     Raises
     ------
-    ImageError : no pixels (missing or broken file, a render result), numbers that are not finite, or a byte image in
-        a colour space other than sRGB, Linear Rec.709 and Non-Color
+    ImageError : no pixels (missing or broken file, a render result), numbers that are not finite,
+        or a byte image in a colour space other than sRGB, Linear Rec.709 and Non-Color
     RigError : more pixels than there is memory for
     """
     pixels = four_channels(stored_pixels(image, owner))
@@ -95,16 +106,21 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     is_encoded = not image.is_float and space.name == "sRGB"
     if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR):
         raise ImageError(
-            f"The image '{image.name}' of {owner} is in the colour space {space.name}, which Kiriko does not know "
+            f"The image '{image.name}' of {owner} is in the colour space {space.name}, which"
+            f" Kiriko does not know "
             "for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color."
         )
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
     step = max(1, AT_ONCE // pixels.shape[1])
-    for first in range(0, len(pixels), step):  # in place, a few rows at a time: there may be gigabytes of them
+    # in place, a few rows at a time: there may be gigabytes of them
+    for first in range(0, len(pixels), step):
         rows = pixels[first : first + step]
         if not np.isfinite(rows).all():
-            raise ImageError(f"The image '{image.name}' of {owner} has pixels that are not finite numbers: repair it.")
+            raise ImageError(
+                f"The image '{image.name}' of {owner} has pixels that are not finite"
+                f" numbers: repair it."
+            )
         if not has_coverage:
             rows[..., 3] = 1.0
         if is_encoded:

@@ -1,4 +1,6 @@
-"""A picture's plane: the image that it shows, which is the one that is solved, and its shape beside that image's."""
+"""A picture's plane: the image that it shows, which is the one
+that is solved, and its shape beside that image's.
+"""
 
 import bpy
 import numpy as np
@@ -22,7 +24,9 @@ def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
     """The materials in an object's own slots that are on its faces, those on most faces first."""
     slots = thing.material_slots
     order = used_slots(thing.data) if thing.type == "MESH" else range(len(slots))
-    materials = dict.fromkeys(slots[min(k, len(slots) - 1)].material for k in order) if slots else {}
+    materials = (
+        dict.fromkeys(slots[min(k, len(slots) - 1)].material for k in order) if slots else {}
+    )
     return [material for material in materials if material is not None]
 
 
@@ -33,10 +37,11 @@ def own_texture(thing: bpy.types.Object) -> Texture | None:
 
 
 def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
-    """The image that was chosen for a plane; None where none was, so that its material alone tells the picture.
+    """The image that was chosen for a plane; None where none
+    was, so that its material alone tells the picture.
 
-    Once the plane's own material shows the chosen image, the material is the only truth: who changes the image there,
-    changes the picture.
+    Once the plane's own material shows the chosen image, the material is the
+    only truth: who changes the image there, changes the picture.
     """
     texture = own_texture(thing) if thing.kiriko.is_image_shown else None
     return thing.kiriko.image if texture is None else texture.image
@@ -44,14 +49,16 @@ def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
 
 def image_of(thing: bpy.types.Object) -> bpy.types.Image | None:
     """The picture of a plane, as far as the object itself tells it."""
-    image, texture = chosen_image(thing), own_texture(thing)
+    image = chosen_image(thing)
+    texture = own_texture(thing)
     return texture.image if image is None and texture is not None else image
 
 
 def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
     """Make an object's own material show an image; returns whether it can.
 
-    Materials that others use, too, are copied before they are changed, and the copy linked to the object.
+    Materials that others use, too, are copied before they are
+    changed, and the copy linked to the object.
     """
     data = thing.data
     if image.type in UNREADABLE or not thing.is_editable or not hasattr(data, "materials"):
@@ -71,25 +78,35 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
     return True
 
 
-def _own_node(thing: bpy.types.Object, material: bpy.types.Material, is_empty: bool) -> bpy.types.Node:
-    """The image texture of a material of an object, in a material and in node groups that no one else uses."""
+def _own_node(
+    thing: bpy.types.Object, material: bpy.types.Material, is_empty: bool
+) -> bpy.types.Node:
+    """The image texture of a material of an object, in a
+    material and in node groups that no one else uses.
+    """
     own = {thing, thing.data} if thing.data.users == 1 else {thing}
     if not material.is_editable or bpy.data.user_map(subset=[material])[material] - own:
-        shared, material = material, material.copy()
+        shared = material
+        material = material.copy()
         for slot in thing.material_slots:
             if slot.material == shared:
                 slot.link = "OBJECT"
                 slot.material = material
     while True:
         node, groups, _ = find_texture(material, is_empty=is_empty)
-        shared = next((g for g in groups if g.node_tree.users > 1 or not g.node_tree.is_editable), None)
+        shared = next(
+            (g for g in groups if g.node_tree.users > 1 or not g.node_tree.is_editable), None
+        )
         if shared is None:
             return node
         shared.node_tree = shared.node_tree.copy()
 
 
 def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Give an object whose materials show no image one that does; its own stay in the mesh and in the file."""
+    """Give an object whose materials show no image one that does.
+
+    Its own stay in the mesh and in the file.
+    """
     material = bpy.data.materials.new(MATERIAL)
     try:
         shaders.show_picture(material, image)
@@ -104,18 +121,27 @@ def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
 
 
 def _keep(image: bpy.types.Image | None) -> None:
-    """Have an image that nothing shows any more saved with the file where there is no other file of it."""
-    if image is not None and not image.users and (image.packed_file or image.is_dirty or not image.filepath):
+    """Have an image that nothing shows any more saved with
+    the file where there is no other file of it.
+    """
+    if (
+        image is not None
+        and not image.users
+        and (image.packed_file or image.is_dirty or not image.filepath)
+    ):
         image.use_fake_user = True
 
 
 def squeeze(size: tuple[float, float] | None, image: bpy.types.Image) -> float:
-    """How wide an image is shown on a plane beside how wide it is, of the same height: 1 is as it is, or not known.
+    """How wide an image is shown on a plane beside how wide it
+    is, of the same height: 1 is as it is, or not known.
 
     size : width and height at which the plane shows the whole image
     """
     width, height = image.size
-    return 1.0 if size is None or not min(width, height, *size) else size[0] / size[1] * height / width
+    return (
+        1.0 if size is None or not min(width, height, *size) else size[0] / size[1] * height / width
+    )
 
 
 def squeezed_words(factor: float) -> str:
@@ -127,7 +153,8 @@ def squeezed_words(factor: float) -> str:
 
 
 def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
-    """Give a picture's plane the shape of its image by the object's scale, its area kept; returns how wide it was.
+    """Give a picture's plane the shape of its image by the
+    object's scale, its area kept; returns how wide it was.
 
     Raises
     ------
@@ -155,7 +182,10 @@ def shown_as(context: bpy.types.Context, thing: bpy.types.Object) -> float:
 
 
 def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[float, float]:
-    """Width and height in the world at which a plane shows a whole image; raises RigError, a clause for a sentence."""
+    """Width and height in the world at which a plane shows a whole image.
+
+    Raises RigError, a clause for a sentence.
+    """
     _, axes = _laid_out(context, thing)
     return sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
 
@@ -169,7 +199,9 @@ def _readable(thing: bpy.types.Object) -> bpy.types.Image:
 
 
 def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floats, Floats]:
-    """Vertices (n, 3) of a plane as shown, and the ways (2, 3) that a whole u and v go, in its own coordinates."""
+    """Vertices (n, 3) of a plane as shown, and the ways (2, 3)
+    that a whole u and v go, in its own coordinates.
+    """
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
     texture = own_texture(thing)
@@ -194,16 +226,20 @@ def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floa
 
 
 def _factors(axes: Floats, factor: float) -> Floats:
-    """Factors (3,) for an object's axes that divide one way (2, 3) by a factor, and multiply the other by it."""
+    """Factors (3,) for an object's axes that divide one way
+    (2, 3) by a factor, and multiply the other by it.
+    """
     lengths = np.linalg.norm(axes, axis=1)
     off = np.sqrt(np.maximum(lengths[:, None] ** 2 - axes**2, 0))
     along = [
-        int(row.argmin()) if row.min() <= ALONG * length else None for row, length in zip(off, lengths, strict=True)
+        int(row.argmin()) if row.min() <= ALONG * length else None
+        for row, length in zip(off, lengths, strict=True)
     ]
     if along == [None, None]:
         raise RigError("its mesh is turned within the object: scale it by hand in Edit Mode")
     factors = np.ones(3)
-    if None in along:  # the other way is across the axis of this one: scaled evenly, it keeps its direction
+    # the other way is across the axis of this one: scaled evenly, it keeps its direction
+    if None in along:
         factors[:] = factor if along[1] is None else 1 / factor
     for axis, value in zip(along, (1 / factor, factor), strict=True):
         if axis is not None:

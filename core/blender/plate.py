@@ -1,4 +1,6 @@
-"""The mirror array plate as a node group for Cycles: the formulas of core/light/plate.py as nodes, and no geometry."""
+"""The mirror array plate as a node group for Cycles: the
+formulas of core/light/plate.py as nodes, and no geometry.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -10,7 +12,9 @@ from .shaders import cleared
 
 
 class _Value:
-    """A number or a vector in a node tree: with these, formulas made of nodes are written as formulas."""
+    """A number or a vector in a node tree: with these,
+    formulas made of nodes are written as formulas.
+    """
 
     def __init__(self, socket: Any) -> None:
         self.socket, self.tree = socket, socket.id_data
@@ -26,7 +30,8 @@ class _Value:
         node = self.tree.nodes.new("ShaderNodeVectorMath" if is_vector else "ShaderNodeMath")
         node.operation = operation
         sockets = [s for s in node.inputs if s.enabled]
-        for socket, value in zip(sockets, values, strict=False):  # one or two of three are left where not asked for
+        # one or two of three are left where not asked for
+        for socket, value in zip(sockets, values, strict=False):
             if isinstance(value, _Value):
                 self.tree.links.new(value.socket, socket)
             else:
@@ -75,35 +80,63 @@ class _Input(NamedTuple):
 
 _MMAP = MirrorArray()
 _PLATE_INPUTS = (
-    _Input("Pitch", "DISTANCE", _MMAP.pitch, 1e-9, 1e3, "From mirror to mirror; larger ones blur the image"),
-    _Input("Height", "DISTANCE", _MMAP.height, 0.0, 1e3, "Of the mirrors in one layer; high ones image steep light"),
-    _Input("IOR", "NONE", _MMAP.ior, 1.0, 100.0, "Index of refraction of the glass between the mirrors"),
-    _Input("Reflectance", "FACTOR", _MMAP.reflectance, 0.0, 1.0, "Of a mirror; each reflection dims light by it"),
+    _Input("Pitch", "DISTANCE", _MMAP.pitch, 1e-9, 1e3,
+    "From mirror to mirror; larger ones blur the image"),
+    _Input("Height", "DISTANCE", _MMAP.height, 0.0, 1e3,
+    "Of the mirrors in one layer; high ones image steep light"),
+    _Input("IOR", "NONE", _MMAP.ior, 1.0, 100.0,
+    "Index of refraction of the glass between the mirrors"),
+    _Input("Reflectance", "FACTOR", _MMAP.reflectance, 0.0, 1.0,
+    "Of a mirror; each reflection dims light by it"),
     _Input(
         "Crossing Error", "ANGLE", 0.0, -MOST_CROSSING_ERROR, MOST_CROSSING_ERROR,
         "By which the layers are crossed at more than 90 degrees; it blurs the image",
     ),
-    _Input("Phase 1", "NONE", 0.0, -1.0, 1.0, "In pitches, by which the first mirrors stand beside the origin"),
-    _Input("Phase 2", "NONE", 0.0, -1.0, 1.0, "In pitches, by which the second mirrors stand beside the origin"),
-    _Input("Fresnel", "FACTOR", 1.0, 0.0, 1.0, "1: the plate's two faces reflect as glass does; 0: they do not"),
+    _Input("Phase 1", "NONE", 0.0, -1.0, 1.0,
+    "In pitches, by which the first mirrors stand beside the origin"),
+    _Input("Phase 2", "NONE", 0.0, -1.0, 1.0,
+    "In pitches, by which the second mirrors stand beside the origin"),
+    _Input("Fresnel", "FACTOR", 1.0, 0.0, 1.0,
+    "1: the plate's two faces reflect as glass does; 0: they do not"),
 )  # fmt: skip
 _LIGHT_INPUTS = (
     _Input("Image", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the mid-air image"),
-    _Input("Stray 1", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the light that only the first mirrors turn round"),
-    _Input("Stray 2", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the light that only the second mirrors turn round"),
-    _Input("Through", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what is straight behind the plate"),
-    _Input("Reflected", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what the plate's face reflects"),
+    _Input(
+        "Stray 1",
+        "FACTOR",
+        1.0,
+        0.0,
+        1.0,
+        "How much is seen of the light that only the first mirrors turn round",
+    ),
+    _Input(
+        "Stray 2",
+        "FACTOR",
+        1.0,
+        0.0,
+        1.0,
+        "How much is seen of the light that only the second mirrors turn round",
+    ),
+    _Input(
+        "Through", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what is straight behind the plate"
+    ),
+    _Input(
+        "Reflected", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what the plate's face reflects"
+    ),
 )
 _PLATE_GROUPS = {
     "crossed": "Kiriko Mirror Array",
     "holes": "Kiriko Mirror Array DCRA",
     "radial": "Kiriko Mirror Array Radial",
 }
-_GRAZING = 1e-6  # sine of the angle to the plate, in single precision, below which light would run in its plane
+# sine of the angle to the plate, in single precision, below which light would run in its plane
+_GRAZING = 1e-6
 
 
 class _Layer(NamedTuple):
-    """One direction of mirrors: unit normal, phase in pitches, a length added to places along the normal."""
+    """One direction of mirrors: unit normal, phase in
+    pitches, a length added to places along the normal.
+    """
 
     normal: _Value
     phase: _Value
@@ -125,10 +158,13 @@ class _PlateNodes:
         self.normal = self.facing * (1.0 - 2.0 * self.is_back)
         self.x, self.y = self.axes()
         ior = self.input["IOR"]
-        self.depth = (1.0 - self.along.dot(self.along) / (ior * ior)).node("MAXIMUM", _GRAZING).node("SQRT")
+        self.depth = (
+            (1.0 - self.along.dot(self.along) / (ior * ior)).node("MAXIMUM", _GRAZING).node("SQRT")
+        )
         self.way = self.input["Height"] / (ior * self.depth)
         self.half = self.input["Height"] * (1.0 if layout == "crossed" else 0.5)
-        self.entry = self.along * (-1.0 * self.half / self.cosine)  # from the hit, on the middle plane, to the face
+        # from the hit, on the middle plane, to the face
+        self.entry = self.along * (-1.0 * self.half / self.cosine)
         self.from_centre = self.position - self.outputs("ShaderNodeObjectInfo")["Location"]
 
     def outputs(self, kind: str) -> dict[str, _Value]:
@@ -136,11 +172,15 @@ class _PlateNodes:
         return {socket.name: _Value(socket) for socket in self.tree.nodes.new(kind).outputs}
 
     def axes(self) -> tuple[_Value, _Value]:
-        """The plate's own: the object's x axis in its plane (y where x stands on it), and one at a right angle."""
+        """The plate's own: the object's x axis in its plane (y
+        where x stands on it), and one at a right angle.
+        """
         own = []
         for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
             turn = self.tree.nodes.new("ShaderNodeVectorTransform")
-            turn.vector_type, turn.convert_from, turn.convert_to = "VECTOR", "OBJECT", "WORLD"
+            turn.vector_type = "VECTOR"
+            turn.convert_from = "OBJECT"
+            turn.convert_to = "WORLD"
             turn.inputs[0].default_value = axis
             own.append(_Value(turn.outputs[0]).normalised())
         is_upright = own[0].dot(self.facing).node("ABSOLUTE").node("GREATER_THAN", 0.99)
@@ -151,10 +191,13 @@ class _PlateNodes:
     def layers(self) -> tuple[_Layer, _Layer]:
         """The two directions of mirrors."""
         phases = self.input["Phase 1"], self.input["Phase 2"]
-        right, up, offset = self.x, self.y, 0.0
+        right = self.x
+        up = self.y
+        offset = 0.0
         if self.layout == "radial":
             place = self.from_centre + self.entry
-            x, y = place.dot(self.x), place.dot(self.y)
+            x = place.dot(self.x)
+            y = place.dot(self.y)
             right = (self.x * x + self.y * y).normalised()
             up = self.normal.cross(right)
             width = self.input["Pitch"] * math.sqrt(2.0)
@@ -167,9 +210,14 @@ class _PlateNodes:
             second = second * error.node("COSINE") - first * error.node("SINE")
         return _Layer(first, phases[0], offset), _Layer(second, phases[1], offset)
 
-    def fold(self, layer: _Layer, shift: _Value, along: _Value) -> tuple[_Value, _Value, _Value, _Value]:
-        """Through one layer: how far from the hit and which way light comes out, reflections, and are they odd?"""
-        pitch, normal = self.input["Pitch"], layer.normal
+    def fold(
+        self, layer: _Layer, shift: _Value, along: _Value
+    ) -> tuple[_Value, _Value, _Value, _Value]:
+        """Through one layer: how far from the hit and which way
+        light comes out, reflections, and are they odd?
+        """
+        pitch = self.input["Pitch"]
+        normal = layer.normal
         speed = along.dot(normal)
         q = ((self.from_centre + shift).dot(normal) + layer.offset) / pitch - layer.phase
         entered = q.node("FRACT")
@@ -180,18 +228,22 @@ class _PlateNodes:
         is_odd = n_reflections.node("MODULO", 2.0)
         moved = inside + is_odd * (1.0 - 2.0 * inside) - entered
         shift = shift + normal * (moved * pitch)
-        if self.layout == "crossed":  # along its mirrors a layer of slits lets light drift, holes do not
+        # along its mirrors a layer of slits lets light drift, holes do not
+        if self.layout == "crossed":
             shift = shift + (along - normal * speed) * self.way
         return shift, along - normal * (2.0 * speed * is_odd), n_reflections, is_odd
 
     def crossed(self) -> tuple[_Value, _Value, _Value, _Value, _Value]:
-        """Through both layers: shift, direction along the plate, reflections, and are those of layers 1 and 2 odd?"""
+        """Through both layers: shift, direction along the plate,
+        reflections, and are those of layers 1 and 2 odd?
+        """
         first, second = self.layers()
         if self.layout != "crossed":  # two directions in one layer do not know of each other
             shift, along, n_first, is_odd_1 = self.fold(first, self.entry, self.along)
             shift, along, n_second, is_odd_2 = self.fold(second, shift, along)
             return shift, along, n_first + n_second, is_odd_1, is_odd_2
-        ahead, behind = self.is_back, 1.0 - self.is_back
+        ahead = self.is_back
+        behind = 1.0 - self.is_back
         near, far = (
             _Layer(*(a * ahead + b * behind for a, b in zip(pair[0][:2], pair[1][:2], strict=True)))
             for pair in ((first, second), (second, first))
@@ -205,8 +257,10 @@ class _PlateNodes:
     def reflected_share(self) -> _Value:
         """Unpolarised Fresnel reflectance of a face."""
         ior = self.input["IOR"]
-        bent, straight = ior * self.depth, ior * self.cosine
-        s, p = (self.cosine - bent) / (self.cosine + bent), (straight - self.depth) / (straight + self.depth)
+        bent = ior * self.depth
+        straight = ior * self.cosine
+        s = (self.cosine - bent) / (self.cosine + bent)
+        p = (straight - self.depth) / (straight + self.depth)
         return (s * s + p * p) * 0.5 * self.input["Fresnel"]
 
     def portal(self, shift: _Value, direction: _Value, colour: _Value) -> Any:
@@ -218,28 +272,40 @@ class _PlateNodes:
         return node
 
     def build(self) -> None:
-        """Add everything up to the group's output; light goes on from the face it leaves by, clear of the plane."""
+        """Add everything up to the group's output.
+
+        Light goes on from the face it leaves by, clear of the plane.
+        """
         shift, along, n_reflections, odd_1, odd_2 = self.crossed()
         share = self.reflected_share()
         light = self.input
-        image = light["Stray 1"] + odd_2 * (light["Image"] - light["Stray 1"])  # layer 1 odd; layer 2 odd or not
+        # layer 1 odd; layer 2 odd or not
+        image = light["Stray 1"] + odd_2 * (light["Image"] - light["Stray 1"])
         others = light["Through"] + odd_2 * (light["Stray 2"] - light["Through"])
         seen = others + odd_1 * (image - others)
-        colour = (1.0 - share) * (1.0 - share) * light["Reflectance"].node("POWER", n_reflections) * seen
-        across, face = self.facing * self.cosine, self.facing * self.half
+        colour = (
+            (1.0 - share) * (1.0 - share) * light["Reflectance"].node("POWER", n_reflections) * seen
+        )
+        across = self.facing * self.cosine
+        face = self.facing * self.half
         beyond = self.portal(shift - face, (along - across).normalised(), colour)
-        back = self.portal(self.entry + face, (self.along + across).normalised(), share * light["Reflected"])
-        both, output = (self.tree.nodes.new(kind) for kind in ("ShaderNodeAddShader", "NodeGroupOutput"))
+        back = self.portal(
+            self.entry + face, (self.along + across).normalised(), share * light["Reflected"]
+        )
+        both, output = (
+            self.tree.nodes.new(kind) for kind in ("ShaderNodeAddShader", "NodeGroupOutput")
+        )
         self.tree.links.new(beyond.outputs[0], both.inputs[0])
         self.tree.links.new(back.outputs[0], both.inputs[1])
         self.tree.links.new(both.outputs[0], output.inputs[0])
 
 
 def plate_group(layout: str) -> bpy.types.NodeTree:
-    """New node group: a mirror array plate for Cycles, whose mirrors are folds of rays and no geometry.
+    """New node group: a mirror array plate for Cycles, whose
+    mirrors are folds of rays and no geometry.
 
-    For any flat mesh. Mirrors are counted from the object's origin and stand at 45 degrees to its x axis, as
-    in plate.ArrayFrame. Lengths are in Blender units.
+    For any flat mesh. Mirrors are counted from the object's origin and stand at 45
+    degrees to its x axis, as in plate.ArrayFrame. Lengths are in Blender units.
 
     Parameters
     ----------
@@ -247,13 +313,21 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
     """
     tree = bpy.data.node_groups.new(_PLATE_GROUPS[layout], "ShaderNodeTree")
     tree.interface.new_socket("Plate", in_out="OUTPUT", socket_type="NodeSocketShader")
-    panel = tree.interface.new_panel("Light", description="Which light is seen: switch stray light off here")
+    panel = tree.interface.new_panel(
+        "Light", description="Which light is seen: switch stray light off here"
+    )
     inputs = [i for i in _PLATE_INPUTS if layout == "crossed" or i.name != "Crossing Error"]
     for wanted, parent in (*((i, None) for i in inputs), *((i, panel) for i in _LIGHT_INPUTS)):
         socket = tree.interface.new_socket(
-            wanted.name, description=wanted.tooltip, in_out="INPUT", socket_type="NodeSocketFloat", parent=parent
+            wanted.name,
+            description=wanted.tooltip,
+            in_out="INPUT",
+            socket_type="NodeSocketFloat",
+            parent=parent,
         )
-        socket.subtype, socket.min_value, socket.max_value = wanted.subtype, wanted.lowest, wanted.highest
+        socket.subtype = wanted.subtype
+        socket.min_value = wanted.lowest
+        socket.max_value = wanted.highest
         socket.default_value = wanted.default
     _PlateNodes(tree, layout).build()
     _arrange(tree)
@@ -263,7 +337,8 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
 def _arrange(tree: Any) -> None:
     """Put nodes into columns, each right of those it depends on."""
     column: dict[Any, int] = {}
-    for node in tree.nodes:  # made in the order of the formulas: the nodes that one needs are there before it
+    # made in the order of the formulas: the nodes that one needs are there before it
+    for node in tree.nodes:
         needed = [link.from_node for socket in node.inputs for link in socket.links]
         column[node] = 1 + max((column[other] for other in needed), default=-1)
     used: dict[int, int] = {}
@@ -273,8 +348,13 @@ def _arrange(tree: Any) -> None:
         used[n] = used.get(n, 0) + (40 if node.hide else 300)
 
 
-def be_mirror_array(material: bpy.types.Material, array: MirrorArray, metres: float = 1.0) -> bpy.types.NodeTree:
-    """Mirror array plate, all its light in Cycles; returns its new node group. `metres` is a Blender unit."""
+def be_mirror_array(
+    material: bpy.types.Material, array: MirrorArray, metres: float = 1.0
+) -> bpy.types.NodeTree:
+    """Mirror array plate, all its light in Cycles.
+
+    Returns its new node group. `metres` is a Blender unit.
+    """
     tree, output = cleared(material)
     group = tree.nodes.new("ShaderNodeGroup")
     group.node_tree = plate_group(array.layout)
@@ -292,5 +372,6 @@ def be_mirror_array(material: bpy.types.Material, array: MirrorArray, metres: fl
     for name, value in values.items():
         group.inputs[name].default_value = value
     tree.links.new(group.outputs[0], output.inputs["Surface"])
-    group.location, group.width = (-220, 0), 200
+    group.location = (-220, 0)
+    group.width = 200
     return group.node_tree

@@ -7,12 +7,17 @@ from .shapes import CURVED
 
 
 def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Do modifiers make another shape in renders than in the viewport, whose shape is the one that is read?"""
+    """Do modifiers make another shape in renders than in the
+    viewport, whose shape is the one that is read?
+    """
     return any(
         m.show_viewport != m.show_render
         or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
         for m in owner.modifiers
-    ) or (scene.render.use_simplify and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers))
+    ) or (
+        scene.render.use_simplify
+        and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers)
+    )
 
 
 def modifier_notes(parts: list[Part]) -> list[str]:
@@ -26,7 +31,8 @@ def modifier_notes(parts: list[Part]) -> list[str]:
         and part.drawn is not None
     )
     return [
-        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is meant: {remedy}."
+        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is"
+        f" meant: {remedy}."
         for o, surface in drawn
         for m in o.modifiers
         if m.show_viewport and (remedy := remedy_of(m, surface))
@@ -34,23 +40,36 @@ def modifier_notes(parts: list[Part]) -> list[str]:
 
 
 def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
-    """The remedy for a modifier that leaves vertices beside the surface; an empty text for others."""
-    if modifier.type == "SUBSURF" and modifier.subdivision_type == "CATMULL_CLARK" and not modifier.use_limit_surface:
+    """The remedy for a modifier that leaves vertices beside the surface.
+
+    An empty text for others.
+    """
+    if (
+        modifier.type == "SUBSURF"
+        and modifier.subdivision_type == "CATMULL_CLARK"
+        and not modifier.use_limit_surface
+    ):
         return "turn on its Use Limit Surface"
-    is_collapsed = modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    is_collapsed = (
+        modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    )
     if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
         return "turn it off, or set the object's Surface to Automatic"
     return ""
 
 
 def scene_notes(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, parts: list[Part], camera: bpy.types.Object | None
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    parts: list[Part],
+    camera: bpy.types.Object | None,
 ) -> list[str]:
     """Notes on settings of the scene as a whole that Kiriko does not follow."""
     notes = []
     if depsgraph.mode == "VIEWPORT":
         notes += [
-            f"'{o.name}' has another shape in renders than in the viewport (modifiers): using the viewport's."
+            f"'{o.name}' has another shape in renders than in the viewport (modifiers): using the"
+            f" viewport's."
             for o in dict.fromkeys(part.owner for part in parts)
             if renders_differ(o, scene)
         ]

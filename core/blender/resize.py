@@ -1,4 +1,6 @@
-"""Gives a flat object another size, by its own scale: its mesh may be others', too, and have modifiers."""
+"""Gives a flat object another size, by its own scale: its
+mesh may be others', too, and have modifiers.
+"""
 
 from collections.abc import Callable
 
@@ -10,14 +12,16 @@ from ..arrays import Floats
 from ..errors import RigError
 from .mesh import column
 
-FLAT = 1e-5  # of its size: an object no thicker along an axis of its own is perpendicular to that axis
+# of its size: an object no thicker along an axis of its own is perpendicular to that axis
+FLAT = 1e-5
 NEAR = 1e-4  # of a side: so near an object has to come to its size and stay in its place
 SINGLE = 2.0**-22  # of its place: the error, in single precision, of a sum of two or three numbers
 SQUARE = 1e-3  # of a side, by which the other may differ
 
 
 def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> None:
-    """Make a flat object this long and wide, Blender units, about its middle; its children stay as they are.
+    """Make a flat object this long and wide, Blender units,
+    about its middle; its children stay as they are.
 
     Raises
     ------
@@ -27,11 +31,21 @@ def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) 
     context.view_layer.update()
     points = _points(context, thing)
     factors = _factors(np.array(thing.matrix_world, float), points, side)
-    rescale(context, thing, points, factors, lambda after: np.abs(_factors(after, points, side) - 1).max() <= NEAR)
+    rescale(
+        context,
+        thing,
+        points,
+        factors,
+        lambda after: np.abs(_factors(after, points, side) - 1).max() <= NEAR,
+    )
 
 
 def rescale(
-    context: bpy.types.Context, thing: bpy.types.Object, points: Floats, factors: Floats, is_right: Callable
+    context: bpy.types.Context,
+    thing: bpy.types.Object,
+    points: Floats,
+    factors: Floats,
+    is_right: Callable,
 ) -> None:
     """Scale an object along its own axes, about its middle; its children stay as they are.
 
@@ -46,10 +60,13 @@ def rescale(
     RigError : it does not keep scale or place, a clause for a sentence; everything is as it was
     """
     middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
-    before, basis = np.array(thing.matrix_world, float), np.array(thing.matrix_basis, float)[:3, :3]
+    before = np.array(thing.matrix_world, float)
+    basis = np.array(thing.matrix_basis, float)[:3, :3]
     children = [child for child in thing.children if child.parent_type == "OBJECT"]
     kept = [(thing, "scale", thing.scale.copy()), (thing, "location", thing.location.copy())]
-    kept += [(child, "matrix_parent_inverse", child.matrix_parent_inverse.copy()) for child in children]
+    kept += [
+        (child, "matrix_parent_inverse", child.matrix_parent_inverse.copy()) for child in children
+    ]
 
     try:
         thing.scale = (np.array(thing.scale) * factors).tolist()
@@ -58,7 +75,9 @@ def rescale(
         after = np.array(thing.matrix_world, float)
         for child in children:
             child.matrix_parent_inverse = (
-                Matrix(after.tolist()).inverted_safe() @ Matrix(before.tolist()) @ child.matrix_parent_inverse
+                Matrix(after.tolist()).inverted_safe()
+                @ Matrix(before.tolist())
+                @ child.matrix_parent_inverse
             )
         context.view_layer.update()
         moved = (after - before)[:3, :3] @ middle + (after - before)[:3, 3]
@@ -110,7 +129,8 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
         lengths = np.delete(np.linalg.norm(matrix[:3, :3], axis=0) * extent, thin)
         if not lengths.all():
             raise RigError("it has no size")
-        # a thing without thickness may be scaled along it, too, so that the scale stays even where it is
+        # a thing without thickness may be scaled along it, too,
+        # so that the scale stays even where it is
         return np.insert(side / lengths, thin, side / np.sqrt(lengths.prod()))
 
     # the plane lies askew to the object's axes: one factor for all of them keeps its angle
@@ -120,7 +140,9 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
     along = matrix[:3, :2].T - np.outer(matrix[:3, :2].T @ normal, normal)
     along = along[np.linalg.norm(along, axis=1).argmax()]
     along /= np.linalg.norm(along)
-    thick, width, height = (np.ptp(world @ axis) for axis in (normal, along, np.cross(normal, along)))
+    thick, width, height = (
+        np.ptp(world @ axis) for axis in (normal, along, np.cross(normal, along))
+    )
     if thick > SQUARE * width:
         raise RigError("it is not flat")
     if abs(width - height) > SQUARE * width:

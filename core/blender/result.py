@@ -1,4 +1,6 @@
-"""Writes a solution to Blender: the image, the display's material, the numbers. All of it, or nothing."""
+"""Writes a solution to Blender: the image, the display's
+material, the numbers. All of it, or nothing.
+"""
 
 import json
 from dataclasses import asdict, replace
@@ -36,7 +38,9 @@ OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image with these pixels (linear, row 0 at the top) that takes the place and name of an old one."""
+    """A packed float image with these pixels (linear, row 0 at
+    the top) that takes the place and name of an old one.
+    """
     return _take_place(_packed(name, pixels), old, name)
 
 
@@ -58,10 +62,12 @@ def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) 
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
-    """Show other pixels (h, w, 3; linear, row 0 at the top) as the scene's source image, without packing it.
+    """Show other pixels (h, w, 3; linear, row 0 at the top) as
+    the scene's source image, without packing it.
 
-    For pictures that follow each other fast: where the image has their size it stays the same datablock, so that no
-    material is built again. The packed image is out of date from then on; `pack_source` puts that right.
+    For pictures that follow each other fast: where the image has their size it stays the same
+    datablock, so that no material is built again. The packed image is out of date from then on;
+    `pack_source` puts that right.
     """
     image = scene.kiriko.result.source
     scene.kiriko.result.seen_summary = ""  # the simulation is of another one
@@ -84,7 +90,8 @@ def pack_source(scene: bpy.types.Scene) -> None:
     image = scene.kiriko.result.source
     if image is not None:
         pack(image, SOURCE)
-        image.buffers_free()  # read from the packed file when next asked for, it does not count as unsaved
+        # read from the packed file when next asked for, it does not count as unsaved
+        image.buffers_free()
 
 
 def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
@@ -101,14 +108,23 @@ def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
 def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
     """Make a display emit an image, by a material of its own in place of the user's.
 
-    The material is linked to the object, so that other users of the mesh keep theirs; the user's own material stays
-    in the mesh and in the file. Returns one sentence for each material that gave way.
+    The material is linked to the object, so that other users of the mesh keep theirs; the user's
+    own material stays in the mesh and in the file. Returns one sentence for each material that gave
+    way.
     """
     if display.data is None or not hasattr(display.data, "materials"):
-        return [f"The display '{display.name}' has no material: give the image '{SOURCE}' to what it shows."]
+        return [
+            f"The display '{display.name}' has no material: give the image '{SOURCE}' to what"
+            f" it shows."
+        ]
     if not display.is_editable:
-        return [f"The display '{display.name}' is linked from another file: give it the image '{SOURCE}' there."]
-    old = next((s.material for s in display.material_slots if s.material and s.material.get(OURS)), None)
+        return [
+            f"The display '{display.name}' is linked from another file: give it the image"
+            f" '{SOURCE}' there."
+        ]
+    old = next(
+        (s.material for s in display.material_slots if s.material and s.material.get(OURS)), None
+    )
     ours = bpy.data.materials.new(f"{display.name} Source")
     try:
         ours[OURS] = True
@@ -128,7 +144,10 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
         theirs = slot.material
         if theirs is not None and not theirs.get(OURS):
             theirs.use_fake_user = True
-            notes.append(f"The material '{theirs.name}' of the display '{display.name}' gave way to '{ours.name}'.")
+            notes.append(
+                f"The material '{theirs.name}' of the display '{display.name}' gave way"
+                f" to '{ours.name}'."
+            )
         slot.link = "OBJECT"
         slot.material = ours
     return notes
@@ -148,26 +167,35 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
 
 
 def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
-    """The same, fast, for one of many solutions: see `update_source`; the display's material stays if it is right."""
-    numbers, image = _numbers(scene, reading, solution), scene.kiriko.result.source
+    """The same, fast, for one of many solutions: see `update_source`.
+
+    The display's material stays if it is right.
+    """
+    numbers = _numbers(scene, reading, solution)
+    image = scene.kiriko.result.source
     if _has_size_of(image, solution.source):
         display = bpy.data.objects.get(reading.display_object)
         is_shown = display is None or is_on_display(display, image)
         remarks = [] if is_shown else put_on_display(display, image)
         update_source(scene, solution.source)
     else:
-        remarks = _put_in_place(scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source))
+        remarks = _put_in_place(
+            scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source)
+        )
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
 def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
-    """Show pixels (h, w, 3; linear, row 0 at the top) as a coarse source image, whole as a result without numbers.
+    """Show pixels (h, w, 3; linear, row 0 at the top) as a
+    coarse source image, whole as a result without numbers.
 
-    Returns the reading from which the final result is to be written: it knows which materials have given way.
+    Returns the reading from which the final result is to be
+    written: it knows which materials have given way.
     """
     remarks = _put_in_place(scene, reading, _packed(SOURCE, pixels))
     notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
-    reading, result = replace(reading, notes=notes), scene.kiriko.result
+    reading = replace(reading, notes=notes)
+    result = scene.kiriko.result
     result.is_coarse, result.coverage = True, 0.0
     result.summary = result.details = result.seen_summary = ""  # the old ones are of another one
     result.notes = "\n".join(map(one_line, reading.notes))
@@ -176,8 +204,12 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:
-    """Give a new image the place of the scene's source image, on the display, too; it goes again where that fails."""
-    old, display = scene.kiriko.result.source, bpy.data.objects.get(reading.display_object)
+    """Give a new image the place of the scene's source image, on the display, too.
+
+    It goes again where that fails.
+    """
+    old = scene.kiriko.result.source
+    display = bpy.data.objects.get(reading.display_object)
     try:
         remarks = [] if display is None else put_on_display(display, image)
     except BaseException:
@@ -197,29 +229,38 @@ def _write_numbers(
     remarks: list[str],
 ) -> str:
     """Write the panel's numbers of a solution, and return it in one sentence."""
-    result, (details, notes) = scene.kiriko.result, numbers
-    result.coverage, result.details = details["picture_coverage"], json.dumps(details)
+    result = scene.kiriko.result
+    (details, notes) = numbers
+    result.coverage = details["picture_coverage"]
+    result.details = json.dumps(details)
     result.summary = summary(details["picture_coverage"], solution.misses)
-    result.notes, result.is_coarse = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks]))), False
+    result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
+    result.is_coarse = False
     result.seen_summary = ""  # the simulation is of another one
     result.solved_for = reading.solved_for
     return result.summary
 
 
-def _numbers(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> tuple[dict[str, Any], list[str]]:
+def _numbers(
+    scene: bpy.types.Scene, reading: Reading, solution: Solution
+) -> tuple[dict[str, Any], list[str]]:
     """Numbers of a solution, and notes for the user: made before anything is written."""
-    tolerance, in_units = scene.kiriko.tolerance, partial(length_text, scene)
+    tolerance = scene.kiriko.tolerance
+    in_units = partial(length_text, scene)
     notes = [
         *reading.notes,
         *(
-            f"Not followed of the material '{read.material_name}' of '{read.object_name}': {', '.join(read.ignored)}."
+            f"Not followed of the material '{read.material_name}' of '{read.object_name}':"
+            f" {', '.join(read.ignored)}."
             for read in reading.materials
             if read.ignored
         ),
         *(remark.told(in_units) for remark in solution.remarks),
     ]
     details = {
-        "warnings": [one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning],
+        "warnings": [
+            one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning
+        ],
         "materials": [asdict(material) for material in reading.materials],
         "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
         "misses": solution.misses,
@@ -255,11 +296,16 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
         name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}
         for name, other in (("half", tolerance / 2), ("twice", tolerance * 2))
     }
-    return {"is_measured": bool(ladder), **{k: v for k, v in others.items() if v["seconds"] is not None}}
+    return {
+        "is_measured": bool(ladder),
+        **{k: v for k, v in others.items() if v["seconds"] is not None},
+    }
 
 
 def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
-    """Keep a report's measurements, tolerances (display px) and seconds, and tell the last result's costs by it."""
+    """Keep a report's measurements, tolerances (display px) and
+    seconds, and tell the last result's costs by it.
+    """
     result = scene.kiriko.result
     result.ladder = json.dumps(ladder)
     if result.details:

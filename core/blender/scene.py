@@ -1,7 +1,7 @@
 """Reads the evaluated scene into a Rig, as Blender shows it at this frame, in metres and float64.
 
-Modifiers, parents, constraints and instances have been applied by the depsgraph; this file sorts objects by role,
-and notes those that it leaves out.
+Modifiers, parents, constraints and instances have been applied by the depsgraph;
+this file sorts objects by role, and notes those that it leaves out.
 """
 
 import json
@@ -44,7 +44,9 @@ class Reading:
 
 
 def read(
-    source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
+    source: bpy.types.Context | bpy.types.Depsgraph,
+    scene: bpy.types.Scene | None = None,
+    kept: Kept | None = None,
 ) -> Reading:
     """Read the rig of a scene as it stands at this frame.
 
@@ -58,7 +60,8 @@ def read(
 
     Raises
     ------
-    RigError : the viewer's camera or the picture plane cannot be used, or a part that the rig needs is hidden
+    RigError : the viewer's camera or the picture plane cannot be
+        used, or a part that the rig needs is hidden
     ImageError : the picture has no pixels
     """
     drawn = read_drawn(source, scene, kept)
@@ -67,27 +70,34 @@ def read(
 
 
 def read_drawn(
-    source: bpy.types.Context | bpy.types.Depsgraph, scene: bpy.types.Scene | None = None, kept: Kept | None = None
+    source: bpy.types.Context | bpy.types.Depsgraph,
+    scene: bpy.types.Scene | None = None,
+    kept: Kept | None = None,
 ) -> Reading:
     """The same, as the scene shows it: without a calibration's result."""
-    depsgraph = source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
+    depsgraph = (
+        source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
+    )
     scene = depsgraph.scene if scene is None else scene
     metres = length_of_unit(scene)
     kept = kept or Kept()
-    needed = ("GLASS", "PLATE", "DISPLAY") + (() if scene.kiriko.picture_source == "IMAGE" else ("PICTURE",))
+    needed = ("GLASS", "PLATE", "DISPLAY") + (
+        () if scene.kiriko.picture_source == "IMAGE" else ("PICTURE",)
+    )
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
     camera = scene.kiriko.viewer or scene.camera
     if camera is not None and not is_placed(camera, depsgraph):
         raise RigError(
-            f"The viewer '{camera.name}' is disabled or left out of the view layer, so that its place is unknown: "
-            "enable it, or make it the scene's camera."
+            f"The viewer '{camera.name}' is disabled or left out of the view layer, so that its"
+            " place is unknown: enable it, or make it the scene's camera."
         )
     viewer = None if camera is None else read_viewer(camera, depsgraph, scene.render, metres)
     by_role: dict[str, list[Part]] = {}
     for part in parts:
         by_role.setdefault(part.role, []).append(part)
 
-    glasses, materials = [], []
+    glasses = []
+    materials = []
     for part in by_role.get("GLASS", []):
         glass, readings, remarks = read_glass(part)
         glasses.append(glass)
@@ -97,14 +107,19 @@ def read_drawn(
         pictures, remarks = read_picture_image(scene.kiriko.picture_image, viewer, kept)
         notes += remarks
         unused = by_role.get("PICTURE", [])
-        notes += [f"The picture plane '{part.name}' is not used: the picture is an image." for part in unused]
+        notes += [
+            f"The picture plane '{part.name}' is not used: the picture is an image."
+            for part in unused
+        ]
     else:
         pictures = []
         for part in by_role.get("PICTURE", []):
             picture, remarks = read_picture(part, kept)
             pictures.append(picture)
             notes += remarks
-    displays = [Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])]
+    displays = [
+        Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])
+    ]
     notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
     rig = Rig(
         viewers=() if viewer is None else (viewer,),
@@ -117,11 +132,15 @@ def read_drawn(
     )
     size = flat_size(displays[0].mesh) if len(displays) == 1 else None
     shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
-    return Reading(rig, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by)
+    return Reading(
+        rig, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by
+    )
 
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
-    """The rig with the offset that the scene keeps from calibrations, and notes on amounts that have no place."""
+    """The rig with the offset that the scene keeps from
+    calibrations, and notes on amounts that have no place.
+    """
     kept = json.loads(scene.kiriko.calibration.offset or "[]")
     if not kept:
         return rig, []
@@ -131,14 +150,17 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
         return rig, []  # its errors are told before it is solved
     rig, unknown = with_offset(rig, kept)
     notes = [
-        f"The calibration's offset has '{name}', of which this rig has none: calibrate again or remove the offset."
+        f"The calibration's offset has '{name}', of which this rig has none: calibrate again or"
+        f" remove the offset."
         for name in unknown
     ]
     return rig, ["The calibration's offset is in this rig.", *notes]
 
 
 def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
-    """Matrix (4, 4) for objects, in units of so many metres: points p, in m, go to linear (3, 3) @ p + shift (3,)."""
+    """Matrix (4, 4) for objects, in units of so many metres:
+    points p, in m, go to linear (3, 3) @ p + shift (3,).
+    """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = linear, shift / metres
     return matrix

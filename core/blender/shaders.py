@@ -34,16 +34,22 @@ def _front_only(tree: Any, output: Any, shader: Any) -> None:
 
 
 def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
-    """Make a material emit the texels of an image, as the pixels of a screen: square, sharp, on the front only."""
+    """Make a material emit the texels of an image, as the
+    pixels of a screen: square, sharp, on the front only.
+    """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image, texture.interpolation, texture.extension = image, "Closest", "CLIP"
-    uv = tree.nodes.new("ShaderNodeUVMap")  # unnamed: the map used in renders, which is the one Kiriko reads
+    texture.image = image
+    texture.interpolation = "Closest"
+    texture.extension = "CLIP"
+    # unnamed: the map used in renders, which is the one Kiriko reads
+    uv = tree.nodes.new("ShaderNodeUVMap")
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     _front_only(tree, output, emission)
-    texture.location, uv.location = (-520, -220), (-740, -220)
+    texture.location = (-520, -220)
+    uv.location = (-740, -220)
     material.cycles.emission_sampling = "NONE"  # light reaches the viewer along mirror paths only
 
 
@@ -55,17 +61,21 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     texture.image, texture.extension = image, "CLIP"
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    texture.location, emission.location = (-520, 0), (-220, 0)
+    texture.location = (-520, 0)
+    emission.location = (-220, 0)
     tree.nodes.active = texture  # solid view shows it as the object's texture
 
 
 def show_coordinates(material: bpy.types.Material) -> None:
-    """Make a material emit (u, v, 1): a renderer then says where on the display each viewer pixel lands."""
+    """Make a material emit (u, v, 1): a renderer then says
+    where on the display each viewer pixel lands.
+    """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
     combine = tree.nodes.new("ShaderNodeCombineXYZ")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
-    uv = tree.nodes.new("ShaderNodeUVMap")  # unnamed: the map used in renders, which is the one Kiriko reads
+    # unnamed: the map used in renders, which is the one Kiriko reads
+    uv = tree.nodes.new("ShaderNodeUVMap")
     combine.inputs["Z"].default_value = 1.0
     tree.links.new(uv.outputs["UV"], split.inputs[0])
     tree.links.new(split.outputs["X"], combine.inputs["X"])
@@ -76,7 +86,8 @@ def show_coordinates(material: bpy.types.Material) -> None:
 
 
 def be_plate(material: bpy.types.Material) -> None:
-    """Ideal plane-symmetric plate: light leaves along o = -i + 2 (i.n) n (Kiuchi & Koizumi 2021, eq. 3).
+    """Ideal plane-symmetric plate: light leaves along o =
+    -i + 2 (i.n) n (Kiuchi & Koizumi 2021, eq. 3).
 
     Cycles' Incoming is -i, so the law is its reflection about the normal.
     """
@@ -95,7 +106,9 @@ def be_plate(material: bpy.types.Material) -> None:
 
 
 def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
-    """Smooth clear glass; without Fresnel it refracts everything, has no noise, and is black at total reflection."""
+    """Smooth clear glass; without Fresnel it refracts everything,
+    has no noise, and is black at total reflection.
+    """
     tree, output = cleared(material)
     glass = tree.nodes.new("ShaderNodeBsdfGlass" if fresnel else "ShaderNodeBsdfRefraction")
     glass.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)

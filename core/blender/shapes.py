@@ -39,42 +39,63 @@ class Shape:
         return fingerprint(self.local)
 
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
-        """The mesh in the world by a matrix (4, 4), and its triangles without area; the same object if unmoved."""
+        """The mesh in the world by a matrix (4, 4), and its triangles without area.
+
+        The same object if unmoved.
+        """
         if self.matrix is None or not np.array_equal(self.matrix, matrix):
             self.matrix, self.placed = matrix, in_world(self.local, matrix, surface.lower())
         return self.placed
 
 
 class Kept:
-    """Shapes and pixels kept from one reading to the next, by session uid; no datablock, which undo could take away.
+    """Shapes and pixels kept from one reading to the next, by
+    session uid; no datablock, which undo could take away.
 
-    Whoever keeps them has to hand on Blender's news of changes (`notice`), and forget all after undo.
+    Whoever keeps them has to hand on Blender's news of
+    changes (`notice`), and forget all after undo.
     """
 
     def __init__(self) -> None:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
-        self._pixels: tuple[tuple[object, ...], NDArray[np.float32], NDArray[np.float32]] | None = None
+        self._pixels: tuple[tuple[object, ...], NDArray[np.float32], NDArray[np.float32]] | None = (
+            None
+        )
         self._fingerprint: tuple[NDArray[np.float32], str] | None = None  # of the pixels
         self._is_stale = True  # the pixels have to be compared
         self._n_kept = 0  # shapes that the last reading asked for
 
     @property
     def is_whole(self) -> bool:
-        """Is nothing known to have changed but places and settings, so that the next reading is short?"""
+        """Is nothing known to have changed but places and
+        settings, so that the next reading is short?
+        """
         return not self._is_stale and len(self._shapes) == self._n_kept > 0
 
-    def notice(self, updates: Iterable[bpy.types.DepsgraphUpdate], ours: Container[int] = ()) -> None:
-        """Take note of a depsgraph's updates, but for pixels of datablocks with the session uids `ours`."""
+    def notice(
+        self, updates: Iterable[bpy.types.DepsgraphUpdate], ours: Container[int] = ()
+    ) -> None:
+        """Take note of a depsgraph's updates, but for pixels of
+        datablocks with the session uids `ours`.
+        """
         for update in updates:
             block = update.id.original
             if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
-                self._shapes = {key: shape for key, shape in self._shapes.items() if key[0] != block.session_uid}
-            elif isinstance(block, bpy.types.Image | bpy.types.Material) and block.session_uid not in ours:
-                self._is_stale = True  # a material, too: an image that is loaded again does not tell itself
+                self._shapes = {
+                    key: shape for key, shape in self._shapes.items() if key[0] != block.session_uid
+                }
+            elif (
+                isinstance(block, bpy.types.Image | bpy.types.Material)
+                and block.session_uid not in ours
+            ):
+                # a material, too: an image that is loaded again does not tell itself
+                self._is_stale = True
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
-        """Of the object an iterator stands on. Instances are read each time: several share one uid."""
+        """Of the object an iterator stands on. Instances are read each time: several
+        share one uid.
+        """
         if instance.is_instance or owner.kiriko.role in MAPPED:
             return read_shape(instance.object, owner)
         key = (instance.object.original.session_uid, owner.kiriko.role, owner.kiriko.surface)
@@ -84,7 +105,14 @@ class Kept:
     def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
         """As by `read_pixels`; the same array as before while the image holds the same numbers."""
         space = image.colorspace_settings
-        key = (image.session_uid, tuple(image.size), space.name, space.is_data, image.alpha_mode, image.is_float)
+        key = (
+            image.session_uid,
+            tuple(image.size),
+            space.name,
+            space.is_data,
+            image.alpha_mode,
+            image.is_float,
+        )
         before = self._pixels if self._pixels is not None and self._pixels[0] == key else None
         if before is None or self._is_stale:
             stored = stored_pixels(image, owner)
@@ -105,14 +133,21 @@ class Kept:
         self._n_kept = len(self._shapes)
 
 
-def used_materials(shown: bpy.types.Object, order: tuple[int, ...]) -> tuple[bpy.types.Material | None, ...]:
-    """Materials of an evaluated object's slots, in this order. A slot may override the mesh's material."""
-    slots, own = shown.material_slots, shown.data.materials
+def used_materials(
+    shown: bpy.types.Object, order: tuple[int, ...]
+) -> tuple[bpy.types.Material | None, ...]:
+    """Materials of an evaluated object's slots, in this
+    order. A slot may override the mesh's material.
+    """
+    slots = shown.material_slots
+    own = shown.data.materials
     last = max(len(slots), len(own)) - 1
     materials = []
     for k in (min(k, last) for k in order):  # Blender clamps an index beyond the slots
         is_overridden = 0 <= k < len(slots) and slots[k].link == "OBJECT"
-        materials.append(slots[k].material if is_overridden else own[k] if 0 <= k < len(own) else None)
+        materials.append(
+            slots[k].material if is_overridden else own[k] if 0 <= k < len(own) else None
+        )
     return tuple(dict.fromkeys(materials))
 
 
@@ -124,7 +159,9 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
         if owner.kiriko.surface != "FACETS" and role in CURVED:
             sharpen_creases(mesh, shown.original)
         slots = used_slots(mesh)
-        textures = (read_texture(m) for m in used_materials(shown, slots)) if role == "PICTURE" else ()
+        textures = (
+            (read_texture(m) for m in used_materials(shown, slots)) if role == "PICTURE" else ()
+        )
         texture = next((t for t in textures if t is not None), None)
         is_shown = texture is not None and chosen_image(owner) in (None, texture.image)
         local = read_local(

@@ -16,7 +16,9 @@ from .shapes import Kept, Shape
 
 
 class _Unplaced:
-    """Takes the place of Kept in a reading: meshes stay as their objects have them, their places are noted beside."""
+    """Takes the place of Kept in a reading: meshes stay as their
+    objects have them, their places are noted beside.
+    """
 
     def __init__(self, kept: Kept) -> None:
         self.end, self.pixels = kept.end, kept.pixels
@@ -37,12 +39,16 @@ class _Unmoved:
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
         local = self._shape.local
         mesh = Mesh(local.vertices, local.triangles, None, None, local.uv, surface.lower())
-        self._notes.drawn[id(mesh)] = mesh, self._shape, matrix  # the mesh, so that no other gets its id
+        # the mesh, so that no other gets its id
+        self._notes.drawn[id(mesh)] = mesh, self._shape, matrix
         return mesh, 0
 
 
 def scene_now(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, settings: Settings, kept: Kept | None = None
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    settings: Settings,
+    kept: Kept | None = None,
 ) -> SolvedFor:
     """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does."""
     kept = kept or Kept()
@@ -53,18 +59,29 @@ def scene_now(
 
 
 def _parts(rig: Rig) -> list[Any]:
-    groups = rig.viewers, rig.glasses, rig.plates, rig.displays, rig.pictures, rig.mirrors, rig.blockers
+    groups = (
+        rig.viewers,
+        rig.glasses,
+        rig.plates,
+        rig.displays,
+        rig.pictures,
+        rig.mirrors,
+        rig.blockers,
+    )
     return [part for group in groups for part in group]
 
 
 def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
-    """A part's content, in which short fingerprints stand for large arrays, and its place (3, 4)."""
+    """A part's content, in which short fingerprints stand for large arrays, and its
+    place (3, 4).
+    """
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, np.column_stack([part.axes.T, part.position])
     if hasattr(part, "image"):
         part = replace(part, image=kept.fingerprint_of(part.image))
-    if part.mesh is None or id(part.mesh) not in notes.drawn:  # a picture in the viewer's pixels, or nothing to see
+    # a picture in the viewer's pixels, or nothing to see
+    if part.mesh is None or id(part.mesh) not in notes.drawn:
         return part, np.eye(3, 4)
     mesh, shape, matrix = notes.drawn[id(part.mesh)]
     # all else in a plate is its place once more

@@ -20,13 +20,18 @@ READABLE = 0.01, 1e5  # numbers outside are told in a unit that fits them better
 
 
 def length_of_unit(scene: bpy.types.Scene) -> float:
-    """Metres in a Blender unit; the unit scale counts only where a unit system is chosen, as in Blender."""
+    """Metres in a Blender unit.
+
+    The unit scale counts only where a unit system is chosen, as in Blender.
+    """
     units = scene.unit_settings
     return 1.0 if units.system == "NONE" else float(units.scale_length)
 
 
 def length_text(scene: bpy.types.Scene, metres: float) -> str:
-    """A length, m, as people who work in this scene read it: in the unit its fields have, where that is readable."""
+    """A length, m, as people who work in this scene read it: in
+    the unit its fields have, where that is readable.
+    """
     units = scene.unit_settings
     if units.system == "NONE":
         return f"{_plain(metres)} units"
@@ -34,7 +39,8 @@ def length_text(scene: bpy.types.Scene, metres: float) -> str:
     if size and (metres == 0 or READABLE[0] <= abs(metres) / size < READABLE[1]):
         return f"{_plain(metres / size)} {symbol}"
     text = bpy.utils.units.to_string(units.system, "LENGTH", metres, precision=DIGITS)
-    is_lost = metres != 0 and not any(digit in text for digit in "123456789")  # Blender rounds a micrometre to 0
+    # Blender rounds a micrometre to 0
+    is_lost = metres != 0 and not any(digit in text for digit in "123456789")
     return f"{_plain(metres)} m" if is_lost else text
 
 

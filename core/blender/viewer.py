@@ -15,7 +15,9 @@ PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
 
 
 class Frame(NamedTuple):
-    """Pixels of a viewer's image, as a render has them: the whole, the percentage of it that is seen, their aspect."""
+    """Pixels of a viewer's image, as a render has them: the
+    whole, the percentage of it that is seen, their aspect.
+    """
 
     width: int
     height: int
@@ -26,7 +28,9 @@ class Frame(NamedTuple):
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels; Blender cuts the percentage down to whole ones."""
-        return max(self.width * self.percentage // 100, 1), max(self.height * self.percentage // 100, 1)
+        return max(self.width * self.percentage // 100, 1), max(
+            self.height * self.percentage // 100, 1
+        )
 
     def has_shape_of(self, other: "Frame") -> bool:
         """Is the image as wide for its height as another?"""
@@ -53,39 +57,58 @@ def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
     )
 
 
-def image_window(lens: bpy.types.Camera, frame: Frame, metres: float) -> tuple[float, float, float, float]:
+def image_window(
+    lens: bpy.types.Camera, frame: Frame, metres: float
+) -> tuple[float, float, float, float]:
     """Left, right, bottom, top of the image as `Viewer.window` wants them.
 
-    Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the length of a Blender
-    unit. An AUTO fit lays the sensor's *width* along the longer side of the image, only VERTICAL uses its height.
+    Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the
+    length of a Blender unit. An AUTO fit lays the sensor's *width* along the longer side of the
+    image, only VERTICAL uses its height.
     """
     width, height = frame.size
-    across, along = width * frame.aspect_x, height * frame.aspect_y
-    is_horizontal = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and across >= along)
+    across = width * frame.aspect_x
+    along = height * frame.aspect_y
+    is_horizontal = lens.sensor_fit == "HORIZONTAL" or (
+        lens.sensor_fit == "AUTO" and across >= along
+    )
     if lens.type == "ORTHO":
         size = lens.ortho_scale * metres
     else:
-        size = (lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width) / lens.lens
+        size = (
+            lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+        ) / lens.lens
     pixel = size / (across if is_horizontal else along)
-    half_x, half_y = 0.5 * across * pixel, 0.5 * along * pixel
-    x, y = lens.shift_x * size, lens.shift_y * size
+    half_x = 0.5 * across * pixel
+    half_y = 0.5 * along * pixel
+    x = lens.shift_x * size
+    y = lens.shift_y * size
     return x - half_x, x + half_x, y - half_y, y + half_y
 
 
 def orthonormal_axes(matrix: Floats, name: str) -> Floats:
-    """Rows right, up, forward of a camera with this world matrix (4, 4); its scale is ignored, as Blender does.
+    """Rows right, up, forward of a camera with this world
+    matrix (4, 4); its scale is ignored, as Blender does.
 
     The nearest orthonormal frame (polar decomposition), so that float32 noise is shared out evenly.
     """
-    columns = matrix[:3, :3] / np.maximum(np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny)
+    columns = matrix[:3, :3] / np.maximum(
+        np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny
+    )
     if not np.abs(columns.T @ columns - np.eye(3)).max() < SHEARED:
-        raise RigError(f"The viewer '{name}' is sheared or has no size: undo the uneven scale of it or of its parents.")
+        raise RigError(
+            f"The viewer '{name}' is sheared or has no size: undo the uneven scale of"
+            f" it or of its parents."
+        )
     left, _, right = np.linalg.svd(columns)
     return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
 
 
 def read_viewer(
-    camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, render: bpy.types.RenderSettings, metres: float
+    camera: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    render: bpy.types.RenderSettings,
+    metres: float,
 ) -> Viewer:
     """Read the viewer from an evaluated camera.
 
@@ -105,8 +128,8 @@ def read_viewer(
     lens = evaluated.data
     if lens.type not in PROJECTIONS:
         raise RigError(
-            f"The viewer '{camera.name}' is a panoramic or custom camera, whose image is no flat window: "
-            "make it perspective or orthographic."
+            f"The viewer '{camera.name}' is a panoramic or custom camera, whose image is no flat"
+            " window: make it perspective or orthographic."
         )
     matrix = np.array(evaluated.matrix_world, dtype=float)
     frame = frame_of(camera, render)

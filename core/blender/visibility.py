@@ -1,8 +1,8 @@
 """Which objects are shown, and which settings hide the others.
 
-One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport and in renders. The
-eye, the monitor and the camera in the outliner count, its own and those of its collections, and so does a collection
-that the view layer leaves out.
+One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport
+and in renders. The eye, the monitor and the camera in the outliner count, its own and those of its
+collections, and so does a collection that the view layer leaves out.
 """
 
 from collections.abc import Iterator
@@ -18,9 +18,11 @@ class Shown:
         self._scene, self._layer = scene, layer
 
     def hidden_by(self, thing: bpy.types.Object) -> str:
-        """The setting that hides an object, to follow 'is hidden'; '' where shown, or only the source of instances.
+        """The setting that hides an object, to follow 'is hidden'; ''
+        where shown, or only the source of instances.
 
-        In a scene with thousands of objects the common case, an object that is shown, is asked for nothing else.
+        In a scene with thousands of objects the common case, an
+        object that is shown, is asked for nothing else.
         """
         if not thing.visible_get(view_layer=self._layer):
             if thing not in self._in_scene:
@@ -30,7 +32,9 @@ class Shown:
             if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
                 return " by its eye symbol (H)"
             return self._by_collection(thing, ("exclude", "hide_viewport"), " in the viewport")
-        if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(thing.users_collection):
+        if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(
+            thing.users_collection
+        ):
             return self._by_collection(thing, ("exclude", "hide_render"), " in renders")
         return by
 
@@ -50,18 +54,25 @@ class Shown:
         """The first collection above an object that one of these flags switches off."""
         for way in _ways_to(thing, self._layer.layer_collection):
             for layer in way:
-                if any(getattr(layer, flag, False) or getattr(layer.collection, flag, False) for flag in flags):
+                if any(
+                    getattr(layer, flag, False) or getattr(layer.collection, flag, False)
+                    for flag in flags
+                ):
                     return f" with its collection '{layer.collection.name}'{where}"
         return where
 
 
 def instance_hidden_by(thing: bpy.types.Object) -> str:
-    """The setting that hides instances of an object, which is itself in no scene, or is hidden there."""
+    """The setting that hides instances of an object, which
+    is itself in no scene, or is hidden there.
+    """
     return " in renders by its camera symbol" if thing.hide_render else ""
 
 
 def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:
-    """A collection and those below it that neither their own flag nor that of one between switches off."""
+    """A collection and those below it that neither their own
+    flag nor that of one between switches off.
+    """
     yield collection
     for child in collection.children:
         if not getattr(child, flag):
@@ -69,7 +80,9 @@ def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bp
 
 
 def _ways_to(
-    thing: bpy.types.Object, layer: bpy.types.LayerCollection, above: tuple[bpy.types.LayerCollection, ...] = ()
+    thing: bpy.types.Object,
+    layer: bpy.types.LayerCollection,
+    above: tuple[bpy.types.LayerCollection, ...] = (),
 ) -> Iterator[tuple[bpy.types.LayerCollection, ...]]:
     """Chains of collections, from the outermost on, that hold an object."""
     way = (*above, layer)

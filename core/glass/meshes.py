@@ -7,23 +7,27 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints
 from ..vectors import dot, normalise
 
-SAME_NORMAL = 1e-5  # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
+# radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
+SAME_NORMAL = 1e-5
 
 
 def components(n: int, a: Ints, b: Ints) -> Ints:
     """Smallest node label (n,) in each connected component of n nodes with edges a[i] - b[i]."""
     parent = np.arange(n)
     while len(a):
-        low, high = np.minimum(a, b), np.maximum(a, b)
+        low = np.minimum(a, b)
+        high = np.maximum(a, b)
         parent[high] = low  # any one writer wins; the other edges come round again
         while True:
             jumped = parent[parent]
             if np.array_equal(jumped, parent):
                 break
             parent = jumped
-        a, b = parent[a], parent[b]
+        a = parent[a]
+        b = parent[b]
         differs = a != b
-        a, b = a[differs], b[differs]
+        a = a[differs]
+        b = b[differs]
     return parent
 
 
@@ -31,8 +35,10 @@ def components(n: int, a: Ints, b: Ints) -> Ints:
 class Edges:
     """Pairs of triangles that share an edge, and whether the mesh is closed and wound one way.
 
-    first, second : (e,) triangle indices; corner_first, corner_second : (e,) corner at which the edge starts in each
-    is_same_way : (e,) both run along the edge in the same direction, so one of them is wound the wrong way
+    first, second : (e,) triangle indices; corner_first, corner_second :
+        (e,) corner at which the edge starts in each
+    is_same_way : (e,) both run along the edge in the same
+        direction, so one of them is wound the wrong way
     n_open : edges with one triangle or more than two
     """
 
@@ -45,7 +51,9 @@ class Edges:
 
 
 def find_edges(triangles: Ints) -> Edges:
-    """Match the edges of triangles (t, 3) by their vertex indices. Edges of more than two triangles join none."""
+    """Match the edges of triangles (t, 3) by their vertex
+    indices. Edges of more than two triangles join none.
+    """
     start = triangles.astype(np.int64).ravel()
     end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
     key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
@@ -54,7 +62,8 @@ def find_edges(triangles: Ints) -> Edges:
     begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
     counts = np.diff(np.r_[begins, len(ordered)])
     pairs = begins[counts == 2]
-    i, j = order[pairs], order[pairs + 1]
+    i = order[pairs]
+    j = order[pairs + 1]
     return Edges(i // 3, j // 3, i % 3, j % 3, start[i] == start[j], int((counts != 2).sum()))
 
 
@@ -66,9 +75,11 @@ def box_of(corners: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Triangles as planes with barycentric axes: u = (p - corner) . axis_u, v likewise, p a point of the plane.
+    """Triangles as planes with barycentric axes: u = (p -
+    corner) . axis_u, v likewise, p a point of the plane.
 
-    corner, normal, axis_u, axis_v : (t, 3); the normal is not unit; NaN axes for a triangle without area
+    corner, normal, axis_u, axis_v : (t, 3); the normal is not
+        unit; NaN axes for a triangle without area
     """
 
     corner: Floats
@@ -79,14 +90,20 @@ class Frames:
     @classmethod
     def of(cls, corners: Floats) -> "Frames":
         """Frames of triangles with corners (t, 3, 3)."""
-        e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        e1 = corners[:, 1] - corners[:, 0]
+        e2 = corners[:, 2] - corners[:, 0]
         normal = np.cross(e1, e2)
         with np.errstate(invalid="ignore", divide="ignore"):
             area = 1.0 / dot(normal, normal)[:, None]
-            return cls(corners[:, 0], normal, np.cross(e2, normal) * area, np.cross(normal, e1) * area)
+            return cls(
+                corners[:, 0], normal, np.cross(e2, normal) * area, np.cross(normal, e1) * area
+            )
 
     def distance(self, k: Ints | int, origins: Floats, directions: Floats) -> Floats:
-        """Distance of rays (n, 3) to the *planes* of triangles k; not finite where they are parallel."""
+        """Distance of rays (n, 3) to the *planes* of triangles k.
+
+        Not finite where they are parallel.
+        """
         normal = self.normal[k]
         with np.errstate(invalid="ignore", divide="ignore"):
             return dot(self.corner[k] - origins, normal) / dot(directions, normal)
@@ -104,7 +121,9 @@ def geometric_normals(corners: Floats) -> Floats:
 
 def areas_of(corners: Floats) -> Floats:
     """Areas (t,) of triangles with corners (t, 3, 3)."""
-    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
 
 
 def volume_of(corners: Floats) -> float:
@@ -114,17 +133,23 @@ def volume_of(corners: Floats) -> float:
 
 
 def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
-    """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its second triangle."""
-    i, j = edges.corner_first, edges.corner_second
-    next_i, next_j = (i + 1) % 3, (j + 1) % 3
+    """Values (t, 3, c) of the corners at both ends of each edge,
+    (e, 2, c), in its first and its second triangle.
+    """
+    i = edges.corner_first
+    j = edges.corner_second
+    next_i = (i + 1) % 3
+    next_j = (j + 1) % 3
     # the second triangle runs along the edge the other way, if both are wound alike
-    start, end = np.where(edges.is_same_way, j, next_j), np.where(edges.is_same_way, next_j, j)
+    start = np.where(edges.is_same_way, j, next_j)
+    end = np.where(edges.is_same_way, next_j, j)
     first = np.stack([values[edges.first, i], values[edges.first, next_i]], axis=1)
     return first, np.stack([values[edges.second, start], values[edges.second, end]], axis=1)
 
 
 def find_joined(normals: Floats, edges: Edges) -> Bools:
-    """Which edges (e,) join two faces to one patch: those at both of whose ends the corner normals agree.
+    """Which edges (e,) join two faces to one patch: those at
+    both of whose ends the corner normals agree.
 
     normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
     """
@@ -134,4 +159,6 @@ def find_joined(normals: Floats, edges: Edges) -> Bools:
 
 def interpolate(values: Floats, u: Floats, v: Floats) -> Floats:
     """Corner values (n, 3, c) at barycentric u, v (n,)."""
-    return (1 - u - v)[:, None] * values[:, 0] + u[:, None] * values[:, 1] + v[:, None] * values[:, 2]
+    return (
+        (1 - u - v)[:, None] * values[:, 0] + u[:, None] * values[:, 1] + v[:, None] * values[:, 2]
+    )

@@ -15,7 +15,10 @@ SAME_NORMAL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Points p go to rotation p + shift. rotation (3, 3) orthonormal, not mirroring; shift (3,) m."""
+    """Points p go to rotation p + shift. rotation (3, 3) orthonormal, not mirroring.
+
+    Shift (3,) m.
+    """
 
     rotation: Floats
     shift: Floats
@@ -35,17 +38,24 @@ class Motion:
 
 
 def find_motion(before: Mesh, after: Mesh) -> Motion | None:
-    """The motion from one mesh to another; None where they differ by more than one and the vertices' rounding."""
-    if any(getattr(before, name) != getattr(after, name) for name in ("surface", "has_mean_normals")) or not all(
+    """The motion from one mesh to another; None where they
+    differ by more than one and the vertices' rounding.
+    """
+    if any(
+        getattr(before, name) != getattr(after, name) for name in ("surface", "has_mean_normals")
+    ) or not all(
         _is_same(getattr(before, name), getattr(after, name)) for name in ("triangles", "is_smooth")
     ):
         return None
-    a, b = before.vertices, after.vertices
+    a = before.vertices
+    b = after.vertices
     if a.shape != b.shape or (before.corner_normals is None) != (after.corner_normals is None):
         return None
     some = np.linspace(0, len(a) - 1, min(len(a), FITTED)).astype(int)
-    from_middle, to_middle = a[some].mean(axis=0), b[some].mean(axis=0)
-    # Kabsch, A solution for the best rotation to relate two sets of vectors (Acta Crystallographica A 32, 1976)
+    from_middle = a[some].mean(axis=0)
+    to_middle = b[some].mean(axis=0)
+    # Kabsch, A solution for the best rotation to relate two sets
+    # of vectors (Acta Crystallographica A 32, 1976)
     u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
     if np.linalg.det(u) * np.linalg.det(v) < 0:
         u[:, 2] *= -1  # the mirror image of a flat mesh is the same; of others it will not fit

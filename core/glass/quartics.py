@@ -1,4 +1,6 @@
-"""Polynomials of fourth order over a triangle: their terms, and the nodes by which they are told."""
+"""Polynomials of fourth order over a triangle: their terms, and the nodes by which they
+are told.
+"""
 
 from math import perm
 
@@ -6,7 +8,8 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 
-POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]  # of u and v, or x and y: 14 terms
+# of u and v, or x and y: 14 terms
+POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]
 N_TERMS = len(POWERS)
 
 
@@ -17,32 +20,43 @@ def _powers(x: Floats) -> list[Floats]:
 
 def monomials(x: Floats, y: Floats) -> Floats:
     """All 14 terms x^a y^b, along a new last axis."""
-    px, py = _powers(x), _powers(y)
+    px = _powers(x)
+    py = _powers(y)
     return np.stack([px[a] * py[b] for a, b in POWERS], axis=-1)
 
 
 def slopes(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     """Derivatives of all 14 terms by x and by y."""
-    px, py = _powers(x), _powers(y)
+    px = _powers(x)
+    py = _powers(y)
     by_x = [a * px[max(a - 1, 0)] * py[b] for a, b in POWERS]
     by_y = [b * px[a] * py[max(b - 1, 0)] for a, b in POWERS]
     return np.stack(by_x, axis=-1), np.stack(by_y, axis=-1)
 
 
 def grid(k: int) -> tuple[Floats, Ints]:
-    """Points of a triangle whose edges are cut into k parts: barycentric (n, 3); and its k^2 parts (k^2, 3)."""
+    """Points of a triangle whose edges are cut into k parts: barycentric (n, 3).
+
+    And its k^2 parts (k^2, 3).
+    """
     index = {}
     for j in range(k + 1):
         for i in range(k + 1 - j):
             index[i, j] = len(index)
     points = np.array([(k - i - j, i, j) for i, j in index]) / k
     up = [(index[i, j], index[i + 1, j], index[i, j + 1]) for j in range(k) for i in range(k - j)]
-    down = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for j in range(k - 1) for i in range(k - 1 - j)]
+    down = [
+        (index[i + 1, j], index[i + 1, j + 1], index[i, j + 1])
+        for j in range(k - 1)
+        for i in range(k - 1 - j)
+    ]
     return points, np.array(up + down)
 
 
 def _nodes() -> Floats:
-    """Barycentric coordinates (12, 3) of the free nodes: three on each edge (from corner e to e + 1), three inside."""
+    """Barycentric coordinates (12, 3) of the free nodes: three on
+    each edge (from corner e to e + 1), three inside.
+    """
     on_edges = [np.roll([1 - s, s, 0], e) for e in range(3) for s in (0.25, 0.5, 0.75)]
     inside = [np.roll([0.5, 0.25, 0.25], e) for e in range(3)]
     return np.array(on_edges + inside)
@@ -51,12 +65,16 @@ def _nodes() -> Floats:
 NODES = _nodes()
 N_NODES = len(NODES)
 AT_NODES = monomials(NODES[:, 1], NODES[:, 2])
-_AT_CORNERS = monomials(np.array([1.0, 0.0]), np.array([0.0, 1.0]))  # where the offset is 0; at corner 0 all terms are
-FROM_NODES = np.linalg.inv(np.vstack([AT_NODES, _AT_CORNERS]))[:, :N_NODES]  # (14, 12): coefficients from offsets
+# where the offset is 0; at corner 0 all terms are
+_AT_CORNERS = monomials(np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+# (14, 12): coefficients from offsets
+FROM_NODES = np.linalg.inv(np.vstack([AT_NODES, _AT_CORNERS]))[:, :N_NODES]
 
 
 def _lower(degree: int) -> Floats:
-    """Matrix (14, 14): coefficients of the face of a lower degree through the same surface, from those of a quartic."""
+    """Matrix (14, 14): coefficients of the face of a lower degree
+    through the same surface, from those of a quartic.
+    """
     points = grid(degree)[0][1:]  # all but corner 0, where there is no offset
     few = [k for k, power in enumerate(POWERS) if sum(power) <= degree]
     values = monomials(points[:, 1], points[:, 2])
@@ -67,9 +85,12 @@ def _lower(degree: int) -> Floats:
 
 def _to_bezier() -> Floats:
     """Matrix (15, 14): Bezier points of a quartic triangle from the coefficients of its terms."""
-    # u^a v^b is the sum over i, j of i! / (i - a)!  j! / (j - b)!  (4 - a - b)! / 4!  times Bernstein's polynomials
+    # u^a v^b is the sum over i, j of i! / (i - a)!  j! / (j - b)!
+    # (4 - a - b)! / 4!  times Bernstein's polynomials
     numbers = [(i, j) for i in range(5) for j in range(5 - i)]
-    return np.array([[perm(i, a) * perm(j, b) / perm(4, a + b) for a, b in POWERS] for i, j in numbers])
+    return np.array(
+        [[perm(i, a) * perm(j, b) / perm(4, a + b) for a, b in POWERS] for i, j in numbers]
+    )
 
 
 TO_BEZIER = _to_bezier()
@@ -92,12 +113,18 @@ def tangents(normal: Floats) -> tuple[Floats, Floats]:
 def value(c: Floats, u: Floats, v: Floats) -> Floats:
     """Value of the polynomial with coefficients (14, ...) at u, v."""
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
-    in_v = v1 + u * (uv + u * (u2v + u * u3v)) + v * (v2 + u * (uv2 + u * u2v2) + v * (v3 + u * uv3 + v * v4))
+    in_v = (
+        v1
+        + u * (uv + u * (u2v + u * u3v))
+        + v * (v2 + u * (uv2 + u * u2v2) + v * (v3 + u * uv3 + v * v4))
+    )
     return u * (u1 + u * (u2 + u * (u3 + u * u4))) + v * in_v
 
 
 def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-    """Value of the polynomial with coefficients (14, ...) at u, v, and its derivatives by u and v."""
+    """Value of the polynomial with coefficients (14, ...) at u, v, and its derivatives
+    by u and v.
+    """
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
     # by Horner's scheme, whose steps are those of the slopes, too
     p3 = u3 + u * u4
@@ -109,8 +136,11 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     r2 = u2v + r
     r1 = uv + u * r2
     s1 = uv2 + s
-    a1, a2, a3 = v1 + u * r1, v2 + u * s1, v3 + u * uv3
-    b1, b2 = r1 + u * (r2 + r), s1 + s
+    a1 = v1 + u * r1
+    a2 = v2 + u * s1
+    a3 = v3 + u * uv3
+    b1 = r1 + u * (r2 + r)
+    b2 = s1 + s
     q3 = a3 + v * v4
     q2 = a2 + v * q3
     q1 = a1 + v * q2
@@ -125,7 +155,9 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def by_term(coefficients: Floats) -> Floats:
-    """Coefficients (p, 14, 3) stored term by term: so they are read many times as fast as in blocks of 14 x 3."""
+    """Coefficients (p, 14, 3) stored term by term: so they are
+    read many times as fast as in blocks of 14 x 3.
+    """
     return np.ascontiguousarray(coefficients.transpose(1, 2, 0)).transpose(2, 0, 1)
 
 
@@ -151,7 +183,8 @@ def _quadratic(points: Floats) -> Floats:
     return np.stack([points[:, i] * points[:, j] for i in range(3) for j in range(i, 3)], axis=1)
 
 
-# (3, 15): values at the nodes inside, from those at the other nodes and the corners; exact for quadratics
+# (3, 15): values at the nodes inside, from those at the
+# other nodes and the corners; exact for quadratics
 INWARD = np.zeros((N_NODES - N_ON_EDGES, len(AT)))
 _AROUND = np.r_[:N_ON_EDGES, N_NODES : len(AT)]
 INWARD[:, _AROUND] = _quadratic(AT[N_ON_EDGES:N_NODES]) @ np.linalg.pinv(_quadratic(AT[_AROUND]))

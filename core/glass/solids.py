@@ -9,15 +9,20 @@ from ..vectors import dot
 from .meshes import box_of, components, find_edges, volume_of
 from .surfaces import Surface, making_surface
 
-SAME_VOLUME = 1e-6  # of a shell: by less than this a shell is not larger than another in the same place
-OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # and back
+# of a shell: by less than this a shell is not larger than another in the same place
+SAME_VOLUME = 1e-6
+# and back
+OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 INWARD = 1e-3  # of a shell: by less than this it may stand out of another and be a cavity in it
 
 
 def contains(corners: Floats, points: Floats) -> Bools:
-    """Is each point (n, 3) inside the closed surface of triangles (t, 3, 3)? By the solid angle (winding number)."""
+    """Is each point (n, 3) inside the closed surface of triangles
+    (t, 3, 3)? By the solid angle (winding number).
+    """
     winding = np.empty(len(points))
-    for k, point in enumerate(points):  # few points are ever asked for: viewers and one corner of each shell
+    # few points are ever asked for: viewers and one corner of each shell
+    for k, point in enumerate(points):
         a, b, c = np.moveaxis(corners - point, 1, 0)
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
         top = dot(a, np.cross(b, c))
@@ -27,9 +32,12 @@ def contains(corners: Floats, points: Floats) -> Bools:
 
 
 def holds(outer: Floats, inner: Floats) -> bool:
-    """Is a shell of triangles (i, 3, 3) inside a closed one (o, 3, 3)? It may touch it, but not stand out of it."""
+    """Is a shell of triangles (i, 3, 3) inside a closed one (o,
+    3, 3)? It may touch it, but not stand out of it.
+    """
     low, high = box_of(inner)
-    middle, radius = (low + high) / 2, np.linalg.norm(high - low) / 2
+    middle = (low + high) / 2
+    radius = np.linalg.norm(high - low) / 2
     centres = outer.mean(axis=1)
     size = np.linalg.norm(outer - centres[:, None], axis=2).max(axis=1)
     if (np.linalg.norm(centres - middle, axis=1) > radius + size).all():
@@ -40,9 +48,11 @@ def holds(outer: Floats, inner: Floats) -> bool:
 
 
 def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
-    """Connected shells of a mesh: triangle indices, and which of them must be turned so that all face one way.
+    """Connected shells of a mesh: triangle indices, and which
+    of them must be turned so that all face one way.
 
-    Of triangles between the same three vertices only the first counts: drawn twice it would not join its neighbours.
+    Of triangles between the same three vertices only the first
+    counts: drawn twice it would not join its neighbours.
     """
     drawn = np.arange(len(mesh.triangles))
     edges = find_edges(mesh.triangles)
@@ -52,7 +62,8 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
     n = len(drawn)
     is_flipped = np.zeros(n, bool)
     if edges.is_same_way.any():
-        # two nodes a triangle, as drawn and turned: the component that holds the lowest node tells which to turn
+        # two nodes a triangle, as drawn and turned: the component that
+        # holds the lowest node tells which to turn
         other = np.where(edges.is_same_way, n, 0)
         a = np.r_[edges.first, edges.first + n]
         b = np.r_[edges.second + other, (edges.second + n + other) % (2 * n)]
@@ -70,12 +81,14 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
 
 
 def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
-    """Solids of a glass object: each outer shell with the cavities in it, all facing out of the glass.
+    """Solids of a glass object: each outer shell with the
+    cavities in it, all facing out of the glass.
 
-    A closed shell inside one that is no cavity is a cavity, whichever way its faces were drawn. A shell with a
-    boundary has no inside of its own: it stays as drawn.
+    A closed shell inside one that is no cavity is a cavity, whichever way its faces were
+    drawn. A shell with a boundary has no inside of its own: it stays as drawn.
     """
-    shells = []  # their facets say which holds which: surfaces, which cost more, are made of whole solids only
+    # their facets say which holds which: surfaces, which cost more, are made of whole solids only
+    shells = []
     for chosen, is_flipped in split_shells(mesh):
         index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])
         corners = mesh.vertices[index]
@@ -91,7 +104,9 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     for i in np.argsort(volumes)[::-1]:  # those that hold others come first
         around = (boxes[:, 0] <= boxes[i, 0]).all(axis=1) & (boxes[:, 1] >= boxes[i, 1]).all(axis=1)
         around &= (1 - SAME_VOLUME) * volumes > volumes[i]  # a copy in the same place is not inside
-        holders[i] = [j for j in np.flatnonzero(around) if shells[j][3] and holds(shells[j][2], shells[i][2])]
+        holders[i] = [
+            j for j in np.flatnonzero(around) if shells[j][3] and holds(shells[j][2], shells[i][2])
+        ]
         depth[i] = max((depth[j] + 1 for j in holders[i]), default=0)
     members: dict[int, list[int]] = {i: [i] for i in np.flatnonzero(depth % 2 == 0)}
     for i in np.flatnonzero(depth % 2 == 1):

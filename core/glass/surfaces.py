@@ -10,22 +10,31 @@ from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import normalise
 from .curved import CurvedFaces
-from .meshes import SAME_NORMAL, box_of, components, find_edges, find_joined, geometric_normals, volume_of
+from .meshes import (
+    SAME_NORMAL,
+    box_of,
+    components,
+    find_edges,
+    find_joined,
+    geometric_normals,
+    volume_of,
+)
 from .motion import Motion
 from .surface_fit import make_curved
 
-LEAST_TURN = np.radians(0.25)  # a surface that turns by less over each triangle is as good as curved: 1e-3 display px
+# a surface that turns by less over each triangle is as good as curved: 1e-3 display px
+LEAST_TURN = np.radians(0.25)
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles ready to be traced.
 
-    corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; curved faces over some triangles, or None;
-    corner_normals (t, 3, 3) or None, used on the triangles that are flat with bent normals, is_bent (t,);
-    patch (t,) label within this surface; n_open edges without a neighbour;
-    n_contradicted smooth triangles that stay flat because their normals contradict their shape; n_doubted because their
-    curved faces would be no nearer to the surface meant
+    corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; curved faces over some
+    triangles, or None; corner_normals (t, 3, 3) or None, used on the triangles that are flat with
+    bent normals, is_bent (t,); patch (t,) label within this surface; n_open edges without a
+    neighbour; n_contradicted smooth triangles that stay flat because their normals contradict their
+    shape; n_doubted because their curved faces would be no nearer to the surface meant
     """
 
     corners: Floats
@@ -45,7 +54,9 @@ class Surface:
             corners=motion.points(self.corners),
             normals=motion.directions(self.normals),
             curved=None if self.curved is None else self.curved.moved(motion),
-            corner_normals=None if self.corner_normals is None else motion.directions(self.corner_normals),
+            corner_normals=None
+            if self.corner_normals is None
+            else motion.directions(self.corner_normals),
         )
 
     @property
@@ -68,39 +79,65 @@ def make_surface(mesh: Mesh) -> Surface:
     return finish(making_surface(mesh))
 
 
-def making_surface(mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None) -> Pauses[Surface]:
-    """Surface of a mesh, or of some of its triangles (indices), some of them with the winding turned."""
+def making_surface(
+    mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None
+) -> Pauses[Surface]:
+    """Surface of a mesh, or of some of its triangles
+    (indices), some of them with the winding turned.
+    """
     chosen = np.arange(len(mesh.triangles)) if triangles is None else triangles
     index = mesh.triangles[chosen]
     corner_normals = None if mesh.corner_normals is None else mesh.corner_normals[chosen]
     if is_flipped is not None and is_flipped.any():
         index = np.where(is_flipped[:, None], index[:, ::-1], index)
         if corner_normals is not None:
-            corner_normals = np.where(is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals)
+            corner_normals = np.where(
+                is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals
+            )
     corners = mesh.vertices[index]
     normals = geometric_normals(corners)
     edges = find_edges(index)
     yield 0
     is_bent = np.zeros(len(index), bool)
-    curved, n_contradicted, n_doubted = None, 0, 0
+    curved = None
+    n_contradicted = 0
+    n_doubted = 0
     by_corner = np.broadcast_to(normals[:, None], corners.shape)
     if corner_normals is not None and mesh.is_smooth is not None and mesh.is_smooth[chosen].any():
         is_smooth = mesh.is_smooth[chosen]
         with np.errstate(invalid="ignore", over="ignore"):
             corner_normals = normalise(corner_normals)
-            is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)  # not so where one is NaN
-        # a smooth-shaded face whose normals are its own is flat, and its own normal is the more exact one
-        is_bent = is_smooth & is_usable & ~(np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL)
+            # not so where one is NaN
+            is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)
+        # a smooth-shaded face whose normals are its own is flat,
+        # and its own normal is the more exact one
+        is_bent = (
+            is_smooth
+            & is_usable
+            & ~(np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL)
+        )
         by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
         n_contradicted = int((is_smooth & ~is_usable).sum())
     is_joined = find_joined(by_corner, edges)
     if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
-        # the effect of rounding on the slopes of faces through the vertices, against the error of bent normals
+        # the effect of rounding on the slopes of faces through the
+        # vertices, against the error of bent normals
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
-            given = mesh.vertices, index, by_corner, is_bent, edges, is_joined, normals, mesh.has_mean_normals
-            curved, is_doubted = yield from make_curved(*given, is_automatic=mesh.surface == "automatic")
+            given = (
+                mesh.vertices,
+                index,
+                by_corner,
+                is_bent,
+                edges,
+                is_joined,
+                normals,
+                mesh.has_mean_normals,
+            )
+            curved, is_doubted = yield from make_curved(
+                *given, is_automatic=mesh.surface == "automatic"
+            )
             if curved is not None:
                 is_bent &= curved.row < 0
             n_doubted = int(is_doubted.sum())

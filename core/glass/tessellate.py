@@ -10,10 +10,11 @@ from .surfaces import make_surface
 
 
 def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000) -> Mesh:
-    """The surface that is traced, in triangles so fine that it turns by less than an angle (radians) over each.
+    """The surface that is traced, in triangles so fine that it
+    turns by less than an angle (radians) over each.
 
-    Corner normals are those of the curved faces; flat triangles are parted, too, so that no edge meets the middle of
-    another, and stay as drawn. The same mesh where nothing is curved.
+    Corner normals are those of the curved faces; flat triangles are parted, too, so that no edge
+    meets the middle of another, and stay as drawn. The same mesh where nothing is curved.
 
     Parameters
     ----------
@@ -25,7 +26,8 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
         return mesh
     k = curved.parts(angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
     weights, parts = grid(k)
-    points, normals = np.matmul(weights, surface.corners), np.empty((len(mesh.triangles), len(weights), 3))
+    points = np.matmul(weights, surface.corners)
+    normals = np.empty((len(mesh.triangles), len(weights), 3))
     normals[:] = surface.normals[:, None]
     if surface.corner_normals is not None:
         bent = surface.is_bent
@@ -49,16 +51,20 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
 
 
 def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
-    """Indices (t, n) of the points of grid(k) on triangles (t, 3), the same for neighbours on their edge; how many."""
+    """Indices (t, n) of the points of grid(k) on triangles (t,
+    3), the same for neighbours on their edge; how many.
+    """
     steps = np.round(k * grid(k)[0]).astype(int)
     index = np.empty((len(triangles), len(steps)), np.int64)
     n = int(triangles.max()) + 1
-    start, end = triangles, np.roll(triangles, -1, axis=1)
+    start = triangles
+    end = np.roll(triangles, -1, axis=1)
     key, edge = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True)
     edge = edge.reshape(triangles.shape)
     n_inside = 0
     for i, step in enumerate(steps):
-        corner, on_edge = np.flatnonzero(step == k), np.flatnonzero(step == 0)
+        corner = np.flatnonzero(step == k)
+        on_edge = np.flatnonzero(step == 0)
         if len(corner):
             index[:, i] = triangles[:, corner[0]]
         elif len(on_edge):
@@ -66,6 +72,8 @@ def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
             along = np.where(start[:, e] < end[:, e], step[(e + 1) % 3], step[e])
             index[:, i] = n + edge[:, e] * (k - 1) + along - 1
         else:
-            index[:, i] = n + len(key) * (k - 1) + n_inside * len(triangles) + np.arange(len(triangles))
+            index[:, i] = (
+                n + len(key) * (k - 1) + n_inside * len(triangles) + np.arange(len(triangles))
+            )
             n_inside += 1
     return index, n + len(key) * (k - 1) + n_inside * len(triangles)

@@ -12,15 +12,19 @@ from ..vectors import dot, length_of
 from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
 from .vertices import Vertices
 
-LEAST_DISTANCE = 1e-12  # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
-LEAST_UPRIGHT = 0.2  # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
-# Where data are few the high degrees give way first. The factor makes it the same for all turns of the axes (Bombieri).
+# squared, of neighbours, in units of their mean distance: nearer ones would weigh all
+LEAST_DISTANCE = 1e-12
+# cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
+LEAST_UPRIGHT = 0.2
+# Where data are few the high degrees give way first. The factor makes
+# it the same for all turns of the axes (Bombieri).
 RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
 
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """Height fields over the tangent planes of vertices: z = size * sum c (x / size)^a (y / size)^b.
+    """Height fields over the tangent planes of vertices: z =
+    size * sum c (x / size)^a (y / size)^b.
 
     axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14)
     """
@@ -40,29 +44,47 @@ def tangent_planes(v: Vertices) -> Fields:
     return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
 
 
-def _around(v: Vertices, fields: Fields, some: Ints, pairs: Ints) -> tuple[Floats, Floats, Floats, Floats, Bools]:
-    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z; are they of use."""
+def _around(
+    v: Vertices, fields: Fields, some: Ints, pairs: Ints
+) -> tuple[Floats, Floats, Floats, Floats, Bools]:
+    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z.
+
+    Are they of use.
+    """
     end = v.end[pairs]
     away = (taken(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
-    x, y = dot(away, fields.axis_x[some, None]), dot(away, fields.axis_y[some, None])
+    x = dot(away, fields.axis_x[some, None])
+    y = dot(away, fields.axis_y[some, None])
     return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
 
 
-def gradients(v: Vertices, fields: Fields, some: Ints, pairs: Ints, normal: Floats) -> tuple[Floats, Floats]:
-    """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of their vertex."""
+def gradients(
+    v: Vertices, fields: Fields, some: Ints, pairs: Ints, normal: Floats
+) -> tuple[Floats, Floats]:
+    """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of
+    their vertex.
+    """
     theirs = taken(normal, v.end[pairs])
     upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
-    return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(theirs, fields.axis_y[some, None]) / upright
+    return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(
+        theirs, fields.axis_y[some, None]
+    ) / upright
 
 
-def system(v: Vertices, fields: Fields, some: Ints, pairs: Ints, terms: slice) -> tuple[Floats, Floats, Floats, Floats]:
-    """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix; heights (n, m)."""
+def system(
+    v: Vertices, fields: Fields, some: Ints, pairs: Ints, terms: slice
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix.
+
+    Heights (n, m).
+    """
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
     rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
     # a height tells as much of the slope as the slope itself does, over its distance
     weights = np.concatenate(
-        [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)], axis=1
+        [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)],
+        axis=1,
     )
     weights *= np.tile(is_used, 3)
     rows = rows * weights[..., None]

@@ -1,4 +1,6 @@
-"""Normals of a smooth mesh found from its vertices, where it has only means of its faces' normals."""
+"""Normals of a smooth mesh found from its vertices, where it has only means of its
+faces' normals.
+"""
 
 import numpy as np
 
@@ -10,20 +12,28 @@ from .quartics import N_TERMS
 from .vertex_fields import RIDGE, Fields, gradients, system, tangent_planes
 from .vertices import Vertices
 
-SWEEPS, SETTLED = 40, 1e-10  # sweeps in which normals are found from vertices, and the change at which they end
-MOVED, MOST_MOVED = 0.2, 0.5  # of the turn to a neighbour: found normals further from the mean have to prove themselves
-STRAIGHT = 0.1  # ... by chords to neighbours, which contradict them by no more of it; noise and rims make it more
+# sweeps in which normals are found from vertices, and the change at which they end
+SWEEPS = 40
+SETTLED = 1e-10
+# of the turn to a neighbour: found normals further from the mean have to prove themselves
+MOVED = 0.2
+MOST_MOVED = 0.5
+# ... by chords to neighbours, which contradict them by no more of it; noise and rims make it more
+STRAIGHT = 0.1
 
 BULGE = np.radians(4)  # edges that turn by less cannot bulge enough to matter
 JUMP = 5.0  # a curvature that grows this much from one edge to the next, across a vertex, ...
-SHORTER = 3.0  # ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
+# ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
+SHORTER = 3.0
 
 
 def find_normals(v: Vertices, wanted: Bools) -> Floats:
-    """Normals (f, 3) of the surface through the vertices, where the given ones are only means of the faces around.
+    """Normals (f, 3) of the surface through the vertices, where
+    the given ones are only means of the faces around.
 
-    The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme: fourth order from
-    one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at least halve the error.
+    The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme:
+    fourth order from one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at
+    least halve the error.
     """
     normal = v.normal.copy()
     if kernel.library() is not None:
@@ -39,7 +49,8 @@ def find_normals(v: Vertices, wanted: Bools) -> Floats:
         is_near = moved <= MOVED * turn
         is_straight = (moved <= MOST_MOVED * turn) & (_bend(v, normal) < STRAIGHT * turn)
 
-    # normals are found together: one far from the mean is no better than the worst of its neighbours
+    # normals are found together: one far from the mean is no
+    # better than the worst of its neighbours
     is_refused = ~(is_near | is_straight)
     has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
     is_believed = is_near | (is_straight & ~has_refused)
@@ -47,7 +58,8 @@ def find_normals(v: Vertices, wanted: Bools) -> Floats:
 
 
 def _bend(v: Vertices, normal: Floats) -> Floats:
-    """By how much chords to neighbours contradict the normals (f, 3) at their ends, per vertex (f,), rad rms.
+    """By how much chords to neighbours contradict the normals
+    (f, 3) at their ends, per vertex (f,), rad rms.
 
     Of a parabola a chord has the mean of the slopes at its ends.
     """
@@ -70,11 +82,16 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
 
     for _ in range(SWEEPS):
-        change, before = 0.0, normal.copy()
+        change = 0.0
+        before = normal.copy()
         for some, pairs, from_heights, from_slopes in solvers:
             theirs = np.concatenate(gradients(v, fields, some, pairs, before), axis=1)
             slope = from_heights + np.einsum("nrk,nr->nk", from_slopes, theirs)
-            found = v.normal[some] - slope[:, :1] * fields.axis_x[some] - slope[:, 1:] * fields.axis_y[some]
+            found = (
+                v.normal[some]
+                - slope[:, :1] * fields.axis_x[some]
+                - slope[:, 1:] * fields.axis_y[some]
+            )
             found = normalise(found)
             change = max(change, float(np.abs(found - before[some]).max(initial=0.0)))
             normal[some] = found
@@ -85,8 +102,8 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
 def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     """Pairs (p,) along which the normals turn as those of a bevel do, on the large face beside it.
 
-    Curvature changes little from one edge to the next one straight on. Where it jumps up on a much shorter edge, the
-    normal between them belongs to that edge.
+    Curvature changes little from one edge to the next one straight on. Where it jumps
+    up on a much shorter edge, the normal between them belongs to that edge.
     """
     away = taken(v.at, v.end) - taken(v.at, v.start)
     length = length_of(away)

@@ -13,10 +13,12 @@ from .meshes import Edges, components
 
 @dataclass(frozen=True, eq=False)
 class Vertices:
-    """Vertices with one normal each: where normals differ around a vertex of the mesh, it counts more than once.
+    """Vertices with one normal each: where normals differ
+    around a vertex of the mesh, it counts more than once.
 
-    at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a triangle's corner is;
-    start (p,), end (p,): all directed pairs of neighbours, sorted by start; first (f + 1,): where each begins
+    at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a
+    triangle's corner is; start (p,), end (p,): all directed pairs of neighbours, sorted by start;
+    first (f + 1,): where each begins
     """
 
     at: Floats
@@ -28,7 +30,9 @@ class Vertices:
     first: Ints
 
     def by_valence(self, wanted: Bools) -> Iterator[tuple[Ints, Ints]]:
-        """Wanted vertices (n,) of equal numbers of neighbours, some at a time, and their pairs (n, m)."""
+        """Wanted vertices (n,) of equal numbers of neighbours,
+        some at a time, and their pairs (n, m).
+        """
         counts = np.diff(self.first)
         for m in np.unique(counts[wanted]):
             chosen = np.flatnonzero(wanted & (counts == m))
@@ -38,13 +42,19 @@ class Vertices:
 
 
 def find_vertices(
-    vertices: Floats, triangles: Ints, corner_normals: Floats, is_usable: Bools, edges: Edges, is_joined: Bools
+    vertices: Floats,
+    triangles: Ints,
+    corner_normals: Floats,
+    is_usable: Bools,
+    edges: Edges,
+    is_joined: Bools,
 ) -> Vertices:
     """Corners joined around each vertex across joined edges (e,), and their neighbours."""
     n = len(triangles)
     corner = 3 * np.arange(n)[:, None] + np.arange(3)
     of_corner = triangles.copy()
-    # most vertices have joined edges only and are themselves; around the others corners are put together one by one
+    # most vertices have joined edges only and are themselves;
+    # around the others corners are put together one by one
     beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         beside[t[is_joined], e[is_joined]] = True
@@ -55,7 +65,10 @@ def find_vertices(
     if len(chosen):
         local = np.full(3 * n, -1)
         local[chosen] = np.arange(len(chosen))
-        f, s, i, j = (x[is_joined] for x in (edges.first, edges.second, edges.corner_first, edges.corner_second))
+        f, s, i, j = (
+            x[is_joined]
+            for x in (edges.first, edges.second, edges.corner_first, edges.corner_second)
+        )
         a = np.concatenate([corner[f, i], corner[f, (i + 1) % 3]])
         b = np.concatenate([corner[s, (j + 1) % 3], corner[s, j]])
         inside = (local[a] >= 0) & (local[b] >= 0)
@@ -63,14 +76,19 @@ def find_vertices(
         of_corner.reshape(-1)[chosen] = len(vertices) + label
     used, of_corner = np.unique(of_corner, return_inverse=True)
     of_corner = of_corner.reshape(n, 3)
-    normal, at = np.zeros((len(used), 3)), np.empty((len(used), 3))
+    normal = np.zeros((len(used), 3))
+    at = np.empty((len(used), 3))
     at[of_corner] = taken(vertices, triangles)
     normal[of_corner[is_usable]] = corner_normals[is_usable]
-    # each joined edge is met from both sides, once in each direction; the others have to be turned round as well
-    a, b = of_corner.ravel(), np.roll(of_corner, -1, axis=1).ravel()
+    # each joined edge is met from both sides, once in each
+    # direction; the others have to be turned round as well
+    a = of_corner.ravel()
+    b = np.roll(of_corner, -1, axis=1).ravel()
     lone = ~beside.ravel()
-    start, end = np.concatenate([a, b[lone]]), np.concatenate([b, a[lone]])
+    start = np.concatenate([a, b[lone]])
+    end = np.concatenate([b, a[lone]])
     order = np.argsort(start, kind="stable")
-    start, end = start[order], end[order]
+    start = start[order]
+    end = end[order]
     first = np.searchsorted(start, np.arange(len(used) + 1))
     return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)

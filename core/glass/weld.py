@@ -1,8 +1,8 @@
 """Joins open edges of a mesh that lie in the same place, so that surfaces drawn as one are one.
 
-Curves, texts and many imported files hand out faces that touch and share no vertices. Only edges with one face are
-joined, and only with each other: closed bodies that touch stay bodies of their own. Where more than two meet, those
-are joined that have the same piece of glass between them.
+Curves, texts and many imported files hand out faces that touch and share no vertices. Only edges
+with one face are joined, and only with each other: closed bodies that touch stay bodies of their
+own. Where more than two meet, those are joined that have the same piece of glass between them.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,9 @@ SAME_ANGLE = 1e-4  # rad: faces around an edge that differ by less lie in the sa
 
 
 class _OpenEdges(NamedTuple):
-    """Edges with one triangle, all (e,): vertices at start and end and opposite, along the triangle's winding."""
+    """Edges with one triangle, all (e,): vertices at start and
+    end and opposite, along the triangle's winding.
+    """
 
     start: Ints
     end: Ints
@@ -28,14 +30,17 @@ class _OpenEdges(NamedTuple):
 
 
 def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
-    """Triangles (t, 3) with the same corners as before, but one vertex for those at which open edges are joined.
+    """Triangles (t, 3) with the same corners as before, but one
+    vertex for those at which open edges are joined.
 
-    An open edge no longer than `distance` is a point: its triangle has one vertex twice from then on.
+    An open edge no longer than `distance` is a point: its
+    triangle has one vertex twice from then on.
 
     Parameters
     ----------
     vertices : (v, 3) float64
-    triangles : (t, 3) int, indices into vertices, wound one way as far as more than two open edges meet in a place
+    triangles : (t, 3) int, indices into vertices, wound one way as
+        far as more than two open edges meet in a place
     distance : in the vertices' unit, up to which two of them are in the same place
     """
     if not len(triangles):
@@ -50,13 +55,20 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
     start, end = label[index].reshape(2, -1)
     has_length = start != end
     short = edges.at(~has_length)  # these are points, as at the pole of a sphere of splines
-    edges, start, end = edges.at(has_length), start[has_length], end[has_length]
+    edges = edges.at(has_length)
+    start = start[has_length]
+    end = end[has_length]
 
-    first, second = _pairs(vertices, edges, np.minimum(start, end) * len(used) + np.maximum(start, end))
-    is_same_face = (
-        np.linalg.norm(vertices[edges.opposite[first]] - vertices[edges.opposite[second]], axis=1) <= distance
+    first, second = _pairs(
+        vertices, edges, np.minimum(start, end) * len(used) + np.maximum(start, end)
     )
-    first, second = first[~is_same_face], second[~is_same_face]  # drawn twice: it would be joined with itself
+    is_same_face = (
+        np.linalg.norm(vertices[edges.opposite[first]] - vertices[edges.opposite[second]], axis=1)
+        <= distance
+    )
+    # drawn twice: it would be joined with itself
+    first = first[~is_same_face]
+    second = second[~is_same_face]
 
     runs_back = start[first] != start[second]
     a = np.concatenate([short.start, edges.start[first], edges.end[first]])
@@ -70,16 +82,20 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
 
 def _open_edges(triangles: Ints) -> _OpenEdges:
     """The edges of triangles (t, 3) that belong to one of them only."""
-    start, end, opposite = (np.roll(triangles, -k, axis=1).astype(np.int64).ravel() for k in range(3))
+    start, end, opposite = (
+        np.roll(triangles, -k, axis=1).astype(np.int64).ravel() for k in range(3)
+    )
     key = np.minimum(start, end) * (int(triangles.max(initial=0)) + 1) + np.maximum(start, end)
     _, first, counts = np.unique(key, return_index=True, return_counts=True)
     return _OpenEdges(start, end, opposite).at(first[counts == 1])
 
 
 def coincident(points: Floats, distance: float) -> Ints:
-    """Label (n,) that is the same for points (n, 3) no further apart than `distance`, and for chains of such.
+    """Label (n,) that is the same for points (n, 3) no further
+    apart than `distance`, and for chains of such.
 
-    Two such points lie in one cell of a grid twice as wide, or of one that is shifted by half along some of the axes.
+    Two such points lie in one cell of a grid twice as wide, or of
+    one that is shifted by half along some of the axes.
     """
     first, same = _equal_rows(points)
     points = points[first]
@@ -93,7 +109,9 @@ def coincident(points: Floats, distance: float) -> Ints:
 
 
 def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
-    """Indices (m,) of rows (n, 3) that differ, one for each, and which of them (n,) each row is equal to."""
+    """Indices (m,) of rows (n, 3) that differ, one for each,
+    and which of them (n,) each row is equal to.
+    """
     order = np.lexsort(rows.T)
     is_new = np.r_[True, (rows[order[1:]] != rows[order[:-1]]).any(axis=1)]
     same = np.empty(len(rows), np.int64)
@@ -102,29 +120,37 @@ def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
 
 
 def _near_in_cells(points: Floats, cell: Ints, distance: float) -> Iterator[Ints]:
-    """Pairs (p, 2) of points (n, 3) in one cell (n, 3) that are no further apart than the distance."""
-    low, high = cell.min(axis=0), cell.max(axis=0)
+    """Pairs (p, 2) of points (n, 3) in one cell (n, 3) that are no further apart than
+    the distance.
+    """
+    low = cell.min(axis=0)
+    high = cell.max(axis=0)
     x, y, z = (cell - low).T
     _, rows, layers = high - low + 1
-    key = (x * rows + y) * layers + z  # where it overflows a cell shares its key with others, which are far
+    # where it overflows a cell shares its key with others, which are far
+    key = (x * rows + y) * layers + z
     order = np.argsort(key)
     key = key[order]
     for step in range(1, len(order)):
         same = np.flatnonzero(key[:-step] == key[step:])
         if not len(same):
             return
-        one, other = order[same], order[same + step]
+        one = order[same]
+        other = order[same + step]
         is_near = np.linalg.norm(points[one] - points[other], axis=1) <= distance
         yield np.stack([one[is_near], other[is_near]], axis=1)
 
 
 def _pairs(vertices: Floats, edges: _OpenEdges, place: Ints) -> tuple[Ints, Ints]:
-    """Which of the edges, all (e,), to join: numbers (p,) of one and of the other. `place` tells where each is."""
+    """Which of the edges, all (e,), to join: numbers (p,) of
+    one and of the other. `place` tells where each is.
+    """
     order = np.argsort(place, kind="stable")
     begins = np.flatnonzero(np.r_[True, place[order][1:] != place[order][:-1]])
     counts = np.diff(np.r_[begins, len(order)])
     alone = begins[counts == 2]
-    first, second = [order[alone]], [order[alone + 1]]
+    first = [order[alone]]
+    second = [order[alone + 1]]
     for begin, count in zip(begins[counts > 2], counts[counts > 2], strict=True):
         some = order[begin : begin + count]
         one, other = _around(vertices, edges.at(some))
@@ -134,10 +160,11 @@ def _pairs(vertices: Floats, edges: _OpenEdges, place: Ints) -> tuple[Ints, Ints
 
 
 def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
-    """Pairs among edges in one place whose triangles have glass between them; none where the winding tells no inside.
+    """Pairs among edges in one place whose triangles have glass
+    between them; none where the winding tells no inside.
 
-    Going round the edge along its direction, glass ends at a triangle that is wound along it and has begun at the one
-    before, which is wound the other way.
+    Going round the edge along its direction, glass ends at a triangle that is wound
+    along it and has begun at the one before, which is wound the other way.
     """
     middle = vertices[edges.start[0]]
     along = vertices[edges.end] - vertices[edges.start]
@@ -146,16 +173,20 @@ def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
     outward = vertices[edges.opposite] - middle
     outward = outward - (outward @ axis)[:, None] * axis
     across = np.cross(axis, outward[0])
-    angle = np.arctan2(outward @ across / np.linalg.norm(across), outward @ outward[0] / np.linalg.norm(outward[0]))
+    angle = np.arctan2(
+        outward @ across / np.linalg.norm(across), outward @ outward[0] / np.linalg.norm(outward[0])
+    )
     angle = np.mod(angle, 2 * np.pi)
 
-    # begin behind the widest gap, so that no faces in the same place are parted by the turn from 2 pi to 0
+    # begin behind the widest gap, so that no faces in the same
+    # place are parted by the turn from 2 pi to 0
     rising = np.sort(angle)
     gaps = np.diff(np.r_[rising, rising[0] + 2 * np.pi])
     angle = np.mod(angle - rising[(np.argmax(gaps) + 1) % len(gaps)] + SAME_ANGLE, 2 * np.pi)
     order = np.argsort(angle)
     step = np.cumsum(np.r_[0, np.diff(angle[order]) > SAME_ANGLE])
-    order = order[np.lexsort([~is_along[order], step])]  # where faces touch, glass ends before it begins again
+    # where faces touch, glass ends before it begins again
+    order = order[np.lexsort([~is_along[order], step])]
     ends = np.flatnonzero(is_along[order])
     before = order[ends - 1]
     is_inside = not is_along[before].any() and len(ends) * 2 == len(order)

@@ -14,11 +14,14 @@ from ..vectors import dot
 from .simulation import LUMINANCE
 
 SIDE = 64  # rays along each side of the viewer's image: a share of a tenth is known to a hundredth
-SIDES = 0.5  # times the spread of the light through the glass: so far off its middle light is to one side of it
+# times the spread of the light through the glass: so far off its middle light is to one side of it
+SIDES = 0.5
 
 
 class Glare(NamedTuple):
-    """How much of the light that the viewer gets comes beside the glass, 0..1, and where: a phrase."""
+    """How much of the light that the viewer gets comes beside the glass, 0..1, and
+    where: a phrase.
+    """
 
     share: float
     where: str
@@ -28,7 +31,8 @@ class Glare(NamedTuple):
 class LightBeside:
     """Rays of a sample that come from the display, by way of the glass and beside it.
 
-    view : (n, 2) viewer px; pixel : (n,) of the display, row by row; throughput (n,); is_beside (n,)
+    view : (n, 2) viewer px; pixel : (n,) of the display, row
+        by row; throughput (n,); is_beside (n,)
     """
 
     view: Floats
@@ -53,7 +57,8 @@ class LightBeside:
         spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
         x, y = (off - middle) / max(spread, 1.0)
         words = [word for word, is_there in (
-            ("above", y < -SIDES), ("below", y > SIDES), ("left of", x < -SIDES), ("right of", x > SIDES)
+            ("above", y < -SIDES), ("below", y > SIDES), ("left of", x < -SIDES), ("right of",
+            x > SIDES)
         ) if is_there]  # fmt: skip
         return f"most of it {' and '.join(words)} it" if words else "all around it"
 
@@ -65,12 +70,20 @@ def looking_beside(plan: Plan) -> Plan:
 
 def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     """Follow a sample of the viewer's rays, spread evenly over its image."""
-    viewer, display = plan.rig.viewer, plan.rig.display
+    viewer = plan.rig.viewer
+    display = plan.rig.display
     place = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
-    view = (place + np.random.default_rng(seed).random(place.shape)) / SIDE * (viewer.width, viewer.height)
+    view = (
+        (place + np.random.default_rng(seed).random(place.shape))
+        / SIDE
+        * (viewer.width, viewer.height)
+    )
     landings = yield from tracing(looking_beside(plan), *viewer.rays(view))
 
     size = display.width, display.height
-    (is_through, pixel), (is_beside, beside) = landings.pixels(*size), landings.pixels_beside(*size)
+    (is_through, pixel) = landings.pixels(*size)
+    (is_beside, beside) = landings.pixels_beside(*size)
     is_seen = is_through | is_beside
-    return LightBeside(view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen])
+    return LightBeside(
+        view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen]
+    )

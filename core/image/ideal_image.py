@@ -22,7 +22,9 @@ def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
         total = np.zeros((len(pixels), 3))
         for dx in offsets:
             for dy in offsets:
-                points = picture_from_view(picture, viewer, corner + np.array([dx, dy]), of_square(1 / SUBPIXELS))
+                points = picture_from_view(
+                    picture, viewer, corner + np.array([dx, dy]), of_square(1 / SUBPIXELS)
+                )
                 total += pyramid.sample(points)
         image[pixels] = total / SUBPIXELS**2
     return image.reshape(h, w, 3)

@@ -1,4 +1,6 @@
-"""The picture's place: picture_from_view, and the picture's colours at points of the viewer's image."""
+"""The picture's place: picture_from_view, and the
+picture's colours at points of the viewer's image.
+"""
 
 from dataclasses import dataclass
 
@@ -18,8 +20,10 @@ CHUNK = 1 << 16  # points at once: their arrays stay in the cache
 STEP = 1e-3  # viewer px over which a mesh's map is differentiated
 EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
 BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
-BLOCK = 16  # viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
-IS_AFFINE = 1e-6  # of a picture's size: how well one affine map has to give its UV for the short way
+# viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
+BLOCK = 16
+# of a picture's size: how well one affine map has to give its UV for the short way
+IS_AFFINE = 1e-6
 
 LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 
@@ -28,8 +32,8 @@ LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 class PicturePoints:
     """Where points of the viewer's image lie on the picture.
 
-    xy : (n, 2) picture pixels, x right and y down from the top left corner: the middle of what of a footprint lies on
-        the picture
+    xy : (n, 2) picture pixels, x right and y down from the top left
+        corner: the middle of what of a footprint lies on the picture
     cover : (n,) 0..1, how much of the footprint lies on the picture
     covariance : (3, n) picture px^2, xx, xy and yy of the footprint
     """
@@ -52,10 +56,13 @@ def of_square(side: float) -> Floats:
 
 POINT = of_square(0.0)
 
-FlatWay = tuple[Floats, tuple[Floats, Floats]]  # matrix (3, 3) to UV, w > 0 in front of the viewer; bounds in UV
+# matrix (3, 3) to UV, w > 0 in front of the viewer; bounds in UV
+FlatWay = tuple[Floats, tuple[Floats, Floats]]
 
 
-def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT) -> PicturePoints:
+def picture_from_view(
+    picture: Picture, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT
+) -> PicturePoints:
     """Follow straight lines from the viewer to the picture, as if there were no glass.
 
     Parameters
@@ -80,19 +87,29 @@ def picture_from_view(picture: Picture, viewer: Viewer, view_xy: Floats, covaria
 def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
     """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1.
 
-    Beyond the borders of a flat picture it is 0, also beside the horizon of its plane, where no single pixel can tell.
+    Beyond the borders of a flat picture it is 0, also beside the
+    horizon of its plane, where no single pixel can tell.
     """
     w, h = viewer.width, viewer.height
     if picture.mesh is None:
         return np.ones((h, w))
 
-    cover, near = np.zeros((h, w)), np.arange(h * w)
+    cover = np.zeros((h, w))
+    near = np.arange(h * w)
     lines = outline_in_view(picture, viewer)
     if lines is not None:
-        # a flat picture is convex: blocks of pixels lie within all of its borders, beyond one, or near to one
-        (x, y), reach = ((np.arange(0.5, -(-n // BLOCK)) * BLOCK for n in (w, h)), BLOCK / 2**0.5 + 2)
-        away = lines[:, 0, None, None] * x + lines[:, 1, None, None] * y[:, None] + lines[:, 2, None, None]
-        of_block = np.where((away > reach).all(axis=0), 1.0, np.where((away < -reach).any(axis=0), 0.0, np.nan))
+        # a flat picture is convex: blocks of pixels lie within all
+        # of its borders, beyond one, or near to one
+        (x, y) = (np.arange(0.5, -(-n // BLOCK)) * BLOCK for n in (w, h))
+        reach = BLOCK / 2**0.5 + 2
+        away = (
+            lines[:, 0, None, None] * x
+            + lines[:, 1, None, None] * y[:, None]
+            + lines[:, 2, None, None]
+        )
+        of_block = np.where(
+            (away > reach).all(axis=0), 1.0, np.where((away < -reach).any(axis=0), 0.0, np.nan)
+        )
         cover = of_block.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[:h, :w].copy()
         near = np.flatnonzero(np.isnan(cover))
 
@@ -104,7 +121,9 @@ def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
 
 
 def flat_way(picture: Picture, viewer: Viewer) -> FlatWay | None:
-    """The way from viewer pixels to the UV of a flat picture, or of the viewer's own image, which has no borders."""
+    """The way from viewer pixels to the UV of a flat picture, or of
+    the viewer's own image, which has no borders.
+    """
     if picture.mesh is None:
         own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
         return own, (np.full(2, -np.inf), np.full(2, np.inf))
@@ -112,7 +131,8 @@ def flat_way(picture: Picture, viewer: Viewer) -> FlatWay | None:
 
 
 def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
-    """Viewer px (n, 2) at which places uv (n, 2; v upward) of the picture are seen as if there were no glass.
+    """Viewer px (n, 2) at which places uv (n, 2; v upward) of
+    the picture are seen as if there were no glass.
 
     Raises
     ------
@@ -120,7 +140,10 @@ def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
     """
     short_way = flat_way(picture, viewer)
     if short_way is None:
-        raise RigError(f"The picture '{picture.name}' is no flat rectangle: points of it are told for such only.")
+        raise RigError(
+            f"The picture '{picture.name}' is no flat rectangle: points of it are told"
+            f" for such only."
+        )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
     return xyw[:, :2] / xyw[:, 2:]
 
@@ -130,8 +153,9 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
 
     Returns
     -------
-    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line, above 0 on the side of
-    the picture. None where its outline is no rectangle, or that of the viewer's image.
+    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line,
+    above 0 on the side of the picture. None where its outline is no rectangle, or that of the
+    viewer's image.
     """
     short_way = None if picture.mesh is None else _homography(picture.mesh, viewer)
     if short_way is None:
@@ -142,19 +166,29 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
 
 
 def why_unseen(picture: Picture, viewer: Viewer) -> str:
-    """Why a viewer sees nothing of a picture on a plane, though nothing hides it, and the remedy: two clauses."""
+    """Why a viewer sees nothing of a picture on a plane,
+    though nothing hides it, and the remedy: two clauses.
+    """
     corners = picture.mesh.corners.reshape(-1, 3)
     if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
-        return f"which is behind the viewer: turn the viewer round, or move the picture before it{BY_MIRROR}"
+        return (
+            f"which is behind the viewer: turn the viewer round, or move the picture before"
+            f" it{BY_MIRROR}"
+        )
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low = seen.min(axis=0)
+    high = seen.max(axis=0)
     if (high <= 0).any() or (low >= (viewer.width, viewer.height)).any():
         return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
-    if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < EDGE_ON * np.linalg.norm(high - low):
+    if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < EDGE_ON * np.linalg.norm(
+        high - low
+    ):
         return "which is seen edge-on: turn it to the viewer"
     if (high - low).max() < 1:
-        return "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
+        return (
+            "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
+        )
     return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
 
 
@@ -167,8 +201,12 @@ def _place(
     matrix: Floats,
     bounds: tuple[Floats, Floats],
 ) -> None:
-    """Set some points, by the matrix from viewer pixels to UV; column by column, rows of two are slow in numpy."""
-    x, y = view_xy[:, 0], view_xy[:, 1]
+    """Set some points, by the matrix from viewer pixels to UV.
+
+    Column by column, rows of two are slow in numpy.
+    """
+    x = view_xy[:, 0]
+    y = view_xy[:, 1]
     u, v, w = (a * x + b * y + c for a, b, c in matrix)
     is_seen = w > 0
     inverse = 1.0 / np.where(is_seen, w, 1.0)
@@ -176,9 +214,15 @@ def _place(
     v *= inverse
     width, height = size
     (ux, uy, _), (vx, vy, _), (wx, wy, _) = matrix
-    x_scale, y_scale = width * inverse, -height * inverse  # v goes up, pixels go down
+    # v goes up, pixels go down
+    x_scale = width * inverse
+    y_scale = -height * inverse
     spread = turn_covariance(
-        covariance, (ux - u * wx) * x_scale, (uy - u * wy) * x_scale, (vx - v * wx) * y_scale, (vy - v * wy) * y_scale
+        covariance,
+        (ux - u * wx) * x_scale,
+        (uy - u * wy) * x_scale,
+        (vx - v * wx) * y_scale,
+        (vy - v * wy) * y_scale,
     )
     (low_u, low_v), (high_u, high_v) = bounds
     x, across = _within(u * width, low_u * width, high_u * width, spread[0])
@@ -189,9 +233,12 @@ def _place(
 
 
 def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Floats, Floats]:
-    """Which share (n,) of footprints lies between two lines across x, and its middle: they are as good as boxes."""
+    """Which share (n,) of footprints lies between two lines
+    across x, and its middle: they are as good as boxes.
+    """
     half = np.sqrt(3 * np.maximum(variance, 0))
-    before, after = np.maximum(low - (x - half), 0), np.maximum(x + half - high, 0)
+    before = np.maximum(low - (x - half), 0)
+    after = np.maximum(x + half - high, 0)
     share = np.clip(1 - (before + after) / np.maximum(2 * half, LEAST), 0, 1)
     return np.where(share > 0, x + 0.5 * (before - after), x), share
 
@@ -201,11 +248,14 @@ def _pixels(uv: Floats, size: Floats) -> Floats:
 
 
 def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
-    """Matrix (3, 3) from viewer pixels to UV of a flat rectangle, w > 0 in front of the viewer, and its UV bounds.
+    """Matrix (3, 3) from viewer pixels to UV of a flat rectangle, w
+    > 0 in front of the viewer, and its UV bounds.
 
-    None when the mesh is not flat, its UV is not one affine map, or it is no rectangle along the UV axes.
+    None when the mesh is not flat, its UV is not one affine
+    map, or it is no rectangle along the UV axes.
     """
-    corners, uv = mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2)
+    corners = mesh.corners.reshape(-1, 3)
+    uv = mesh.uv.reshape(-1, 2)
     middle = corners.mean(axis=0)
     _, spread, axes = np.linalg.svd(corners - middle, full_matrices=False)
     if spread[1] == 0 or spread[2] > IS_AFFINE * spread[0]:
@@ -213,7 +263,8 @@ def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     across = (corners - middle) @ axes[:2].T
     system = np.column_stack([across, np.ones(len(across))])
     fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
-    low, high = uv.min(axis=0), uv.max(axis=0)
+    low = uv.min(axis=0)
+    high = uv.max(axis=0)
     if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
         return None
     covered = uv_area(mesh.uv)
@@ -223,12 +274,16 @@ def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     left, right, bottom, top = viewer.window
     x, y, forward = viewer.axes
     # the ray through pixel (x, y): from `start @ (x, y, 1)` along `along @ (x, y, 1)`
-    plane = np.array([[(right - left) / viewer.width, 0, left], [0, (bottom - top) / viewer.height, top]])
+    plane = np.array(
+        [[(right - left) / viewer.width, 0, left], [0, (bottom - top) / viewer.height, top]]
+    )
     sideways = np.outer(x, plane[0]) + np.outer(y, plane[1])
-    ahead, still = np.outer(forward, [0, 0, 1.0]), np.outer(viewer.position - middle, [0, 0, 1.0])
+    ahead = np.outer(forward, [0, 0, 1.0])
+    still = np.outer(viewer.position - middle, [0, 0, 1.0])
     is_perspective = viewer.projection == "perspective"
     along, start = (sideways + ahead, still) if is_perspective else (ahead, still + sideways)
-    # the point where it meets the plane, times (along . normal); one of the two factors is constant in (x, y)
+    # the point where it meets the plane, times (along . normal);
+    # one of the two factors is constant in (x, y)
     if is_perspective:
         depth = -(still[:, 2] @ normal)
         point = np.outer(still[:, 2], normal @ along) + depth * along
@@ -245,7 +300,9 @@ def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     return (sign or 1.0) * matrix, (low, high)
 
 
-def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, covariance: Floats) -> PicturePoints:
+def _by_tracing(
+    picture: Picture, viewer: Viewer, view_xy: Floats, covariance: Floats
+) -> PicturePoints:
     """The long way, for a picture on any mesh: its outline is not smoothed."""
     layer = Layer(picture.mesh.corners)
     size = np.array(picture.image.shape[1::-1], float)
@@ -256,13 +313,17 @@ def _by_tracing(picture: Picture, viewer: Viewer, view_xy: Floats, covariance: F
 
     hits = layer.first_hits(origins, directions, np.zeros(len(origins), bool), accept)
     is_seen = hits.triangle >= 0
-    seen, k = np.flatnonzero(is_seen), hits.triangle[is_seen]
-    xy, spread = np.zeros((len(view_xy), 2)), np.zeros((3, len(view_xy)))
+    seen = np.flatnonzero(is_seen)
+    k = hits.triangle[is_seen]
+    xy = np.zeros((len(view_xy), 2))
+    spread = np.zeros((3, len(view_xy)))
 
     def xy_at(view_xy: Floats) -> Floats:
         o, d = viewer.rays(view_xy)
         t = layer.frames.distance(k, o, d)
-        return _pixels(interpolate(picture.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d)), size)
+        return _pixels(
+            interpolate(picture.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d)), size
+        )
 
     xy[seen] = xy_at(view_xy[seen])
     (by_x, by_y) = (((xy_at(view_xy[seen] + STEP * d) - xy[seen]) / STEP).T for d in np.eye(2))

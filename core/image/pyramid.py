@@ -16,7 +16,8 @@ WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Which pixels of a pyramid make up weighted colours of points: a sparse matrix, the same for pictures of one size.
+    """Which pixels of a pyramid make up weighted colours of points:
+    a sparse matrix, the same for pictures of one size.
 
     Each row adds four neighbouring pixels of a level to a point.
 
@@ -35,13 +36,15 @@ class Taps:
 def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
     """How colours are read, times weight (n,), at points of a picture of a size (width, height).
 
-    A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all, a variance of
-    4^k / 4 - 1 / 12 of the picture's pixels. Two levels are mixed so that it is the footprint's. A footprint that is
-    longer than wide is read at two places along it, a wide one at two each way, so that both variances are right.
+    A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all,
+    a variance of 4^k / 4 - 1 / 12 of the picture's pixels. Two levels are mixed so that it is the
+    footprint's. A footprint that is longer than wide is read at two places along it, a wide one at
+    two each way, so that both variances are right.
     """
     sizes = _level_sizes(size)
     last = len(sizes) - 1
-    found, n_rows = [], 0
+    found = []
+    n_rows = 0
     levels: list[tuple[int, slice]] = []
     seen = np.flatnonzero(weight > 0).astype(np.int32)
     for first in range(0, len(seen), CHUNK):
@@ -56,7 +59,12 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
             rows = np.flatnonzero(here > 0)
             if len(rows):
                 scale_x, scale_y = (new / old for new, old in zip(sizes[k], size, strict=True))
-                found.append((some[rows], *_bilinear(sizes[k], x[rows] * scale_x, y[rows] * scale_y, here[rows])))
+                found.append(
+                    (
+                        some[rows],
+                        *_bilinear(sizes[k], x[rows] * scale_x, y[rows] * scale_y, here[rows]),
+                    )
+                )
                 levels.append((k, slice(n_rows, n_rows + len(rows))))
                 n_rows += len(rows)
     if not found:
@@ -70,32 +78,47 @@ def _reads(
 ) -> tuple[NDArray[np.int32], Floats, Floats, Floats, Floats]:
     """Where some points are read: number, x, y, weight and variance along each axis of every read.
 
-    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by 0.0009, and four
-    where it is wide by 0.0007; more than that gains nothing. Reads come apart gradually, so that a footprint that
-    rounding changes is read at the same places but for rounding.
+    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by
+    0.0009, and four where it is wide by 0.0007; more than that gains nothing. Reads come apart
+    gradually, so that a footprint that rounding changes is read at the same places but for
+    rounding.
     """
-    x, y, part = points.xy[some, 0], points.xy[some, 1], weight[some]
+    x = points.xy[some, 0]
+    y = points.xy[some, 1]
+    part = weight[some]
     xx, xy, yy = points.covariance[:, some]
-    mean, slope = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    mean = 0.5 * (xx + yy)
+    slope = 0.5 * (xx - yy)
     unlike = np.sqrt(slope * slope + xy * xy)
     length = np.clip(2 * unlike / ROUND - 1, 0, 1)
     lesser = np.maximum(mean - length * unlike, 0)
     width = np.clip(2 * lesser / WIDE - 1, 0, 1)
     left = (1 - 0.75 * width) * lesser
 
-    # the places of the reads have to make up this covariance; its triangular root takes them from a square to there
-    xx, xy, yy = mean + length * slope - left, length * xy, mean - length * slope - left
+    # the places of the reads have to make up this covariance; its
+    # triangular root takes them from a square to there
+    xx = mean + length * slope - left
+    xy = length * xy
+    yy = mean - length * slope - left
     is_upright = xx < UPRIGHT * yy  # where rounding is as large as xx the root begins with y
     xx, yy = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
-    dx, most = np.sqrt(np.maximum(xx, 0)), np.sqrt(np.maximum(yy, 0))
-    along = np.clip(xy / np.maximum(dx, LEAST), -most, most)  # rounding may leave more than there can be
+    dx = np.sqrt(np.maximum(xx, 0))
+    most = np.sqrt(np.maximum(yy, 0))
+    # rounding may leave more than there can be
+    along = np.clip(xy / np.maximum(dx, LEAST), -most, most)
     across = np.sqrt(np.maximum(yy - along * along, 0))
     signs = np.where(width > 0, 4, np.where(length > 0, 2, 1))
     found = []
-    for n, shifts in ((1, [(0, 0)]), (2, [(-1, 0), (1, 0)]), (4, [(-1, -1), (-1, 1), (1, -1), (1, 1)])):
+    for n, shifts in (
+        (1, [(0, 0)]),
+        (2, [(-1, 0), (1, 0)]),
+        (4, [(-1, -1), (-1, 1), (1, -1), (1, 1)]),
+    ):
         rows = np.flatnonzero(signs == n)
         for i, j in shifts:
-            far, near, turned = i * dx[rows], i * along[rows] + j * across[rows], is_upright[rows]
+            far = i * dx[rows]
+            near = i * along[rows] + j * across[rows]
+            turned = is_upright[rows]
             at = x[rows] + np.where(turned, near, far), y[rows] + np.where(turned, far, near)
             found.append((some[rows], *at, part[rows] / n, left[rows]))
     return tuple(np.concatenate(values) for values in zip(*found, strict=True))
@@ -109,22 +132,32 @@ def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:
     return sizes
 
 
-def _bilinear(size: tuple[int, int], x: Floats, y: Floats, weight: Floats) -> tuple[NDArray, NDArray]:
-    """Upper left pixel (n,) and weights (4, n), times weight, that read an image: centres at + 0.5, edges extended."""
+def _bilinear(
+    size: tuple[int, int], x: Floats, y: Floats, weight: Floats
+) -> tuple[NDArray, NDArray]:
+    """Upper left pixel (n,) and weights (4, n), times weight, that
+    read an image: centres at + 0.5, edges extended.
+    """
     w, h = size
-    x, y = np.clip(x - 0.5, 0, w - 1), np.clip(y - 0.5, 0, h - 1)
-    column, row = np.minimum(x.astype(np.int32), max(w - 2, 0)), np.minimum(y.astype(np.int32), max(h - 2, 0))
+    x = np.clip(x - 0.5, 0, w - 1)
+    y = np.clip(y - 0.5, 0, h - 1)
+    column = np.minimum(x.astype(np.int32), max(w - 2, 0))
+    row = np.minimum(y.astype(np.int32), max(h - 2, 0))
     x -= column
     lower = weight * (y - row)
     upper = weight - lower
     upper_right, lower_right = upper * x, lower * x
     weights = np.empty((4, len(x)), np.float32)
-    weights[0], weights[1], weights[2], weights[3] = upper - upper_right, upper_right, lower - lower_right, lower_right
+    weights[0] = upper - upper_right
+    weights[1] = upper_right
+    weights[2] = lower - lower_right
+    weights[3] = lower_right
     return row * np.int32(w) + column, weights
 
 
 class Pyramid:
-    """A picture at full, half, quarter ... size, so that a footprint of any size is read at its own size.
+    """A picture at full, half, quarter ... size, so that a
+    footprint of any size is read at its own size.
 
     levels : (3, h, w) float32 each
     """
@@ -149,10 +182,13 @@ class Pyramid:
         values = np.zeros((3, len(taps.pixel)), np.float32)
         for k, rows in taps.levels:
             h, w = self.levels[k].shape[1:]
-            right, below = int(w > 1), w * int(h > 1)
+            right = int(w > 1)
+            below = w * int(h > 1)
             pixel = taps.pixel[rows].astype(np.intp)
             for plane, value in zip(self.levels[k].reshape(3, -1), values[:, rows], strict=True):
-                for step, weight in zip((0, right, below, right + below), taps.weight[:, rows], strict=True):
+                for step, weight in zip(
+                    (0, right, below, right + below), taps.weight[:, rows], strict=True
+                ):
                     value += plane[step:].take(pixel) * weight
         return values
 
@@ -164,10 +200,14 @@ class Pyramid:
 
 
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the size of an image (c, h, w) by exact area means; odd rows or columns are shared by their neighbours."""
+    """Half the size of an image (c, h, w) by exact area means.
+
+    Odd rows or columns are shared by their neighbours.
+    """
     c, h, w = image.shape
     halved = np.empty((c, (h + 1) // 2, (w + 1) // 2), np.float32)
-    for plane, half in zip(image, halved, strict=True):  # one by one: steps between take a third of the memory
+    # one by one: steps between take a third of the memory
+    for plane, half in zip(image, halved, strict=True):
         half[:] = _halved_along(1, _halved_along(0, plane))
     return halved
 

@@ -9,16 +9,21 @@ from ..arrays import Floats
 from ..map.share_batches import ShareBatches
 from ..map.shares import add_at
 
-COMPACT = 1.3  # a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
+# a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
+COMPACT = 1.3
 
 
 def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with the shares."""
-    (width, height), n_channels = batches.view_size, source.shape[2]
+    """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with
+    the shares.
+    """
+    (width, height) = batches.view_size
+    n_channels = source.shape[2]
     seen = np.zeros((n_channels, height, width))
     for shares in batches:
         weight = shares.area if shares.throughput is None else shares.area * shares.throughput
-        shown, pixel = source.reshape(-1, n_channels)[shares.display_index], shares.view_index
+        shown = source.reshape(-1, n_channels)[shares.display_index]
+        pixel = shares.view_index
         for channel in range(n_channels):
             add_at(seen[channel], pixel, weight * shown[:, channel])
     return np.ascontiguousarray(seen.transpose(1, 2, 0), np.float32)
@@ -28,7 +33,8 @@ def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np
 class LatticeShift:
     """Displacement of the dots of a lattice against the ideal image.
 
-    shift : (n, n, 2) viewer px, NaN where the dot is not seen; mean : its mean length; mean_xy : means of |dx|, |dy|
+    shift : (n, n, 2) viewer px, NaN where the dot is not seen; mean
+        : its mean length; mean_xy : means of |dx|, |dy|
     """
 
     shift: Floats
@@ -43,11 +49,19 @@ class LatticeShift:
 
     @property
     def mean(self) -> float:
-        return float(np.linalg.norm(self.shift[self.is_seen], axis=-1).mean()) if self.n_seen else float("nan")
+        return (
+            float(np.linalg.norm(self.shift[self.is_seen], axis=-1).mean())
+            if self.n_seen
+            else float("nan")
+        )
 
     @property
     def largest(self) -> float:
-        return float(np.linalg.norm(self.shift[self.is_seen], axis=-1).max()) if self.n_seen else float("nan")
+        return (
+            float(np.linalg.norm(self.shift[self.is_seen], axis=-1).max())
+            if self.n_seen
+            else float("nan")
+        )
 
     @property
     def mean_xy(self) -> tuple[float, float]:
@@ -58,15 +72,19 @@ class LatticeShift:
 
 
 def lattice_shift(seen: Floats, ideal: Floats, n: int = 7) -> LatticeShift:
-    """How far each dot of an n x n colour-coded lattice moved between two images (h, w, >= 3) of one size, linear."""
+    """How far each dot of an n x n colour-coded lattice moved
+    between two images (h, w, >= 3) of one size, linear.
+    """
     return LatticeShift(dot_centroids(seen, n) - dot_centroids(ideal, n))
 
 
 def dot_centroids(image: Floats, n: int = 7) -> Floats:
-    """Centroids (n, n, 2) in pixels of the dots of a lattice; entry [j, i] is column i, row j; NaN where not seen.
+    """Centroids (n, n, 2) in pixels of the dots of a lattice; entry
+    [j, i] is column i, row j; NaN where not seen.
 
-    Dots are told apart by colour: dot (i, j) has G / R = (i + 1) / (n + 1), B / R = (j + 1) / (n + 1). Their R, taken
-    linear on black, is the weight of a pixel. A dot seen in several pieces counts where most of it is.
+    Dots are told apart by colour: dot (i, j) has G / R = (i + 1) / (n + 1), B / R = (j + 1) / (n +
+    1). Their R, taken linear on black, is the weight of a pixel. A dot seen in several pieces
+    counts where most of it is.
     """
     red, green, blue = (np.asarray(image[..., c], float) for c in range(3))
     y, x = np.nonzero(red > 0.02 * max(red.max(), 1e-30))
@@ -77,7 +95,9 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
     label = np.where((i >= 0) & (i < n) & (j >= 0) & (j < n), j * n + i, -1)
     for k in np.unique(label[label >= 0]):
         mine = label == k
-        centroids[k // n, k % n] = _main_piece(np.stack([x[mine], y[mine]], axis=1) + 0.5, weight[mine])
+        centroids[k // n, k % n] = _main_piece(
+            np.stack([x[mine], y[mine]], axis=1) + 0.5, weight[mine]
+        )
     return centroids
 
 
@@ -86,7 +106,8 @@ def _main_piece(points: Floats, weight: Floats) -> Floats:
     for _ in range(20):
         centre = np.average(points, axis=0, weights=weight)
         square = ((points - centre) ** 2).sum(axis=1)
-        disc = weight.sum() / weight.max() / (2 * np.pi)  # mean square radius of a disc of this area
+        # mean square radius of a disc of this area
+        disc = weight.sum() / weight.max() / (2 * np.pi)
         if np.average(square, weights=weight) <= COMPACT**2 * max(disc, 0.25):
             break
         side = np.sqrt(2 * disc) * 1.5 + 1
@@ -97,5 +118,6 @@ def _main_piece(points: Floats, weight: Floats) -> Floats:
         near = ((points - heart) ** 2).sum(axis=1) <= (1.5 * side) ** 2
         if near.all():
             break
-        points, weight = points[near], weight[near]
+        points = points[near]
+        weight = weight[near]
     return centre

@@ -1,4 +1,7 @@
-"""The viewer's image through the mirrors of a real plate: stray light, dimness and blur; by samples."""
+"""The viewer's image through the mirrors of a real plate: stray light, dimness and blur.
+
+By samples.
+"""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -16,8 +19,10 @@ from ..vectors import dot
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 SAMPLED = 4096  # rays from which brightness and blur are told
 STEP = 0.05  # viewer px, for derivatives of the view map
-SPREAD = np.array([0.7548776662466927, 0.5698402909980532])  # powers of the plastic number's inverse: even in a square
-SELDOM = 8  # one in so many rays is followed by the plate's faces where two for each pixel showed nothing
+# powers of the plastic number's inverse: even in a square
+SPREAD = np.array([0.7548776662466927, 0.5698402909980532])
+# one in so many rays is followed by the plate's faces where two for each pixel showed nothing
+SELDOM = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +33,8 @@ class Simulation:
     ----------
     image : (h, w, 3) linear, row 0 at the top
     error : standard error of a pixel's luminance, rms over the image
-    luminance : mean over the image, for each PlatePath by which light came; luminance_error : its standard errors
+    luminance : mean over the image, for each PlatePath by which
+        light came; luminance_error : its standard errors
     spp : rays a viewer pixel, an even number
     """
 
@@ -39,23 +45,27 @@ class Simulation:
     spp: int
 
 
-def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -> Generator[float, None, Simulation]:
+def simulate(
+    plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0
+) -> Generator[float, None, Simulation]:
     """Follow rays from everywhere in the viewer's image the way that the plate's mirrors send them.
 
-    All light of the display counts, that which comes past glass and plate too, with what they leave of it. What is
-    reflected by the face of the first plate that light comes to is a ray of its own.
+    All light of the display counts, that which comes past glass and plate too, with what they leave
+    of it. What is reflected by the face of the first plate that light comes to is a ray of its own.
 
     Parameters
     ----------
     source : (H, W, 3 or 4) the display's image, linear, row 0 at the top
-    spp : rays a viewer pixel; one more where that is odd, for each of two halves is an image by itself, and their
-        difference tells the error
+    spp : rays a viewer pixel; one more where that is odd, for each of two
+        halves is an image by itself, and their difference tells the error
     """
-    viewer, display = plan.rig.viewer, plan.rig.display
+    viewer = plan.rig.viewer
+    display = plan.rig.display
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
     texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
-    n, passes = viewer.width * viewer.height, 2 * ((max(spp, 1) + 1) // 2)
+    n = viewer.width * viewer.height
+    passes = 2 * ((max(spp, 1) + 1) // 2)
     halves = np.zeros((2, 3, n))
     by_pass = np.zeros((passes, len(PlatePath)))
     random = np.random.default_rng(seed)
@@ -69,7 +79,9 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
             ways: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
             if has_faces:
                 share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
-                ways.append(("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share))
+                ways.append(
+                    ("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share)
+                )
             for light, some, weight in ways:
                 landings = trace(plan, *viewer.rays(xy[some]), light=light)
                 is_seen, index = landings.pixels(display.width, display.height)
@@ -77,7 +89,9 @@ def simulate(plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0) -
                     is_seen &= landings.plate_path == PlatePath.REFLECTED
                 colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
                 halves[k % 2][:, pixels[some[is_seen]]] += colours.T
-                bright = np.bincount(landings.plate_path[is_seen], dot(colours, LUMINANCE), len(PlatePath))
+                bright = np.bincount(
+                    landings.plate_path[is_seen], dot(colours, LUMINANCE), len(PlatePath)
+                )
                 by_pass[k] += bright / n
             yield (k * n + first + len(pixels)) / (passes * n)
     halves *= 2.0 / passes
@@ -114,13 +128,15 @@ class PlateView:
 
 
 def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
-    """Brightness and blur, from a sample of the viewer's rays; None where the plates are ideal or nothing is seen.
+    """Brightness and blur, from a sample of the viewer's rays;
+    None where the plates are ideal or nothing is seen.
 
     Yields progress 0..1, so that whoever shows it is not held up by all of the rays.
     """
     if not plan.arrays:
         return None
-    viewer, size = plan.rig.viewer, (plan.rig.display.width, plan.rig.display.height)
+    viewer = plan.rig.viewer
+    size = (plan.rig.display.width, plan.rig.display.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
     view = np.random.default_rng(seed).uniform(0, (viewer.width, viewer.height), (SAMPLED, 2))
     here = trace(bright, *viewer.rays(view))
@@ -128,7 +144,9 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     if not is_seen.any():
         return None
     yield 0.2
-    view, xy, branch = view[is_seen], here.xy[is_seen], here.branch[is_seen]
+    view = view[is_seen]
+    xy = here.xy[is_seen]
+    branch = here.branch[is_seen]
     # the light that the plate leaves: all that is left, by the light left with an ideal plate
     without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
@@ -146,10 +164,14 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     )
 
 
-def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generator[float, None, Floats]:
-    """By how much (m, 2), viewer px, mirrors move the image at viewer px (n, 2), which lands at xy (n, 2).
+def _moved(
+    plan: Plan, view: Floats, xy: Floats, branch: np.ndarray
+) -> Generator[float, None, Floats]:
+    """By how much (m, 2), viewer px, mirrors move the image
+    at viewer px (n, 2), which lands at xy (n, 2).
 
-    Of those that the mirrors image, by the view map's derivatives, where these are known. Yields progress 0.3..1.
+    Of those that the mirrors image, by the view map's derivatives,
+    where these are known. Yields progress 0.3..1.
     """
     viewer = plan.rig.viewer
     steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
@@ -166,6 +188,7 @@ def _moved(plan: Plan, view: Floats, xy: Floats, branch: np.ndarray) -> Generato
     is_known &= np.abs(determinant) > 0
 
     # the inverse of j times the way on the display
-    j, (dx, dy) = j[is_known], (real.xy - xy)[is_known].T
+    j = j[is_known]
+    (dx, dy) = (real.xy - xy)[is_known].T
     back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)
     return back / determinant[is_known, None]

@@ -1,4 +1,6 @@
-"""Paints the source image: least squares through the shares. The brute-force splat stands beside it as reference."""
+"""Paints the source image: least squares through the shares. The
+brute-force splat stands beside it as reference.
+"""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -20,9 +22,11 @@ Strokes = Taps | kernel.FlatStrokes
 
 
 class Painting:
-    """A source image in the making: the x that minimises the sum over shares of area (T x - colour)^2.
+    """A source image in the making: the x that minimises the
+    sum over shares of area (T x - colour)^2.
 
-    Shares are added some at a time; how their colours are read can be kept for the next picture of the same size.
+    Shares are added some at a time; how their colours are read
+    can be kept for the next picture of the same size.
     """
 
     def __init__(self, display_size: tuple[int, int]) -> None:
@@ -37,7 +41,9 @@ class Painting:
         for total, values in zip(self._total, pyramid.read(strokes), strict=True):
             add_at(total, strokes.point, values)
 
-    def finished(self, weight: Floats, margin: int = 0, beside: Floats | None = None) -> NDArray[np.float32]:
+    def finished(
+        self, weight: Floats, margin: int = 0, beside: Floats | None = None
+    ) -> NDArray[np.float32]:
         """Source image (H, W, 3), linear; nothing can be added any more.
 
         Parameters
@@ -48,7 +54,8 @@ class Painting:
         """
         covered, is_free = weight > 0, True
         if beside is not None:
-            weight, is_free = weight + beside, beside == 0
+            weight = weight + beside
+            is_free = beside == 0
 
         image = np.empty((*weight.shape, 3), np.float32)
         for channel, total in enumerate(self._total):
@@ -59,10 +66,12 @@ class Painting:
 
 
 def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
-    """How the sums area * T * colour of display pixels are read from a picture: taps whose points are display pixels.
+    """How the sums area * T * colour of display pixels are read
+    from a picture: taps whose points are display pixels.
 
-    A share is read at its own place, as far as it reaches. It lies within the picture or beside it, wholly. For a flat
-    picture the compiled kernel takes the shares as they are, and finds where they are read whenever it paints.
+    A share is read at its own place, as far as it reaches. It lies within the picture or beside it,
+    wholly. For a flat picture the compiled kernel takes the shares as they are, and finds where
+    they are read whenever it paints.
     """
     way = flat_way(picture, viewer) if kernel.library() is not None else None
     if way is not None:
@@ -75,8 +84,12 @@ def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
     return replace(taps, point=shares.display_index[taps.point])
 
 
-def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | bool = True) -> NDArray[np.float32]:
-    """Fill free pixels next to the covered ones with the mean of their covered neighbours, `margin` times."""
+def grow(
+    image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | bool = True
+) -> NDArray[np.float32]:
+    """Fill free pixels next to the covered ones with the mean
+    of their covered neighbours, `margin` times.
+    """
     for _ in range(margin):
         padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
         mask = np.pad(covered.astype(np.float32), 1)
@@ -94,24 +107,31 @@ def grow(image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools
 def splat(
     plan: Plan, spp: int, seed: int = 0, light: PlateLight = "imaged"
 ) -> Generator[float, None, NDArray[np.float32]]:
-    """Source image by brute force: `spp` random samples a viewer pixel, averaged on each display pixel.
+    """Source image by brute force: `spp` random samples a
+    viewer pixel, averaged on each display pixel.
 
-    Pixels that no sample met are black. Imaged light carries the same values as `Painting` and converges to the same
-    image. Of other light, stray light among it, a pixel shows the mean colour weighed by throughput, which the plan's
-    settings have to ask for (`brightness`): white stays white.
+    Pixels that no sample met are black. Imaged light carries the same values as `Painting` and
+    converges to the same image. Of other light, stray light among it, a pixel shows the mean colour
+    weighed by throughput, which the plan's settings have to ask for (`brightness`): white stays
+    white.
     """
-    viewer, display, picture = plan.rig.viewer, plan.rig.display, plan.rig.picture
+    viewer = plan.rig.viewer
+    display = plan.rig.display
+    picture = plan.rig.picture
     pyramid = Pyramid(picture.image)
     random = np.random.default_rng(seed)
     shape = display.height, display.width
     n = shape[0] * shape[1]
-    total, norm = np.zeros((3, n)), np.zeros(n)
+    total = np.zeros((3, n))
+    norm = np.zeros(n)
     pixels = np.arange(viewer.width * viewer.height)
     starts = range(0, len(pixels), CHUNK)
     for k in range(spp):
         for first in starts:
             some = pixels[first : first + CHUNK]
-            xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random((len(some), 2))
+            xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random(
+                (len(some), 2)
+            )
             landings = trace(plan, *viewer.rays(xy), light=light)
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]

@@ -1,10 +1,13 @@
-"""The compiled kernel: follows rays, divides cells, paints shares, fits curved faces, one by one, not many at once.
+"""The compiled kernel: follows rays, divides cells, paints
+shares, fits curved faces, one by one, not many at once.
 
-These are the ways of `trace.py`, `rasterise.py`, `source_image.py` and `surface_fit.py`, with the same slacks.
+These are the ways of `trace.py`, `rasterise.py`, `source_image.py`
+and `surface_fit.py`, with the same slacks.
 
-It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel` and loaded by
-ctypes, which lets go of Python's lock during each call. numpy's way stays the reference, and takes the place of the
-kernel where there is none, where the environment has KIRIKO_KERNEL=off, and for what the kernel does not know.
+It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel`
+and loaded by ctypes, which lets go of Python's lock during each call. numpy's way stays the
+reference, and takes the place of the kernel where there is none, where the environment has
+KIRIKO_KERNEL=off, and for what the kernel does not know.
 """
 
 import ctypes
@@ -46,8 +49,11 @@ __all__ = [
     "use_threads",
 ]
 
-EVENTS_AT_ONCE, LEAST_AT_ONCE = 1 << 16, 64  # events, and rays, between two pauses: less than 0.1 s of work
-MOST_RECORDED = 1 << 26  # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
+# events, and rays, between two pauses: less than 0.1 s of work
+EVENTS_AT_ONCE = 1 << 16
+LEAST_AT_ONCE = 64
+# bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
+MOST_RECORDED = 1 << 26
 LIGHTS = "imaged", "folded", "reflected"
 STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
@@ -62,8 +68,8 @@ STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
 class Ways:
     """What n rays met at m events at the most.
 
-    places (m, n, 3) m; met (m, n) triangles, -1 after the last; left_at (n,), the event at which a ray met nothing
-    more, -1 where it ended otherwise
+    places (m, n, 3) m; met (m, n) triangles, -1 after the last; left_at (n,), the
+    event at which a ray met nothing more, -1 where it ended otherwise
     """
 
     places: Floats
@@ -106,15 +112,18 @@ def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | No
 def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
     """Follow rays to their ends, all of which are under way; pauses now and then.
 
-    Returns their ways, if asked to write them down, and the numbers of the boxes of glass aside that they entered.
+    Returns their ways, if asked to write them down, and the
+    numbers of the boxes of glass aside that they entered.
     """
-    n, n_events = len(rays.live), plan.settings.max_events
+    n = len(rays.live)
+    n_events = plan.settings.max_events
     if rays.is_recorded:
         rays.course = np.zeros((n, n_events + 1), np.uint64)
     ways = Ways.none(n, n_events) if has_ways else None
 
     is_reached = np.zeros(len(plan.aside_boxes), np.uint8)
-    made, of_plan = state_of(rays, ways, is_reached), made_of(plan)
+    made = state_of(rays, ways, is_reached)
+    of_plan = made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
 
     kernel = loaded()

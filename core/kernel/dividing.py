@@ -1,4 +1,6 @@
-"""Divides cells among display pixels, and adds shares up, as `rasterise.py` and `shares.py` do, one by one."""
+"""Divides cells among display pixels, and adds shares up,
+as `rasterise.py` and `shares.py` do, one by one.
+"""
 
 import ctypes
 from collections.abc import Iterator, Sequence
@@ -28,7 +30,9 @@ class Divided(NamedTuple):
 def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
     """Can the kernel divide such cells?"""
     shape = np.shape(display_polygons)
-    return library() is not None and shape[1:] in {(3, 2), (4, 2)} and np.shape(view_polygons) == shape
+    return (
+        library() is not None and shape[1:] in {(3, 2), (4, 2)} and np.shape(view_polygons) == shape
+    )
 
 
 def divided(
@@ -48,7 +52,10 @@ def divided(
     made = [_lot_of(display_size, *cells) for cells in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
     rooms = [min(4 * division.n_cells + LEAST_ROOM, at_once) for division in divisions]
-    shares = [_room_for(room, index_type, division) for room, division in zip(rooms, divisions, strict=True)]
+    shares = [
+        _room_for(room, index_type, division)
+        for room, division in zip(rooms, divisions, strict=True)
+    ]
     kernel = loaded()
     kernel.kiriko_divide(ctypes.addressof(divisions), len(made), n_threads())
 
@@ -63,24 +70,37 @@ def divided(
                 yield number, _first_of(shares[number], division.n)
 
 
-def can_add(image: NDArray[np.floating], index: NDArray[np.integer], weights: NDArray[np.floating]) -> bool:
+def can_add(
+    image: NDArray[np.floating], index: NDArray[np.integer], weights: NDArray[np.floating]
+) -> bool:
     """Can the kernel add such weights to such an image?"""
-    is_known = image.dtype == np.float64 and index.dtype in (np.int32, np.int64) and image.flags.c_contiguous
+    is_known = (
+        image.dtype == np.float64
+        and index.dtype in (np.int32, np.int64)
+        and image.flags.c_contiguous
+    )
     return library() is not None and is_known and index.shape == weights.shape == (len(index),)
 
 
 def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
     """Add weights (n,) to the pixels (n,), int32 or int64, of an image (h, w) in one piece."""
-    index, weights = np.ascontiguousarray(index), np.ascontiguousarray(weights, float)
+    index = np.ascontiguousarray(index)
+    weights = np.ascontiguousarray(weights, float)
     where = (None, index.ctypes.data) if index.dtype == np.int64 else (index.ctypes.data, None)
     loaded().kiriko_add(*where, weights.ctypes.data, len(weights), image.ctypes.data, image.size)
 
 
 def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Made:
-    made, (width, height) = Made(DivisionStructure), display_size
+    made = Made(DivisionStructure)
+    (width, height) = display_size
     made.point("view", view_polygons, float)
     made.point("display", display_polygons, float)
-    made.set(n_cells=len(display_polygons), n_corners=display_polygons.shape[1], width=width, height=height)
+    made.set(
+        n_cells=len(display_polygons),
+        n_corners=display_polygons.shape[1],
+        width=width,
+        height=height,
+    )
     return made
 
 
@@ -96,14 +116,18 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
     )
     pixel, *others = (values.ctypes.data for values in shares)
     division.pixel, division.wide_pixel = (None, pixel) if index_type is np.int64 else (pixel, None)
-    division.view_xy, division.covariance, division.area, division.display_area, division.number = others
+    division.view_xy, division.covariance, division.area, division.display_area, division.number = (
+        others
+    )
     division.n, division.room = 0, n
     return shares
 
 
 def _first_of(shares: Divided, n: int) -> Divided:
     """The first n shares; copies, where most of the room is empty, so that it can be let go."""
-    first = shares._replace(**{name: values[:n] for name, values in shares._asdict().items() if name != "covariance"})
+    first = shares._replace(
+        **{name: values[:n] for name, values in shares._asdict().items() if name != "covariance"}
+    )
     first = first._replace(covariance=shares.covariance[:, :n])
     in_one_piece = np.copy if 2 * n < len(shares.area) else np.ascontiguousarray
     return Divided(*map(in_one_piece, first))

@@ -11,7 +11,8 @@ from pathlib import Path
 from .structures import NODE, STRUCTURES
 
 MODULE = "kiriko_kernel"
-SWITCH = "KIRIKO_KERNEL"  # environment variable: "off" for numpy's way, or the file of another library
+# environment variable: "off" for numpy's way, or the file of another library
+SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
 VERSION = 5  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
@@ -20,7 +21,9 @@ _threads = 0  # as many as the machine has
 
 
 def use_threads(number: int) -> None:
-    """Let the kernel have so many threads from now on; 0: as many as the machine has. Results are the same."""
+    """Let the kernel have so many threads from now on; 0: as
+    many as the machine has. Results are the same.
+    """
     global _threads
     _threads = number
 
@@ -31,34 +34,48 @@ def n_threads() -> int:
 
 
 def find_library() -> Path | None:
-    """The file of the library that the wheel brought, or that was asked for; None where there is none."""
+    """The file of the library that the wheel brought, or
+    that was asked for; None where there is none.
+    """
     if os.environ.get(SWITCH):
         return Path(os.environ[SWITCH])
     spec = find_spec(MODULE)
     folders = (spec and spec.submodule_search_locations) or []
-    return next((path for folder in folders for path in Path(folder).glob(f"*.{ENDINGS[os.name]}")), None)
+    return next(
+        (path for folder in folders for path in Path(folder).glob(f"*.{ENDINGS[os.name]}")), None
+    )
 
 
 @cache
 def loaded() -> ctypes.CDLL | None:
-    """The library, if there is one that can be loaded and whose structures are those of this version."""
+    """The library, if there is one that can be loaded and
+    whose structures are those of this version.
+    """
     path = find_library()
     if path is None:
         return None
-    number, pointer = ctypes.c_int64, ctypes.c_void_p
+    number = ctypes.c_int64
+    pointer = ctypes.c_void_p
     try:
         library = ctypes.CDLL(str(path))
-        library.kiriko_layout.restype, library.kiriko_layout.argtypes = number, [number]
-        library.kiriko_make_tree.restype, library.kiriko_make_tree.argtypes = number, [number, *3 * [pointer]]
-        library.kiriko_follow.restype, library.kiriko_follow.argtypes = None, [*2 * [pointer], *3 * [number]]
-        library.kiriko_divide.restype, library.kiriko_divide.argtypes = None, [pointer, number, number]
-        library.kiriko_add.restype, library.kiriko_add.argtypes = None, [*3 * [pointer], number, pointer, number]
+        library.kiriko_layout.restype = number
+        library.kiriko_layout.argtypes = [number]
+        library.kiriko_make_tree.restype = number
+        library.kiriko_make_tree.argtypes = [number, *3 * [pointer]]
+        library.kiriko_follow.restype = None
+        library.kiriko_follow.argtypes = [*2 * [pointer], *3 * [number]]
+        library.kiriko_divide.restype = None
+        library.kiriko_divide.argtypes = [pointer, number, number]
+        library.kiriko_add.restype = None
+        library.kiriko_add.argtypes = [*3 * [pointer], number, pointer, number]
         library.kiriko_shoot.restype = None
         library.kiriko_shoot.argtypes = [*3 * [pointer], number, pointer, pointer, number]
-        library.kiriko_touch.restype, library.kiriko_touch.argtypes = None, [*2 * [pointer], number]
+        library.kiriko_touch.restype = None
+        library.kiriko_touch.argtypes = [*2 * [pointer], number]
         library.kiriko_paint.restype = None
         library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]
-        library.kiriko_fit_fields.restype, library.kiriko_fit_fields.argtypes = None, [pointer, pointer, number]
+        library.kiriko_fit_fields.restype = None
+        library.kiriko_fit_fields.argtypes = [pointer, pointer, number]
         library.kiriko_settle_normals.restype = None
         library.kiriko_settle_normals.argtypes = [*6 * [pointer], number, ctypes.c_double, number]
         library.kiriko_find_offsets.restype = None

@@ -1,4 +1,6 @@
-"""Paints shares straight from a picture, as `find_strokes` and `Painting` of `source_image.py` do by way of taps."""
+"""Paints shares straight from a picture, as `find_strokes` and
+`Painting` of `source_image.py` do by way of taps.
+"""
 
 import ctypes
 from collections.abc import Sequence
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
 
 
 class FlatStrokes:
-    """Shares and the way from the viewer's image to a flat picture: colours are read whenever they are painted.
+    """Shares and the way from the viewer's image to a flat
+    picture: colours are read whenever they are painted.
 
     Parameters
     ----------
@@ -29,7 +32,11 @@ class FlatStrokes:
         matrix, (low, high) = way
         self.made = made = Made(StrokesStructure)
         is_wide = shares.display_index.dtype == np.int64
-        made.point("wide_pixel" if is_wide else "pixel", shares.display_index, np.int64 if is_wide else np.int32)
+        made.point(
+            "wide_pixel" if is_wide else "pixel",
+            shares.display_index,
+            np.int64 if is_wide else np.int32,
+        )
         made.point("view_xy", shares.view_xy, float)
         made.point("covariance", shares.covariance, np.float32)
         made.point("area", shares.area, float)

@@ -1,4 +1,6 @@
-"""Plans as the kernel reads them: the arrays of numpy's way, where they are, and trees over what rays meet."""
+"""Plans as the kernel reads them: the arrays of numpy's way,
+where they are, and trees over what rays meet.
+"""
 
 import ctypes
 from collections.abc import Callable, Sequence
@@ -36,13 +38,19 @@ MOST_EVENTS = 1 << 31  # more is for ever
 LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 # (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
-BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(axis=(0, 1))
+BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(
+    axis=(0, 1)
+)
 
 
 def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
-    """A tree over boxes (n, 2, 3), which are about 1 in size; and the box (n,) that stands at each position."""
+    """A tree over boxes (n, 2, 3), which are about 1 in size.
+
+    And the box (n,) that stands at each position.
+    """
     boxes = np.ascontiguousarray(boxes, float)
-    nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
+    nodes = np.empty(len(boxes), NODE)
+    items = np.empty(len(boxes), np.int32)
     n_nodes = loaded().kiriko_make_tree(len(boxes), *(a.ctypes.data for a in (boxes, nodes, items)))
     if not n_nodes:
         raise MemoryError
@@ -68,21 +76,29 @@ def _grown(boxes: Floats) -> Floats:
 
 
 def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
-    """Boxes (t, 2, 3) that hold a layer's faces, curved ones of lower degrees too, in its radii from its centre."""
+    """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
+    lower degrees too, in its radii from its centre.
+    """
     boxes = _boxes(layer.corners)
     if curved is not None:
         triangle = curved.triangle
         for first in range(0, len(triangle), BEZIER_AT_ONCE):
             some = triangle[first : first + BEZIER_AT_ONCE]
             terms = curved._load(some).reshape(N_TERMS, -1)
-            points, reach = combine(TO_BEZIER, terms), combine(BY_LOWERING[None], np.abs(terms))[0]
-            bounds = np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach]).reshape(2, 3, -1)
+            points = combine(TO_BEZIER, terms)
+            reach = combine(BY_LOWERING[None], np.abs(terms))[0]
+            bounds = np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach]).reshape(
+                2, 3, -1
+            )
             boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
     return _grown((boxes - layer.centre) / layer.radius)
 
 
 def _make_face_tree(layer: Layer, curved: CurvedFaces | None) -> tuple[Made, Floats]:
-    """A tree over a layer's faces; and the frames (t, 4, 3) of the facets, in the order of its positions."""
+    """A tree over a layer's faces.
+
+    And the frames (t, 4, 3) of the facets, in the order of its positions.
+    """
     tree, items = _make_tree(_face_boxes(layer, curved))
     return tree, taken(stack_frames(layer.frames), items)
 
@@ -126,11 +142,16 @@ class HullEngine:
         self._made = _kept(_hulls, asked, lambda: _make_hull(asked))
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
-        origins, directions = (np.ascontiguousarray(rays, np.float32) for rays in (origins, directions))
-        triangle, found = np.empty(len(origins), np.int64), np.empty((len(origins), 6))
+        origins, directions = (
+            np.ascontiguousarray(rays, np.float32) for rays in (origins, directions)
+        )
+        triangle = np.empty(len(origins), np.int64)
+        found = np.empty((len(origins), 6))
         arrays = (values.ctypes.data for values in (origins, directions))
         results = triangle.ctypes.data, found.ctypes.data
-        loaded().kiriko_shoot(ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads())
+        loaded().kiriko_shoot(
+            ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads()
+        )
         return Found(triangle, *found[:, :3].T, found[:, 3:])
 
 
@@ -157,7 +178,9 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None) -> Made:
+def _make_layer(
+    layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None
+) -> Made:
     made = Made(LayerStructure)
     frames, curved = layer.frames, layer.curved
     made.point("frames", _kept(_frames, frames, lambda: stack_frames(frames)), float)
@@ -192,13 +215,17 @@ def _make_layer(layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: 
 
 
 def _make_array(frame: ArrayFrame) -> Made:
-    made, array = Made(ArrayStructure), frame.array
+    made = Made(ArrayStructure)
+    array = frame.array
     made.set(
         centre=frame.centre,
         axes=frame.axes,
         phase=np.array(array.phase, float),
         layout=LAYOUTS.index(array.layout),
-        **{name: getattr(array, name) for name in ("pitch", "height", "thickness", "ior", "reflectance")},
+        **{
+            name: getattr(array, name)
+            for name in ("pitch", "height", "thickness", "ior", "reflectance")
+        },
         **{name: getattr(array, name) for name in ("crossing_error", "has_fresnel")},
     )
     return made
@@ -212,7 +239,10 @@ def left_out(layers: Sequence[Layer]) -> str | None:
 def _unknown(layers: Sequence[Layer]) -> str | None:
     if len(layers) > MOST_LAYERS:
         return f"more than {MOST_LAYERS} layers"
-    if any(type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None)) for layer in layers):
+    if any(
+        type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None))
+        for layer in layers
+    ):
         return "faces of another kind"
     return None
 
@@ -222,9 +252,16 @@ def _make_plan(plan: "Plan") -> Made | None:
         return None
 
     made = Made(PlanStructure)
-    display, settings, plane = plan.rig.display, plan.settings, plan.display_plane
+    display = plan.rig.display
+    settings = plan.settings
+    plane = plan.display_plane
     for name, dtype in (
-        *(("normals", float), ("corner_normals", float), ("is_bent", np.uint8), ("patch", np.int64)),
+        *(
+            ("normals", float),
+            ("corner_normals", float),
+            ("is_bent", np.uint8),
+            ("patch", np.int64),
+        ),
         *(("part", np.int64), ("kind", np.int64), ("cluster", np.int64), ("sheet", np.int64)),
         *(("is_closed", np.uint8), ("is_clear", np.uint8), ("bit", np.uint64)),
     ):
@@ -239,14 +276,22 @@ def _make_plan(plan: "Plan") -> Made | None:
     array = np.full(len(plan.kind), -1)
     array[list(plan.arrays)] = np.arange(len(plan.arrays))
     made.point("array", array, np.int64)
-    arrays = (ArrayStructure * len(plan.arrays))(*(_make_array(frame).structure for frame in plan.arrays.values()))
+    arrays = (ArrayStructure * len(plan.arrays))(
+        *(_make_array(frame).structure for frame in plan.arrays.values())
+    )
     made.keep(arrays)
 
-    layers = [_make_layer(layer, *held) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)]
+    layers = [
+        _make_layer(layer, *held) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)
+    ]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     # glass comes first: most of what else there is lies beyond, and then need not be asked
-    made.point("order", np.argsort([not layer.has_engine for layer in plan.layers], kind="stable"), np.int64)
+    made.point(
+        "order",
+        np.argsort([not layer.has_engine for layer in plan.layers], kind="stable"),
+        np.int64,
+    )
 
     made.set(
         n_triangles=len(plan.part),
@@ -266,7 +311,10 @@ def _make_plan(plan: "Plan") -> Made | None:
     )
     if plane is not None:
         made.set(
-            plane_corner=plane.corner, plane_normal=plane.normal, plane_pixels=plane.pixels, plane_origin=plane.origin
+            plane_corner=plane.corner,
+            plane_normal=plane.normal,
+            plane_pixels=plane.pixels,
+            plane_origin=plane.origin,
         )
     return made
 

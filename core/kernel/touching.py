@@ -1,4 +1,6 @@
-"""Tells which bundles of rays passed by something that none of them met, as `thin_parts.py` does, one by one."""
+"""Tells which bundles of rays passed by something that none
+of them met, as `thin_parts.py` does, one by one.
+"""
 
 import ctypes
 from collections.abc import Sequence
@@ -29,7 +31,9 @@ class Boxes:
     unit_of_patch : (patches,) the box of the first level that holds a patch
     """
 
-    def __init__(self, boxes: Sequence[Floats], starts: Sequence[Ints], frames: Frames, unit_of_patch: Ints) -> None:
+    def __init__(
+        self, boxes: Sequence[Floats], starts: Sequence[Ints], frames: Frames, unit_of_patch: Ints
+    ) -> None:
         self._made = made = Made(ThinPartsStructure)
         self._n_units = len(boxes[0])
         inner = [np.searchsorted(below, above) for above, below in pairwise(starts)]
@@ -46,11 +50,14 @@ class Boxes:
         return 0 < places.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
 
     def touch(self, places: Floats, met: Ints, widest: float) -> Pauses[Bools]:
-        """Which bundles (s,) come near a patch that none of their rays met: as `ThinParts.touch`."""
+        """Which bundles (s,) come near a patch that none of their rays met: as
+        `ThinParts.touch`.
+        """
         touched = np.zeros(len(places), bool)
         for first in range(0, len(places), BUNDLES_AT_ONCE):
             some = slice(first, first + BUNDLES_AT_ONCE)
-            made, (n, n_rays, n_events) = Made(PathsStructure), met[some].shape
+            made = Made(PathsStructure)
+            (n, n_rays, n_events) = met[some].shape
             made.point("places", places[some], float)
             made.point("met", met[some], np.int32)
             made.point("touched", touched[some], bool)  # a view: the kernel writes into the result

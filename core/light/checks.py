@@ -10,31 +10,42 @@ from .hits import slab
 
 
 def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
-    """Raise RigError when the viewer is inside a solid, or a solid cuts an orthographic viewer's plane."""
+    """Raise RigError when the viewer is inside a solid, or a
+    solid cuts an orthographic viewer's plane.
+    """
     viewer = rig.viewer
     if solid.n_open:
         return  # has no inside
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):
         raise RigError(
-            f"The glass '{glass.name}' cuts the plane of the orthographic viewer '{viewer.name}': move it out."
+            f"The glass '{glass.name}' cuts the plane of the orthographic viewer '{viewer.name}':"
+            f" move it out."
         )
     at, _ = viewer.rays(np.zeros((1, 2)))
     low, high = solid.bounds
     if ((at >= low) & (at <= high)).all() and contains(solid.corners, at).any():
-        raise RigError(f"The viewer '{viewer.name}' is inside the glass '{glass.name}': move it out.")
+        raise RigError(
+            f"The viewer '{viewer.name}' is inside the glass '{glass.name}': move it out."
+        )
 
 
 def cuts_image(viewer: Viewer, solid: Surface) -> bool:
-    """Does a surface cut the rectangle on its own plane through which an orthographic viewer looks?"""
+    """Does a surface cut the rectangle on its own plane through which an orthographic
+    viewer looks?
+    """
     left, right, bottom, top = viewer.window
     low, high = solid.bounds
-    middle, reach = ((low + high) / 2 - viewer.position) @ viewer.axes.T, (high - low) / 2 @ np.abs(viewer.axes.T)
+    middle = ((low + high) / 2 - viewer.position) @ viewer.axes.T
+    reach = (high - low) / 2 @ np.abs(viewer.axes.T)
     if abs(middle[2]) > reach[2]:
         return False
     corners = (solid.corners - viewer.position) @ viewer.axes.T
     is_before = corners[..., 2] > 0
-    corners, is_before = (x[is_before.any(axis=1) & ~is_before.all(axis=1)] for x in (corners, is_before))
-    # two of each triangle's edges cross the plane, those at the corner that is on the other side than the others
+    corners, is_before = (
+        x[is_before.any(axis=1) & ~is_before.all(axis=1)] for x in (corners, is_before)
+    )
+    # two of each triangle's edges cross the plane, those at the
+    # corner that is on the other side than the others
     alone = np.argmax(is_before == (is_before.sum(axis=1) == 1)[:, None], axis=1)
     apex, *others = (corners[np.arange(len(corners)), (alone + k) % 3] for k in range(3))
     start, end = (apex + (apex[:, 2:] / (apex - other)[:, 2:]) * (other - apex) for other in others)

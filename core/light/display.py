@@ -1,4 +1,6 @@
-"""The display as something light lands on: its UV islands, and its plane where it is one flat rectangle."""
+"""The display as something light lands on: its UV islands,
+and its plane where it is one flat rectangle.
+"""
 
 from dataclasses import dataclass
 
@@ -15,10 +17,11 @@ FLAT = 1e-6  # of its size: how flat, affine and whole a display has to be to co
 
 @dataclass(frozen=True, eq=False)
 class DisplayPlane:
-    """A display that is one flat rectangle under its whole image: pixels are one affine map of its plane.
+    """A display that is one flat rectangle under its whole
+    image: pixels are one affine map of its plane.
 
-    corner (3,) m; normal (3,) unit, to the front; pixels (2, 3) px / m and origin (2,) px, so that a point p of the
-    plane is at pixel xy = pixels (p - corner) + origin
+    corner (3,) m; normal (3,) unit, to the front; pixels (2, 3) px / m and origin (2,) px,
+    so that a point p of the plane is at pixel xy = pixels (p - corner) + origin
     """
 
     corner: Floats
@@ -29,11 +32,16 @@ class DisplayPlane:
 
 def display_pixel(display: Display) -> float:
     """About how long a side of a display's pixel is, m."""
-    return float(np.linalg.norm(np.ptp(display.mesh.bounds, axis=0)) / np.hypot(display.width, display.height))
+    return float(
+        np.linalg.norm(np.ptp(display.mesh.bounds, axis=0))
+        / np.hypot(display.width, display.height)
+    )
 
 
 def uv_islands(mesh: Mesh) -> Ints:
-    """Label (t,) of the UV island of each triangle: joined where they share an edge in UV as they do in space."""
+    """Label (t,) of the UV island of each triangle: joined where
+    they share an edge in UV as they do in space.
+    """
     edges = find_edges(mesh.triangles)
     first, second = edge_corners(mesh.uv, edges)
     joined = (first == second).all(axis=(1, 2))
@@ -42,29 +50,41 @@ def uv_islands(mesh: Mesh) -> Ints:
 
 def uv_area(uv: Floats) -> float:
     """Area of triangles (t, 3, 2) in UV, each counted positive."""
-    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    a = uv[:, 1] - uv[:, 0]
+    b = uv[:, 2] - uv[:, 0]
     return float(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
 
 
 def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     """The plane of a flat rectangular display; None for any other."""
-    corner, normal = surface.corners[0, 0], surface.normals[0]
-    inside, uv = surface.corners.reshape(-1, 3) - corner, display.mesh.uv.reshape(-1, 2)
+    corner = surface.corners[0, 0]
+    normal = surface.normals[0]
+    inside = surface.corners.reshape(-1, 3) - corner
+    uv = display.mesh.uv.reshape(-1, 2)
     size = np.ptp(inside, axis=0).max()
     is_whole = (
-        np.ptp(surface.patch) == 0 and np.abs(uv.min(axis=0)).max() < FLAT and abs(uv_area(display.mesh.uv) - 1) < FLAT
+        np.ptp(surface.patch) == 0
+        and np.abs(uv.min(axis=0)).max() < FLAT
+        and abs(uv_area(display.mesh.uv) - 1) < FLAT
     )
-    is_flat = np.abs(surface.normals - normal).max() < FLAT and np.abs(inside @ normal).max() < FLAT * size
+    is_flat = (
+        np.abs(surface.normals - normal).max() < FLAT
+        and np.abs(inside @ normal).max() < FLAT * size
+    )
     if not (is_whole and is_flat and np.abs(uv.max(axis=0) - 1).max() < FLAT):
         return None
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
-    # in parts of its size: far from 1 m the columns would differ so much that the fit loses its last digits
+    # in parts of its size: far from 1 m the columns would
+    # differ so much that the fit loses its last digits
     system = np.column_stack([inside @ axes.T / size, np.ones(len(inside))])
     fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
     if np.abs(system @ fit - uv).max() > FLAT:
         return None
     scale = np.array([display.width, -display.height])
     return DisplayPlane(
-        corner, normal, scale[:, None] * (fit[:2].T @ axes) / size, np.array([0, display.height]) + scale * fit[2]
+        corner,
+        normal,
+        scale[:, None] * (fit[:2].T @ axes) / size,
+        np.array([0, display.height]) + scale * fit[2],
     )

@@ -1,7 +1,9 @@
-"""Ray engines find in float32 the first triangle on a ray: Embree, or Blender's own BVH where there is no Embree.
+"""Ray engines find in float32 the first triangle on a ray:
+Embree, or Blender's own BVH where there is no Embree.
 
-Both are made of triangles with corners (t, 3, 3) float32, of about unit size, and are imported when one is made. Rays
-have origins and unit directions (n, 3) float32, and meet triangles from either side.
+Both are made of triangles with corners (t, 3, 3) float32, of about unit size, and are imported when
+one is made. Rays have origins and unit directions (n, 3) float32, and meet triangles from either
+side.
 """
 
 from importlib import import_module
@@ -13,14 +15,15 @@ from numpy.typing import NDArray
 from ..arrays import Ints
 from ..glass.meshes import Frames
 
-ALONG_AXIS = 1.01 * 2.0**-23  # components of a direction up to here are 0 to the boxes of Blender's BVH
+# components of a direction up to here are 0 to the boxes of Blender's BVH
+ALONG_AXIS = 1.01 * 2.0**-23
 
 
 class Found(NamedTuple):
     """The first triangles that n rays meet.
 
-    triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,); u, v (n,) barycentric; normal
-    (n, 3) of the triangle, not unit
+    triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,);
+    u, v (n,) barycentric; normal (n, 3) of the triangle, not unit
     """
 
     triangle: Ints
@@ -59,11 +62,14 @@ class BlenderBvh:
 
         self._corners = corners
         triangles = np.arange(3 * len(corners)).reshape(-1, 3)
-        self._tree = BVHTree.FromPolygons(corners.reshape(-1, 3).tolist(), triangles.tolist(), all_triangles=True)
+        self._tree = BVHTree.FromPolygons(
+            corners.reshape(-1, 3).tolist(), triangles.tolist(), all_triangles=True
+        )
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
         cast = self._tree.ray_cast
-        # or its triangles would be asked along another way than its boxes, and edges where boxes end be missed
+        # or its triangles would be asked along another way than
+        # its boxes, and edges where boxes end be missed
         directions = np.where(np.abs(directions) < ALONG_AXIS, np.float32(0), directions)
         rays = zip(origins.tolist(), directions.tolist(), strict=True)
         met = np.array([cast(*ray)[2:] for ray in rays], float).reshape(-1, 2)  # NaN for its None
@@ -79,7 +85,10 @@ Engine = Embree | BlenderBvh
 
 
 def engine_kind() -> type[Engine]:
-    """Embree if it can be imported, else Blender's BVH; where there is neither, it is Embree that is missed."""
+    """Embree if it can be imported, else Blender's BVH.
+
+    Where there is neither, it is Embree that is missed.
+    """
     for kind in (Embree, BlenderBvh):
         try:
             for module in kind.modules:

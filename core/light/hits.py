@@ -13,9 +13,10 @@ from ..glass.curved import CurvedFaces
 class Hits:
     """First hits of n rays.
 
-    distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,) the ray comes from the
-    front; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal to the face, and normal (n, 3), by which it
-    refracts; None where nothing is curved, and where no face refracts by another normal than its own
+    distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,)
+    the ray comes from the front; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal
+    to the face, and normal (n, 3), by which it refracts; None where nothing is curved, and where no
+    face refracts by another normal than its own
     """
 
     distance: Floats
@@ -31,7 +32,15 @@ class Hits:
         """No hit for any of n rays on a surface with or without curved faces."""
         facing = None if curved is None else np.zeros((n, 3))
         normal = np.zeros((n, 3)) if curved is not None and curved.has_given_normals else None
-        return cls(np.full(n, np.inf), np.full(n, -1), np.zeros(n), np.zeros(n), np.zeros(n, bool), facing, normal)
+        return cls(
+            np.full(n, np.inf),
+            np.full(n, -1),
+            np.zeros(n),
+            np.zeros(n),
+            np.zeros(n, bool),
+            facing,
+            normal,
+        )
 
     def put(self, rays: Ints, hits: "Hits") -> None:
         """Set the hits of some rays."""
@@ -45,7 +54,12 @@ class Hits:
 
     def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
         """These hits, and others where chosen (n,)."""
-        return Hits(*(_either(chosen, *pair) for pair in zip(self._columns(), others._columns(), strict=True)))
+        return Hits(
+            *(
+                _either(chosen, *pair)
+                for pair in zip(self._columns(), others._columns(), strict=True)
+            )
+        )
 
     def _columns(self) -> tuple[np.ndarray | None, ...]:
         return self.distance, self.triangle, self.u, self.v, self.enters, self.facing, self.normal
@@ -60,10 +74,15 @@ def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -
 
 
 def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
-    """Distances (n,) at which rays enter and leave an axis-aligned box (2, 3); enter > leave is a miss."""
-    enter, leave = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
+    """Distances (n,) at which rays enter and leave an axis-aligned box (2, 3).
+
+    Enter > leave is a miss.
+    """
+    enter = np.full(len(origins), -np.inf)
+    leave = np.full(len(origins), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        for axis in range(3):  # one axis at a time: three times as fast as reductions over rows of three
+        # one axis at a time: three times as fast as reductions over rows of three
+        for axis in range(3):
             inverse = 1.0 / directions[:, axis]
             low = (bounds[0, axis] - origins[:, axis]) * inverse
             high = (bounds[1, axis] - origins[:, axis]) * inverse

@@ -30,7 +30,9 @@ class Kept:
         return self._now[key]
 
     def get_solids(self, mesh: Mesh) -> Pauses[tuple[str, list[Surface], Motion | None]]:
-        """Key and solids of a mesh, or those of an earlier one, and the motion that takes them to this one's place."""
+        """Key and solids of a mesh, or those of an earlier one, and
+        the motion that takes them to this one's place.
+        """
         key = fingerprint(mesh)
         if key not in self._old and key not in self._now:
             for other, made in self._old.items():

@@ -37,14 +37,15 @@ REASON_WORDS = {
 class Landings:
     """Where and how the rays end.
 
-    sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there is no landing;
-    xy (n, 2) display pixels, x right and y down from the top left corner, NaN without a landing; positions and
-    directions (n, 3) of the end, m, world; throughput (n,) of basic radiance; n_events (n,); plate_path (n,) of
-    PlatePath; leak (n,) the part through whose gap a ray went in or out, -1 for none
+    sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there
+    is no landing; xy (n, 2) display pixels, x right and y down from the top left corner, NaN
+    without a landing; positions and directions (n, 3) of the end, m, world; throughput (n,) of
+    basic radiance; n_events (n,); plate_path (n,) of PlatePath; leak (n,) the part through whose
+    gap a ray went in or out, -1 for none
 
-    A ray that only just missed a flat display has branch and xy all the same, beyond the image: the cells at the
-    display's border can then be cut there exactly. So has one that came to the display beside the glass, where the
-    settings look beside it.
+    A ray that only just missed a flat display has branch and xy all the same, beyond the image: the
+    cells at the display's border can then be cut there exactly. So has one that came to the display
+    beside the glass, where the settings look beside it.
     """
 
     sample: Ints
@@ -64,11 +65,15 @@ class Landings:
 
     @property
     def is_beside_glass(self) -> Bools:
-        """Did light come by way of the plate, beside the glass? None did where the settings do not look beside it."""
+        """Did light come by way of the plate, beside the glass? None
+        did where the settings do not look beside it.
+        """
         return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
 
     def pixels(self, width: int, height: int) -> tuple[Bools, Ints]:
-        """Which (n,) are on the display's image of a size, and at which of its pixels, row by row; 0 for the others."""
+        """Which (n,) are on the display's image of a size, and at
+        which of its pixels, row by row; 0 for the others.
+        """
         return self._pixels_of(self.has_arrived, width, height)
 
     def pixels_beside(self, width: int, height: int) -> tuple[Bools, Ints]:
@@ -84,4 +89,9 @@ class Landings:
 
 def join(parts: list[Landings]) -> Landings:
     """Landings of consecutive chunks as one."""
-    return Landings(*(np.concatenate([getattr(p, name) for p in parts]) for name in Landings.__dataclass_fields__))
+    return Landings(
+        *(
+            np.concatenate([getattr(p, name) for p in parts])
+            for name in Landings.__dataclass_fields__
+        )
+    )

@@ -8,7 +8,8 @@ from ..glass.surfaces import Surface
 from .media import boxes_touch
 from .ray_engine import FEW_TRIANGLES, Layer
 
-BULGE = 0.25  # of its size: so far a curved surface stays, with room to spare, within the box of its facets
+# of its size: so far a curved surface stays, with room to spare, within the box of its facets
+BULGE = 0.25
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 
 
@@ -22,14 +23,20 @@ def colour(touch: np.ndarray) -> Ints:
 
 
 def are_unlike(boxes: Floats) -> Bools:
-    """Which of boxes (n, 2, 3) are too large together for float32 to resolve the smaller one? (n, n)."""
-    together = np.maximum(boxes[:, None, 1], boxes[None, :, 1]) - np.minimum(boxes[:, None, 0], boxes[None, :, 0])
+    """Which of boxes (n, 2, 3) are too large together for
+    float32 to resolve the smaller one? (n, n).
+    """
+    together = np.maximum(boxes[:, None, 1], boxes[None, :, 1]) - np.minimum(
+        boxes[:, None, 0], boxes[None, :, 0]
+    )
     size = np.ptp(boxes, axis=1).max(axis=1)
     return together.max(axis=2) > MOST_UNLIKE * np.minimum(size[:, None], size[None])
 
 
 def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
-    """Which parts share a layer: each of few faces is its own, the others by colour so that none touch."""
+    """Which parts share a layer: each of few faces is its
+    own, the others by colour so that none touch.
+    """
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
         small = []
@@ -38,7 +45,9 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
     if rest:
         boxes = np.stack([surfaces[i].bounds for i in rest])
         colours = colour(boxes_touch(boxes, slack) | are_unlike(boxes))
-        groups += [[rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)]
+        groups += [
+            [rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)
+        ]
     return groups
 
 
@@ -47,11 +56,15 @@ def make_layer(surfaces: list[Surface]) -> Layer:
     if len(surfaces) == 1:
         return Layer(surfaces[0].corners, surfaces[0].curved)
     corners = [surface.corners for surface in surfaces]
-    return Layer(np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners))
+    return Layer(
+        np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners)
+    )
 
 
 def grown(boxes: Floats) -> Floats:
-    """Boxes (..., 2, 3) that curved surfaces stay within, however far they bulge out of the boxes of their facets."""
+    """Boxes (..., 2, 3) that curved surfaces stay within, however
+    far they bulge out of the boxes of their facets.
+    """
     return boxes + BULGE * (boxes[..., 1:, :] - boxes[..., :1, :]) * np.array([[-1.0], [1.0]])
 
 

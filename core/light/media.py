@@ -1,7 +1,8 @@
-"""The medium at a point: nested, touching and overlapping solids by priority (Schmidt & Budge 2002).
+"""The medium at a point: nested, touching and overlapping
+solids by priority (Schmidt & Budge 2002).
 
-Solids whose boxes hang together are a cluster; each has a bit in the cluster's mask, by rising priority, so that the
-medium at a point is the highest bit set of the solids it is in.
+Solids whose boxes hang together are a cluster; each has a bit in the cluster's mask, by rising
+priority, so that the medium at a point is the highest bit set of the solids it is in.
 """
 
 from dataclasses import dataclass
@@ -19,10 +20,12 @@ MOST_OVERLAPPING = 52  # solids in one cluster: their mask has to be exact as a 
 
 @dataclass(frozen=True, eq=False)
 class Media:
-    """Solids s: cluster (s,), bit (s,) uint64 in its mask, and row (s,) at which its indices begin in `indices`.
+    """Solids s: cluster (s,), bit (s,) uint64 in its mask, and
+    row (s,) at which its indices begin in `indices`.
 
-    A cluster's indices are 1.0 (air) and then those of its solids by rising priority. A ray is in solids of one
-    cluster at a time, so bits are used again from cluster to cluster. n_overlapping: clusters of more than one solid.
+    A cluster's indices are 1.0 (air) and then those of its solids by rising priority. A ray is in
+    solids of one cluster at a time, so bits are used again from cluster to cluster. n_overlapping:
+    clusters of more than one solid.
     """
 
     cluster: Ints
@@ -32,14 +35,17 @@ class Media:
     n_overlapping: int
 
     def index(self, solid: Ints, mask: np.ndarray) -> Floats:
-        """Index of refraction (n,) where a ray with masks (n,) is, at the surface of solids (n,)."""
+        """Index of refraction (n,) where a ray with masks (n,) is, at the surface of
+        solids (n,).
+        """
         # frexp's exponent is 1 + the position of the highest bit set, and 0 for none
         return self.indices[self.row[solid] + np.frexp(mask.astype(float))[1]]
 
 
 def boxes_touch(boxes: Floats, slack: float) -> Bools:
     """Do axis-aligned boxes (n, 2, 3) overlap or come closer than `slack`? (n, n)."""
-    low, high = boxes[:, 0], boxes[:, 1] + slack
+    low = boxes[:, 0]
+    high = boxes[:, 1] + slack
     return ((low[:, None] <= high[None]) & (low[None] <= high[:, None])).all(axis=2)
 
 
@@ -49,7 +55,9 @@ def clusters_of(touch: Bools) -> list[Ints]:
     return [np.flatnonzero(label == first) for first in np.unique(label)]
 
 
-def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavelength: float) -> Media:
+def make_media(
+    solids: list[Surface], glass_of: list[Glass], slack: float, wavelength: float
+) -> Media:
     """Give each solid its bit and the clusters their indices.
 
     Raises
@@ -57,7 +65,8 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
     RigError
         More solids hang together than a mask can tell apart.
     """
-    member, row = np.zeros(len(solids), np.int64), np.zeros(len(solids), np.int64)
+    member = np.zeros(len(solids), np.int64)
+    row = np.zeros(len(solids), np.int64)
     bit = np.zeros(len(solids), np.uint64)
     indices: list[float] = []
     clusters = clusters_of(boxes_touch(np.stack([solid.bounds for solid in solids]), slack))
@@ -66,8 +75,8 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
             name = glass_of[cluster[0]].name
             if all(glass_of[i].name == name for i in cluster):
                 raise RigError(
-                    f"The glass '{name}' is in {len(cluster)} pieces that overlap or nest: merge its vertices by"
-                    f" distance, or keep at most {MOST_OVERLAPPING} pieces."
+                    f"The glass '{name}' is in {len(cluster)} pieces that overlap or nest: merge"
+                    f" its vertices by distance, or keep at most {MOST_OVERLAPPING} pieces."
                 )
             raise RigError(
                 f"{len(cluster)} glass solids around '{name}' overlap or nest:"
@@ -75,6 +84,7 @@ def make_media(solids: list[Surface], glass_of: list[Glass], slack: float, wavel
             )
         by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))
         bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)
-        row[by_priority], member[by_priority] = len(indices), number
+        row[by_priority] = len(indices)
+        member[by_priority] = number
         indices += [1.0, *(float(glass_of[i].ior(wavelength)) for i in by_priority)]
     return Media(member, bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))

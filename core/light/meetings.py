@@ -17,7 +17,9 @@ from .rays import LAND, MIRROR, PASS, PLATE, TIR, Rays
 
 
 def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
-    """Where rays meet the plane of a flat display: display px (n, 2), distance (n,) m, and do they meet its front?"""
+    """Where rays meet the plane of a flat display: display px
+    (n, 2), distance (n,) m, and do they meet its front?
+    """
     plane = plan.display_plane
     slope = dot(rays.directions[i], plane.normal)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -35,7 +37,9 @@ def _is_on_image(plan: Plan, xy: Floats) -> Bools:
 
 def is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
     """Is this light that comes by way of the plate, beside the glass, and is it looked for?"""
-    return (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
+    return (
+        (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
+    )
 
 
 def _land_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
@@ -54,7 +58,9 @@ def _land_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
         [Reason.MISSED_GLASS, Reason.BLOCKED, Reason.ARRIVED, Reason.MISSED_GLASS],
         Reason.MISSED_DISPLAY,
     )
-    lands = np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY)) | is_beside_glass(plan, rays, i)
+    lands = np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY)) | is_beside_glass(
+        plan, rays, i
+    )
     lands &= is_front
     rays.xy[i[lands]] = xy[lands]
     rays.add_to_branch(i[lands], plan.patch[-1], LAND)
@@ -80,7 +86,8 @@ def _shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats
     if shading is geometric:
         geometric = np.where(front, geometric, -geometric)
         return geometric, geometric
-    geometric, shading = np.where(front, geometric, -geometric), np.where(front, shading, -shading)
+    geometric = np.where(front, geometric, -geometric)
+    shading = np.where(front, shading, -shading)
     # where the shading normal looks away from the ray the face's own one is kept
     away = dot(directions, shading) >= 0
     shading[away] = geometric[away]
@@ -93,35 +100,48 @@ def _is_set(vectors: Floats) -> Bools:
 
 
 def _meet_glass(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Cross or mirror at an interface; faces of other solids at the same place are crossed together with it."""
+    """Cross or mirror at an interface.
+
+    Faces of other solids at the same place are crossed together with it.
+    """
     part = plan.part[hits.triangle]
-    # a ray inside one cluster meets no other, but where curved faces stand out of their facets' boxes, or out of gaps
+    # a ray inside one cluster meets no other, but where curved faces
+    # stand out of their facets' boxes, or out of gaps
     before = np.where(rays.cluster[i] == plan.cluster[part], rays.mask[i], np.uint64(0))
     rays.cluster[i] = plan.cluster[part]
     after = before ^ plan.bit[part]
     for other in by_layer:
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
-        same_place &= plan.cluster[plan.part[other.triangle]] == plan.cluster[part]  # a mask is of one cluster
+        # a mask is of one cluster
+        same_place &= plan.cluster[plan.part[other.triangle]] == plan.cluster[part]
         same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
         after[same_place] ^= plan.bit[plan.part[other.triangle[same_place]]]
-    n1, n2 = plan.media.index(part, before), plan.media.index(part, after)
+    n1 = plan.media.index(part, before)
+    n2 = plan.media.index(part, after)
     rays.has_met_glass[i] = True
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
-        i, n1, n2, before, after, hits = i[bends], n1[bends], n2[bends], before[bends], after[bends], hits.at(bends)
+        i = i[bends]
+        n1 = n1[bends]
+        n2 = n2[bends]
+        before = before[bends]
+        after = after[bends]
+        hits = hits.at(bends)
     if not len(i):
         return
     directions = rays.directions[i]
     geometric, shading = _shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1, n2)
-    # a bent normal can send light to the wrong side of the face it met: there the face's own normal is used
+    # a bent normal can send light to the wrong side of the face
+    # it met: there the face's own normal is used
     wrong = (dot(out, geometric) > 0) != is_tir
     if wrong.any():
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
     rays.directions[i] = normalise(out)
-    # a ray turned back may meet a sheet at this place again, but not other faces of the glass that are behind it
+    # a ray turned back may meet a sheet at this place again, but
+    # not other faces of the glass that are behind it
     rays.last_part[i[is_tir]] = plan.part[hits.triangle[is_tir]]
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
@@ -139,7 +159,9 @@ def _meet_plate(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits
             is_ideal[some] = False
     if is_ideal.any():
         ideal = i[is_ideal]
-        rays.directions[ideal] = plane_symmetry(rays.directions[ideal], plan.normals[hits.triangle[is_ideal]])
+        rays.directions[ideal] = plane_symmetry(
+            rays.directions[ideal], plan.normals[hits.triangle[is_ideal]]
+        )
         rays.plate_path[ideal] = np.maximum(rays.plate_path[ideal], PlatePath.IMAGED)
     rays.has_met_plate[i] = True
     rays.add_to_branch(i, plan.patch[hits.triangle], PLATE)
@@ -156,7 +178,8 @@ def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
         if not len(some):
             continue
         crossing = getattr(array, light)(rays.positions[some], rays.directions[some])
-        rays.positions[some], rays.directions[some] = crossing.positions, crossing.directions
+        rays.positions[some] = crossing.positions
+        rays.directions[some] = crossing.directions
         before = rays.plate_path[some]
         rays.plate_path[some] = np.where(before > PlatePath.IMAGED, before, crossing.path)
         if plan.settings.brightness:
@@ -191,7 +214,9 @@ def _meet_display(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hi
     )
     rays.reason[i] = reason
     rays.add_to_branch(i, plan.patch[hits.triangle], LAND)
-    u, v = interpolate(plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v).T
+    u, v = interpolate(
+        plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v
+    ).T
     xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
     lands = (reason == Reason.ARRIVED) | is_beside_glass(plan, rays, i) & is_front
     rays.xy[i] = np.where(lands[:, None], xy, np.nan)

@@ -1,4 +1,6 @@
-"""The laws: refraction, reflection, Fresnel, plane symmetry. Directions are unit vectors of travel (n, 3)."""
+"""The laws: refraction, reflection, Fresnel, plane symmetry.
+Directions are unit vectors of travel (n, 3).
+"""
 
 import numpy as np
 
@@ -12,14 +14,17 @@ def reflect(directions: Floats, normals: Floats) -> Floats:
 
 
 def plane_symmetry(directions: Floats, normals: Floats) -> Floats:
-    """Direction behind an ideal plate: the part along the plate turns round, the part along the normal stays.
+    """Direction behind an ideal plate: the part along the plate
+    turns round, the part along the normal stays.
 
     Source: Kiuchi & Koizumi 2021 (doi 10.1016/j.cag.2021.02.007), eq. 3.
     """
     return -reflect(directions, normals)
 
 
-def refract(directions: Floats, normals: Floats, n1: Floats, n2: Floats) -> tuple[Floats, Bools, Floats]:
+def refract(
+    directions: Floats, normals: Floats, n1: Floats, n2: Floats
+) -> tuple[Floats, Bools, Floats]:
     """Snell's law.
 
     Parameters
@@ -32,14 +37,15 @@ def refract(directions: Floats, normals: Floats, n1: Floats, n2: Floats) -> tupl
     -------
     refracted : (n, 3) unit; where `is_tir`, the reflected direction
     is_tir : (n,) total internal reflection
-    transmittance : (n,) unpolarised Fresnel transmittance of power; 1 where `is_tir` (all light goes on, reflected)
+    transmittance : (n,) unpolarised Fresnel transmittance of power;
+        1 where `is_tir` (all light goes on, reflected)
 
     Notes
     -----
-    With eta = n1 / n2, k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta near 1, and gives
-    the direction back bit for bit at eta = 1. The difference is taken of the indices: eta, once rounded, no longer
-    tells which light is totally reflected where they differ by 1e-12. Near the critical angle the error grows as
-    eps / sqrt(k), whatever the form.
+    With eta = n1 / n2, k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta
+    near 1, and gives the direction back bit for bit at eta = 1. The difference is taken of the
+    indices: eta, once rounded, no longer tells which light is totally reflected where they differ
+    by 1e-12. Near the critical angle the error grows as eps / sqrt(k), whatever the form.
     """
     eta = n1 / n2
     c = -dot(directions, normals)
@@ -53,7 +59,9 @@ def refract(directions: Floats, normals: Floats, n1: Floats, n2: Floats) -> tupl
 
 
 def transmittance(c1: Floats, c2: Floats, eta: Floats | float) -> Floats:
-    """Unpolarised Fresnel transmittance of power (n,), from the cosines before and behind a face; 0 at grazing."""
+    """Unpolarised Fresnel transmittance of power (n,), from the
+    cosines before and behind a face; 0 at grazing.
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         s = (eta * c1 - c2) / (eta * c1 + c2)
         p = (c1 - eta * c2) / (c1 + eta * c2)

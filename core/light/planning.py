@@ -30,7 +30,9 @@ from .thin_parts import ThinParts
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """A solid of a glass of that number, where it is; where it was made, under its key; how it came from there."""
+    """A solid of a glass of that number, where it is; where it
+    was made, under its key; how it came from there.
+    """
 
     surface: Surface
     key: str
@@ -53,7 +55,10 @@ class _Parts:
 
     @cached_property
     def surfaces(self) -> list[Surface]:
-        return [*(solid.surface for solid in self.solids), *(surface for _, surface, _ in self.sheets)]
+        return [
+            *(solid.surface for solid in self.solids),
+            *(surface for _, surface, _ in self.sheets),
+        ]
 
     @cached_property
     def keys(self) -> list[str]:
@@ -71,7 +76,9 @@ class _Parts:
     @cached_property
     def patch(self) -> Ints:
         """The patch of each triangle, in one numbering."""
-        return np.concatenate([s.patch + start for s, start in zip(self.surfaces, self.starts, strict=False)])
+        return np.concatenate(
+            [s.patch + start for s, start in zip(self.surfaces, self.starts, strict=False)]
+        )
 
     @cached_property
     def part(self) -> Ints:
@@ -88,11 +95,16 @@ class _Parts:
 
     def of_glass(self, name: str, rig: Rig) -> tuple[int, ...]:
         """Sums of a number of the solids, for each glass of a rig."""
-        return tuple(sum(getattr(s.surface, name) for s in self.solids if s.glass is glass) for glass in rig.glasses)
+        return tuple(
+            sum(getattr(s.surface, name) for s in self.solids if s.glass is glass)
+            for glass in rig.glasses
+        )
 
     def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
         """The same, then of each mirror."""
-        of_mirrors = (getattr(surface, name) for kind, surface, _ in self.sheets if kind == Kind.MIRROR)
+        of_mirrors = (
+            getattr(surface, name) for kind, surface, _ in self.sheets if kind == Kind.MIRROR
+        )
         return *self.of_glass(name, rig), *of_mirrors
 
 
@@ -106,22 +118,29 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_So
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
             check_viewer_outside(rig, glass, surface)
-        solids += [_Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))]
+        solids += [
+            _Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))
+        ]
     return solids
 
 
-def make_plan(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Plan:
+def make_plan(
+    rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
+) -> Plan:
     """Make a rig ready to be traced, as by `planning`."""
     return finish(planning(rig, settings, kept, aside))
 
 
-def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()) -> Pauses[Plan]:
+def planning(
+    rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
+) -> Pauses[Plan]:
     """Make a rig ready to be traced.
 
     Parameters
     ----------
     kept : solids and layers of an earlier plan, to be used again where nothing has changed
-    aside : numbers of glasses to leave out until a ray comes near them: tracing such a ray raises rays.ReachedError
+    aside : numbers of glasses to leave out until a ray comes near
+        them: tracing such a ray raises rays.ReachedError
 
     Raises
     ------
@@ -137,7 +156,9 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
-    media = make_media(solids, [solid.glass for solid in parts.solids], touching, settings.wavelength)
+    media = make_media(
+        solids, [solid.glass for solid in parts.solids], touching, settings.wavelength
+    )
     layers, layer_parts = yield from _make_layers(parts, media, touching, kept)
     thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
     kept.forget()
@@ -162,8 +183,12 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
         cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
         bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
         sheet=find_sheets(parts.surfaces, parts.kind),
-        open_parts=tuple((i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open),
-        owner=np.array([*(solid.number for solid in parts.solids), *mirrors_among(rig, parts.sheets)]),
+        open_parts=tuple(
+            (i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open
+        ),
+        owner=np.array(
+            [*(solid.number for solid in parts.solids), *mirrors_among(rig, parts.sheets)]
+        ),
         media=media,
         layers=layers,
         layer_parts=layer_parts,
@@ -190,14 +215,21 @@ def planning(rig: Rig, settings: Settings, kept: Kept | None = None, aside: tupl
 def _make_layers(
     parts: _Parts, media: Media, touching: float, kept: Kept
 ) -> Pauses[tuple[tuple[Layer, ...], tuple[LayerParts, ...]]]:
-    """Layers, and the contents of each. A layer of solids that were moved together is moved as a whole."""
-    layers, layer_parts, n_solids = [], [], len(parts.solids)
+    """Layers, and the contents of each. A layer of solids
+    that were moved together is moved as a whole.
+    """
+    layers = []
+    layer_parts = []
+    n_solids = len(parts.solids)
     for group in group_parts(parts.surfaces, touching):
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
         if motions[0] is not None and all(motion is motions[0] for motion in motions):
-            members, names = [parts.solids[i].made for i in group], [parts.solids[i].key for i in group]
+            members = [parts.solids[i].made for i in group]
+            names = [parts.solids[i].key for i in group]
         else:
-            members, names, motions[0] = [parts.surfaces[i] for i in group], [parts.keys[i] for i in group], None
+            members = [parts.surfaces[i] for i in group]
+            names = [parts.keys[i] for i in group]
+            motions[0] = None
         layer = kept.get("+".join(names), lambda members=members: make_layer(members))
         layers.append(layer if motions[0] is None else layer.moved(motions[0]))
         yield 0
@@ -212,7 +244,9 @@ def _make_layers(
 
 
 def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
-    """Gives all that rays may pass near: all triangles, and the boxes (a, 2, 3) of glass that stands aside."""
+    """Gives all that rays may pass near: all triangles, and
+    the boxes (a, 2, 3) of glass that stands aside.
+    """
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
 
@@ -228,7 +262,10 @@ def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable
 
 
 def _array_frames(rig: Rig, parts: _Parts) -> dict[int, ArrayFrame]:
-    """Where the mirror arrays of plates stand, by the number of their part; plates are the first sheets."""
+    """Where the mirror arrays of plates stand, by the number of their part.
+
+    Plates are the first sheets.
+    """
     return {
         len(parts.solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
         for i, plate in enumerate(rig.plates)
@@ -237,7 +274,9 @@ def _array_frames(rig: Rig, parts: _Parts) -> dict[int, ArrayFrame]:
 
 
 def _corner_normals(surfaces: list[Surface]) -> Floats | None:
-    """Normals (t, 3, 3) at the corners of all triangles, 0 where they are those of the face; None where all are."""
+    """Normals (t, 3, 3) at the corners of all triangles, 0 where
+    they are those of the face; None where all are.
+    """
     if all(surface.corner_normals is None for surface in surfaces):
         return None
     return np.concatenate([
@@ -247,18 +286,37 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
 
 
 def _rules(
-    parts: _Parts, layers: tuple[Layer, ...], media: Media, has_arrays: bool, is_sent_on: bool, settings: Settings
+    parts: _Parts,
+    layers: tuple[Layer, ...],
+    media: Media,
+    has_arrays: bool,
+    is_sent_on: bool,
+    settings: Settings,
 ) -> dict[str, tuple[bool, str | None]]:
-    """The needs of a plan: whether this one has them, and why not. is_sent_on: beyond plates is one display."""
+    """The needs of a plan: whether this one has them, and why
+    not. is_sent_on: beyond plates is one display.
+    """
     no_kernel = kernel.left_out(layers)
     has_engine = any(layer.has_engine for layer in layers)
-    no_engine = "few flat faces" if not has_engine else "the kernel has its own trees" if no_kernel is None else None
+    no_engine = (
+        "few flat faces"
+        if not has_engine
+        else "the kernel has its own trees"
+        if no_kernel is None
+        else None
+    )
     engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
     return {
         "compiled kernel": (no_kernel is None, no_kernel),
         engine: (no_engine is None, no_engine),
-        "curved faces": (any(s.curved is not None for s in parts.surfaces), "no face that may be curved turns far"),
-        "bent normals": (any(s.corner_normals is not None for s in parts.surfaces), "no flat face has any"),
+        "curved faces": (
+            any(s.curved is not None for s in parts.surfaces),
+            "no face that may be curved turns far",
+        ),
+        "bent normals": (
+            any(s.corner_normals is not None for s in parts.surfaces),
+            "no flat face has any",
+        ),
         "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
         "mirror array": (has_arrays, "the plate is ideal"),
         "rays beyond the plate": (not is_sent_on, "a flat display is all there is"),

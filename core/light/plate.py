@@ -1,8 +1,9 @@
 """The mirror array plate in closed form: the ray that leaves for each that comes.
 
-Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors it would cross are
-the reflections, and folding the place where it comes out back into its own slit gives where it does come out. So a
-layer of any number of mirrors is one fold, exact to rounding (docs/closed_forms.md).
+Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors
+it would cross are the reflections, and folding the place where it comes out back into its own slit
+gives where it does come out. So a layer of any number of mirrors is one fold, exact to rounding
+(docs/closed_forms.md).
 """
 
 from collections.abc import Callable
@@ -20,11 +21,14 @@ from ..rig import MirrorArray, Plate
 from ..vectors import normalise
 from .optics import transmittance
 
-GRAZING = 1e-12  # sine of the angle to the plate below which light runs in its plane and meets nothing
+# sine of the angle to the plate below which light runs in its plane and meets nothing
+GRAZING = 1e-12
 
 
 class PlatePath(IntEnum):
-    """A plate's effect on light. The first mirror array that did something else than image it decides."""
+    """A plate's effect on light. The first mirror array that
+    did something else than image it decides.
+    """
 
     NONE = 0
     IMAGED = 1
@@ -40,8 +44,8 @@ STRAY_PATHS = (PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.THROUGH, PlatePat
 class Crossing(NamedTuple):
     """Light that has left the plate.
 
-    positions (n, 3) m, on the plate's middle plane, where the light that leaves seems to come from; directions (n, 3)
-    unit; throughput (n,); path (n,) of PlatePath
+    positions (n, 3) m, on the plate's middle plane, where the light that leaves seems to
+    come from; directions (n, 3) unit; throughput (n,); path (n,) of PlatePath
     """
 
     positions: Floats
@@ -51,7 +55,8 @@ class Crossing(NamedTuple):
 
 
 def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
-    """One layer of mirrors at the whole numbers: where light comes out, and how often it was reflected.
+    """One layer of mirrors at the whole numbers: where light
+    comes out, and how often it was reflected.
 
     Parameters
     ----------
@@ -71,17 +76,23 @@ def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
 
 
 def is_odd(n: Ints) -> Bools:
-    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of the fold."""
+    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of
+    the fold.
+    """
     return (n & 1).astype(bool)
 
 
 def odd_share(r: Floats) -> Floats:
-    """Share P (n,) of light with an odd number of reflections, over all phases, that would cross r (n,) pitches."""
+    """Share P (n,) of light with an odd number of reflections, over
+    all phases, that would cross r (n,) pitches.
+    """
     return 1.0 - np.abs(np.abs(r) % 2 - 1.0)
 
 
 def odd_number(r: Floats) -> Floats:
-    """That odd number of reflections: of the two that are possible, |r| rounded up and down, one is odd."""
+    """That odd number of reflections: of the two that are
+    possible, |r| rounded up and down, one is odd.
+    """
     return 2.0 * np.floor(np.abs(r) / 2) + 1.0
 
 
@@ -91,23 +102,29 @@ def _dot(a: Floats, b: Floats) -> Floats:
 
 
 def _depth(array: MirrorArray, cosine: Floats) -> Floats:
-    """Cosine (n,) in the plate's glass of light that has cosines (n,) in air, both to the normal."""
+    """Cosine (n,) in the plate's glass of light that has cosines (n,) in air, both to
+    the normal.
+    """
     n = array.ior
-    # sqrt(1 - sine^2 / n^2), without the difference of near-equal numbers that grazing light makes of it at n = 1
+    # sqrt(1 - sine^2 / n^2), without the difference of near-equal
+    # numbers that grazing light makes of it at n = 1
     return np.sqrt((n - 1.0) * (n + 1.0) + cosine**2) / n
 
 
 def _transmittance(array: MirrorArray, cosine: Floats, depth: Floats) -> Floats:
     """Of one face (n,), for light with these cosines in air and glass."""
-    return transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(cosine))
+    return (
+        transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(cosine))
+    )
 
 
 class _Light(NamedTuple):
     """Light at the face it comes to, in the plate's frame.
 
-    place (2, n) m, from the centre; along (2, n) and cosine (n,): its direction in air, along the plate and across;
-    side (n,) +1 on its way along the normal, else -1; depth (n,) cosine of the direction in the glass.
-    Rows of n and not n pairs: broadcasts over pairs take several times as long.
+    place (2, n) m, from the centre; along (2, n) and cosine (n,): its direction in air, along the
+    plate and across; side (n,) +1 on its way along the normal, else -1; depth (n,) cosine of the
+    direction in the glass. Rows of n and not n pairs: broadcasts over pairs take several times as
+    long.
     """
 
     place: Floats
@@ -119,7 +136,10 @@ class _Light(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArrayFrame:
-    """A mirror array where it stands: centre (3,) m; axes (3, 3), rows along a side, along the other, normal."""
+    """A mirror array where it stands: centre (3,) m.
+
+    Axes (3, 3), rows along a side, along the other, normal.
+    """
 
     array: MirrorArray
     centre: Floats
@@ -128,8 +148,8 @@ class ArrayFrame:
     def imaged(self, positions: Floats, directions: Floats) -> Crossing:
         """The mid-air image's light (odd, odd), as the mean over all phases of the mirrors.
 
-        It comes out where it would if each layer were one plane mirror, and its throughput is the share of light that
-        goes this way. Both change smoothly: the view map is made of such light.
+        It comes out where it would if each layer were one plane mirror, and its throughput is the
+        share of light that goes this way. Both change smoothly: the view map is made of such light.
         """
         return self._cross(positions, directions, self._as_one_mirror)
 
@@ -140,7 +160,8 @@ class ArrayFrame:
     def reflected(self, positions: Floats, directions: Floats) -> Crossing:
         """The light that the face it comes to reflects."""
         light = self._entering(positions, directions)
-        # seen from the middle plane, where light seems to come from, the face is half the thickness nearer
+        # seen from the middle plane, where light seems to come
+        # from, the face is half the thickness nearer
         place = light.place - 0.5 * self.array.thickness / light.cosine * light.along
         throughput = 1.0 - _transmittance(self.array, light.cosine, light.depth)
         path = np.full(len(positions), PlatePath.REFLECTED, np.uint8)
@@ -148,26 +169,43 @@ class ArrayFrame:
 
     def _entering(self, positions: Floats, directions: Floats) -> _Light:
         local = turn(self.axes, directions).T
-        along, cosine = local[:2], np.maximum(np.abs(local[2]), GRAZING)
-        place = turn(self.axes[:2], positions - self.centre).T - 0.5 * self.array.thickness / cosine * along
-        return _Light(place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, _depth(self.array, cosine))
+        along = local[:2]
+        cosine = np.maximum(np.abs(local[2]), GRAZING)
+        place = (
+            turn(self.axes[:2], positions - self.centre).T
+            - 0.5 * self.array.thickness / cosine * along
+        )
+        return _Light(
+            place, along, np.where(local[2] < 0, -1.0, 1.0), cosine, _depth(self.array, cosine)
+        )
 
-    def _leaving(self, place: Floats, along: Floats, across: Floats, throughput: Floats, path: np.ndarray) -> Crossing:
+    def _leaving(
+        self, place: Floats, along: Floats, across: Floats, throughput: Floats, path: np.ndarray
+    ) -> Crossing:
         directions = np.vstack([along, across])
         directions /= np.sqrt((directions * directions).sum(axis=0))
         to_world = self.axes.T
-        return Crossing(self.centre + turn(to_world[:, :2], place.T), turn(to_world, directions.T), throughput, path)
+        return Crossing(
+            self.centre + turn(to_world[:, :2], place.T),
+            turn(to_world, directions.T),
+            throughput,
+            path,
+        )
 
     def _mirrors(self, place: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (2, 2, n or 1) of the two directions of mirrors, xy, that light meets at places (2, n).
+        """Unit normals (2, 2, n or 1) of the two directions of
+        mirrors, xy, that light meets at places (2, n).
 
-        And (2, n or 1), m: added to a place's component along such a normal it is the way from a mirror without phase.
+        And (2, n or 1), m: added to a place's component along such a
+        normal it is the way from a mirror without phase.
         """
         angle = np.pi / 4 * np.array([1.0, 3.0]) + np.array([0.0, self.array.crossing_error])
         if self.array.layout != "radial":
             return np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, :, None], np.zeros((2, 1))
-        # rings, as wide as the holes' diagonal; in each of them the holes stand side by side, their diagonals radial
-        azimuth, radius = np.arctan2(place[1], place[0]), np.hypot(*place)
+        # rings, as wide as the holes' diagonal; in each of them the
+        # holes stand side by side, their diagonals radial
+        azimuth = np.arctan2(place[1], place[0])
+        radius = np.hypot(*place)
         turned = azimuth + angle[:, None]
         normals = np.stack([np.cos(turned), np.sin(turned)], axis=1)
         ring = np.sqrt(2.0) * self.array.pitch * np.rint(radius / (np.sqrt(2.0) * self.array.pitch))
@@ -197,7 +235,8 @@ class ArrayFrame:
             throughput = throughput * part
             turned_round.append(is_turned)
             step = array.pitch * moved
-            if array.layout == "crossed":  # along its mirrors a layer of slits lets light drift, holes do not
+            # along its mirrors a layer of slits lets light drift, holes do not
+            if array.layout == "crossed":
                 place = place + way * along
                 step = step - way * speed
             place = place + step * normal
@@ -216,24 +255,32 @@ class ArrayFrame:
 
 
 # by: is it turned round by the first layer, 1, and by the second, 2
-_PATHS = np.array([PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8)
-_Turned = tuple[Floats, Bools, Floats]  # of a layer: how far light moved, pitches; is it turned round; its throughput
+_PATHS = np.array(
+    [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
+)
+# of a layer: how far light moved, pitches; is it turned round; its throughput
+_Turned = tuple[Floats, Bools, Floats]
 _Layer = Callable[[Floats, Floats], _Turned]
 
 
-def light_by_angle(array: MirrorArray, incidence: Floats, azimuth: float = 0.0) -> dict[PlatePath, Floats]:
+def light_by_angle(
+    array: MirrorArray, incidence: Floats, azimuth: float = 0.0
+) -> dict[PlatePath, Floats]:
     """Share (n,) of light that takes each path, in the mean over all phases of the mirrors.
 
     Parameters
     ----------
     incidence : (n,) rad, angle in air between the light and the plate's normal
-    azimuth : rad, of the light's way along the plate, from one of its sides, to which mirrors stand at 45 degrees
+    azimuth : rad, of the light's way along the plate, from one of
+        its sides, to which mirrors stand at 45 degrees
     """
-    sine, cosine = np.sin(incidence), np.maximum(np.cos(incidence), GRAZING)
+    sine = np.sin(incidence)
+    cosine = np.maximum(np.cos(incidence), GRAZING)
     depth = _depth(array, cosine)
     face = _transmittance(array, cosine, depth)
     pitches = sine * array.height / (array.ior * depth * array.pitch)
-    first, second = np.pi / 4, 3 * np.pi / 4 + array.crossing_error
+    first = np.pi / 4
+    second = 3 * np.pi / 4 + array.crossing_error
     found = {PlatePath.REFLECTED: 1.0 - face}
     for by_first in (True, False):
         before = _part(array, pitches * np.cos(azimuth - first), by_first)
@@ -245,11 +292,16 @@ def light_by_angle(array: MirrorArray, incidence: Floats, azimuth: float = 0.0) 
 
 
 def _part(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
-    """Share (n,) of light that is reflected an odd, or an even, number of times by one layer, and comes out."""
-    share, number = odd_share(travel), odd_number(travel)
+    """Share (n,) of light that is reflected an odd, or an
+    even, number of times by one layer, and comes out.
+    """
+    share = odd_share(travel)
+    number = odd_number(travel)
     if is_turned:
         return share * array.reflectance**number
-    return (1.0 - share) * array.reflectance ** (number + np.where(np.abs(travel) < number, -1.0, 1.0))
+    return (1.0 - share) * array.reflectance ** (
+        number + np.where(np.abs(travel) < number, -1.0, 1.0)
+    )
 
 
 def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
@@ -264,8 +316,8 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     side = normalise(side - (side @ normal) * normal)
     if not (side @ side > 0.5 and np.isfinite(0.0 if plate.centre is None else plate.centre).all()):
         raise RigError(
-            f"The x axis of the plate '{plate.name}', to which its mirrors stand at 45 degrees, does not lie in it:"
-            " turn its mesh, and apply its scale."
+            f"The x axis of the plate '{plate.name}', to which its mirrors stand at 45 degrees,"
+            " does not lie in it: turn its mesh, and apply its scale."
         )
     axes = np.stack([side, np.cross(normal, side), normal])
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
@@ -275,7 +327,8 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     if width < plate.array.pitch:
         raise RigError(
             f"The plate '{plate.name}' is {1e3 * width:g} mm wide, less than the"
-            f" {1e3 * plate.array.pitch:g} mm from mirror to mirror: scale it up or lower its pitch."
+            f" {1e3 * plate.array.pitch:g} mm from mirror to mirror: scale it up or lower its"
+            f" pitch."
         )
     middle = 0.5 * (low + high)
     if plate.centre is not None:

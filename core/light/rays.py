@@ -12,7 +12,9 @@ PlateLight = Literal["imaged", "folded", "reflected"]
 
 
 class ReachedError(Exception):
-    """A ray comes near glass that stands aside, not in the plan: `boxes`, numbers in the plan's `aside`."""
+    """A ray comes near glass that stands aside, not in the
+    plan: `boxes`, numbers in the plan's `aside`.
+    """
 
     def __init__(self, boxes: set[int]) -> None:
         super().__init__(boxes)
@@ -28,7 +30,12 @@ class Rays:
     """The state of the rays of one batch; `live` are those still under way."""
 
     def __init__(
-        self, origins: Floats, directions: Floats, course: Words | None, is_recorded: bool, light: PlateLight = "imaged"
+        self,
+        origins: Floats,
+        directions: Floats,
+        course: Words | None,
+        is_recorded: bool,
+        light: PlateLight = "imaged",
     ) -> None:
         n = len(origins)
         self.positions = np.array(origins, float, order="C")
@@ -66,7 +73,9 @@ class Rays:
                 self.course = np.pad(self.course, ((0, 0), (0, width)))
             self.course[rays, n_words] = self.branch[rays]
         else:
-            expected = np.where(n_words < width, self.course[rays, np.minimum(n_words, width - 1)], np.uint64(0))
+            expected = np.where(
+                n_words < width, self.course[rays, np.minimum(n_words, width - 1)], np.uint64(0)
+            )
             self.is_astray[rays] = expected != self.branch[rays]
             self.has_ended[rays] |= self.is_astray[rays]
         self.n_words[rays] += 1

@@ -24,7 +24,9 @@ def plate_surface(plate: Plate) -> Surface:
     surface = make_surface(plate.mesh.flat())
     corners = surface.corners.reshape(-1, 3)
     centre = corners.mean(axis=0)
-    areas = np.cross(surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0])
+    areas = np.cross(
+        surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0]
+    )
     largest = areas[np.argmax(dot(areas, areas))]
     normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # whichever way its faces look
     length = np.linalg.norm(normal)
@@ -46,7 +48,8 @@ def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
     plates = np.flatnonzero(kind == Kind.PLATE)
     for n, i in enumerate(plates):
         for j in plates[:n]:
-            one, other = surfaces[j], surfaces[i].corners
+            one = surfaces[j]
+            other = surfaces[i].corners
             far = 2 * FLOAT32 * max(np.abs(other).max(), np.abs(one.corners).max())
             if np.abs((other - one.corners[0, 0]) @ one.normals[0]).max() <= far:
                 sheet[i] = sheet[j]
@@ -55,7 +58,8 @@ def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
 
 
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
-    """Is all of the rig but the display on one side of each plate: (p, 2) none before its normal, none behind it?
+    """Is all of the rig but the display on one side of each
+    plate: (p, 2) none before its normal, none behind it?
 
     Boxes (a, 2, 3) of glass that stands aside are parts of the rig, too.
     """
@@ -64,9 +68,12 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
         normal = surfaces[i].normals[0]
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
         boxes = np.concatenate([np.stack(others), aside])
-        # how far boxes reach along the normal; a face that bulges out of its facet stays well within half their size
-        middle, half = boxes.mean(axis=1), (0.5 + BULGE) * (boxes[:, 1] - boxes[:, 0])
-        height, reach = (middle - surfaces[i].corners[0, 0]) @ normal, half @ np.abs(normal)
+        # how far boxes reach along the normal; a face that bulges out
+        # of its facet stays well within half their size
+        middle = boxes.mean(axis=1)
+        half = (0.5 + BULGE) * (boxes[:, 1] - boxes[:, 0])
+        height = (middle - surfaces[i].corners[0, 0]) @ normal
+        reach = half @ np.abs(normal)
         is_clear[i] = (height - reach > 0).all(), (height + reach < 0).all()
     return is_clear
 

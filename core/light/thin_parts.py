@@ -1,4 +1,6 @@
-"""Things that a bundle of rays may have passed by: parts of the rig, near to it, that none of its rays met."""
+"""Things that a bundle of rays may have passed by: parts of
+the rig, near to it, that none of its rays met.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,15 +14,19 @@ from ..steps import Pauses
 
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
-PAIRS_AT_ONCE, BOXES_AT_ONCE = 1 << 18, 1 << 13
-MANY, TURNS = 4096, 2  # pairs of a bundle and a box, from which on they are looked into in so many turns
+PAIRS_AT_ONCE = 1 << 18
+BOXES_AT_ONCE = 1 << 13
+# pairs of a bundle and a box, from which on they are looked into in so many turns
+MANY = 4096
+TURNS = 2
 WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted
 
 
 @dataclass(frozen=True, eq=False)
 class _Bundles:
-    """Rays between two of their events, k at a time: ends (n, 2, k, 3); owner (n,), the path that they belong to.
+    """Rays between two of their events, k at a time: ends (n, 2,
+    k, 3); owner (n,), the path that they belong to.
 
     A cone around all of them has its axis along the ray in the middle.
     """
@@ -30,7 +36,8 @@ class _Bundles:
 
     @cached_property
     def outer(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-        """Along each axis, the upper and the lower line of cones: where each begins, and its way to the end, (3, n).
+        """Along each axis, the upper and the lower line of cones:
+        where each begins, and its way to the end, (3, n).
 
         No way is -0.0.
         """
@@ -39,13 +46,17 @@ class _Bundles:
         radius = np.sqrt((off * off).sum(axis=3).max(axis=2)).T
         start, end = np.moveaxis(self.ends[:, :, middle], 0, 2)
         return tuple(
-            (np.ascontiguousarray(start + sign * radius[0]), end - start + sign * (radius[1] - radius[0]) + 0.0)
+            (
+                np.ascontiguousarray(start + sign * radius[0]),
+                end - start + sign * (radius[1] - radius[0]) + 0.0,
+            )
             for sign in (1, -1)
         )
 
 
 class ThinParts:
-    """Triangles in boxes, to be asked which bundles of rays come near a patch that none of the rays met.
+    """Triangles in boxes, to be asked which bundles of rays
+    come near a patch that none of the rays met.
 
     Parameters
     ----------
@@ -60,14 +71,20 @@ class ThinParts:
         self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
         self._unit_of_patch[patch] = unit
         order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
-        self._corners, unit = corners[order], unit[order]
+        self._corners = corners[order]
+        unit = unit[order]
         self.n_units = int(unit[-1]) + 1
         first = np.flatnonzero(np.diff(unit, prepend=-1))
         within = np.arange(n) - first[unit]
-        self._starts = [np.append(first, n), *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS)]
-        low, high = self._corners.min(axis=1).T.copy(), self._corners.max(axis=1).T.copy()
+        self._starts = [
+            np.append(first, n),
+            *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS),
+        ]
+        low = self._corners.min(axis=1).T.copy()
+        high = self._corners.max(axis=1).T.copy()
         self._boxes = [
-            (np.minimum.reduceat(low, s[:-1], axis=1), np.maximum.reduceat(high, s[:-1], axis=1)) for s in self._starts
+            (np.minimum.reduceat(low, s[:-1], axis=1), np.maximum.reduceat(high, s[:-1],
+            axis=1)) for s in self._starts
         ]  # fmt: skip
 
     @cached_property
@@ -86,13 +103,16 @@ class ThinParts:
         return kernel.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
     def touch(self, places: Floats, met: Ints) -> Pauses[Bools]:
-        """Which bundles (s,) of k rays come near a patch that none of them met? Pauses now and then.
+        """Which bundles (s,) of k rays come near a patch that
+        none of them met? Pauses now and then.
 
         Parameters
         ----------
-        places : (s, k, m + 1, 3) m, where the rays began and where their events were; NaN after the last
-        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they part or diverge;
-            where they do so before they meet anything they count as near to everything
+        places : (s, k, m + 1, 3) m, where the rays began and
+            where their events were; NaN after the last
+        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they
+            part or diverge; where they do so before they meet anything they count as near to
+            everything
         """
         low, high = self.box
         widest = WIDEST * float(np.linalg.norm(high - low))
@@ -108,10 +128,14 @@ class ThinParts:
             yield from self._look_into(0, bundles, i + first, node, touched)
         return touched
 
-    def _look_into(self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools) -> Pauses[None]:
-        """Mark the owners of bundles i (n,) that come near a triangle in boxes `node` (n,) of a level.
+    def _look_into(
+        self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools
+    ) -> Pauses[None]:
+        """Mark the owners of bundles i (n,) that come near a
+        triangle in boxes `node` (n,) of a level.
 
-        One triangle is enough for an owner: many boxes are looked into in turns, and those of marked owners left out.
+        One triangle is enough for an owner: many boxes are looked into
+        in turns, and those of marked owners left out.
         """
         turns = TURNS if len(i) > MANY else 1
         for turn in range(turns):
@@ -133,7 +157,9 @@ class ThinParts:
 
     def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
         """Pairs of bundles and boxes of a level, from those of the level above."""
-        low, high = (np.searchsorted(self._starts[level], self._starts[level - 1][node + k]) for k in (0, 1))
+        low, high = (
+            np.searchsorted(self._starts[level], self._starts[level - 1][node + k]) for k in (0, 1)
+        )
         owner = np.repeat(np.arange(len(i)), high - low)
         return i[owner], np.arange(len(owner)) - (np.cumsum(high - low) - high)[owner]
 
@@ -153,18 +179,20 @@ class ThinParts:
         crosses = before * after <= 0
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.nan_to_num(before / (before - after))
-            # The hull meets the plane where rays cross it, and between those and the others on the way from the first
-            # crossing on, or up to the last where the others begin behind the plane.
+            # The hull meets the plane where rays cross it, and between those and the others on the
+            # way from the first crossing on, or up to the last where the others begin behind the
+            # plane.
             first = np.where(crosses, t, 1.0).min(axis=1, keepdims=True)
             last = np.where(crosses, t, 0.0).max(axis=1, keepdims=True)
-            ahead = np.sign(before) == np.sign(np.where(crosses, before, 0.0).sum(axis=1, keepdims=True))
-            low, high = (
-                np.where(crosses, t, np.where(ahead, first, 0.0)),
-                np.where(crosses, t, np.where(ahead, 1.0, last)),
+            ahead = np.sign(before) == np.sign(
+                np.where(crosses, before, 0.0).sum(axis=1, keepdims=True)
             )
+            low = np.where(crosses, t, np.where(ahead, first, 0.0))
+            high = np.where(crosses, t, np.where(ahead, 1.0, last))
             beyond = np.ones((3, len(near)), bool)
             for place in (low, high):
-                x, y = u + place * by_u, v + place * by_v
+                x = u + place * by_u
+                y = v + place * by_v
                 beyond &= np.stack([np.fmax.reduce(side, axis=1) < 0 for side in (x, y, 1 - x - y)])
         touched = np.zeros(len(ends), bool)
         touched[near] = ~beyond.any(axis=0)
@@ -172,9 +200,13 @@ class ThinParts:
 
 
 def _along_curve(points: Floats) -> Ints:
-    """Place (n,) of points (n, 3) along a curve that fills space (Morton's): neighbours on it are near each other."""
+    """Place (n,) of points (n, 3) along a curve that fills space
+    (Morton's): neighbours on it are near each other.
+    """
     low = points.min(axis=0)
-    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(np.int64)
+    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(
+        np.int64
+    )
     place = np.zeros(len(points), np.int64)
     for digit in range(DIGITS):
         for axis in range(3):
@@ -183,16 +215,19 @@ def _along_curve(points: Floats) -> Ints:
 
 
 def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
-    """The rays of bundles between their events, as far as they stay together; and which (s,) are wide from the first.
+    """The rays of bundles between their events, as far as they stay
+    together; and which (s,) are wide from the first.
 
     widest : m, between rays
     """
     parted = np.zeros(len(places), bool)
-    ends, owner = [np.empty((0, 2, places.shape[1], 3))], [np.empty(0, np.int64)]
+    ends = [np.empty((0, 2, places.shape[1], 3))]
+    owner = [np.empty(0, np.int64)]
     for k in range(met.shape[2]):
         with np.errstate(invalid="ignore"):
             off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1]).max(axis=(1, 2), initial=0.0)
-        # a ray that leaves the rig is followed far beyond it: there its bundle may be as wide as the rig
+        # a ray that leaves the rig is followed far beyond it:
+        # there its bundle may be as wide as the rig
         leaves = (met[:, :, k] < 0).any(axis=1)
         is_wide = off > np.where(leaves, widest / WIDEST, widest)
         parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
@@ -211,10 +246,11 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
 def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
     """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?
 
-    Along each axis a cone reaches, at a part 0..1 of its way, from one line to another: from when to when is it above
-    the box's lower side, and below its upper one?
+    Along each axis a cone reaches, at a part 0..1 of its way, from one line to another: from
+    when to when is it above the box's lower side, and below its upper one?
     """
-    enter, leave = np.zeros(len(i)), np.ones(len(i))
+    enter = np.zeros(len(i))
+    leave = np.ones(len(i))
     for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
         way = np.take(way, i, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,6 @@
-"""Where the border between two branches crosses the edges of cells, and the pieces that it cuts them into."""
+"""Where the border between two branches crosses the edges
+of cells, and the pieces that it cuts them into.
+"""
 
 from collections.abc import Generator
 
@@ -19,24 +21,33 @@ KERNEL_BATCH = 512  # and the kernel
 
 
 def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
-    """Courses (n, m) of viewer points (n, 2); yields the number of rays after each chunk of them."""
+    """Courses (n, m) of viewer points (n, 2).
+
+    Yields the number of rays after each chunk of them.
+    """
     parts = []
     for first in range(0, len(view), CHUNK):
         parts.append((yield from courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK]))))
         yield len(parts[-1])
     width = max((part.shape[1] for part in parts), default=1)
     return np.concatenate(
-        [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts] or [np.empty((0, 1), np.uint64)]
+        [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]
+        or [np.empty((0, 1), np.uint64)]
     )
 
 
-def cut_cells(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, tuple[Points, Ints, Ints]]:
-    """Cut cells (m, k) with k corners; returns all points, triangles (t, 3) and the cells (t,) they are pieces of.
+def cut_cells(
+    plan: Plan, points: Points, cells: Ints
+) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """Cut cells (m, k) with k corners; returns all points,
+    triangles (t, 3) and the cells (t,) they are pieces of.
 
-    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point on the
-    corner's own branch and the first on the next corner's. The places on one branch, in order, are a convex piece.
+    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
+    on the corner's own branch and the first on the next corner's. The places on one branch, in
+    order, are a convex piece.
     """
-    (m, k), n = cells.shape, len(points)
+    (m, k) = cells.shape
+    n = len(points)
     if not m:
         return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
     cells = cells.astype(np.int64)
@@ -67,11 +78,14 @@ def cut_cells(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, t
 
 
 def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
-    """Triangles (t, 3) of convex polygons, whose corners are the members of each row in order, and the rows (t,)."""
+    """Triangles (t, 3) of convex polygons, whose corners are the
+    members of each row in order, and the rows (t,).
+    """
     members = places[is_member]
     n_corners = is_member.sum(axis=1)
     first = np.cumsum(n_corners) - n_corners
-    fans, rows = [], []
+    fans = []
+    rows = []
     for k in range(1, places.shape[1] - 1):
         row = np.flatnonzero(n_corners > k + 1)
         fans.append(members[first[row, None] + np.array([0, k, k + 1])])
@@ -82,7 +96,8 @@ def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
 def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
     """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
 
-    Opposite corners on one branch between two that are not belong together only when the middle is on it too.
+    Opposite corners on one branch between two that are not
+    belong together only when the middle is on it too.
     """
     branch = points.branch[cells]
     same = branch[:, :, None] == branch[:, None, :]
@@ -102,16 +117,21 @@ def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Int
 
 
 def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[int, None, Points]:
-    """Last points (n,) on the branch of points `near` (n,) towards points `far`, sorted by near, then far.
+    """Last points (n,) on the branch of points `near` (n,)
+    towards points `far`, sorted by near, then far.
 
-    Where both have a landing the other's branch most often begins where the one's ends: it is looked for there first.
+    Where both have a landing the other's branch most often begins
+    where the one's ends: it is looked for there first.
     """
     n = len(points)
     key, back = near * n + far, far * n + near
     at = np.minimum(np.searchsorted(key, back), len(key) - 1)
     is_second = (key[at] == back) & (near > far)
-    first, second = np.flatnonzero(~is_second), np.flatnonzero(is_second)
-    place, found = yield from _last_on_branch(plan, points, near[first], far[first], np.ones(len(first)))
+    first = np.flatnonzero(~is_second)
+    second = np.flatnonzero(is_second)
+    place, found = yield from _last_on_branch(
+        plan, points, near[first], far[first], np.ones(len(first))
+    )
     if not len(second):
         return found
     rank = np.empty(len(key), np.int64)
@@ -125,14 +145,18 @@ def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[i
 def _last_on_branch(
     plan: Plan, points: Points, near: Ints, far: Ints, end: Floats
 ) -> Generator[int, None, tuple[Floats, Points]]:
-    """Last points (n,) on the branch of points `near` towards points `far`, by bisection in several parts.
+    """Last points (n,) on the branch of points `near` towards
+    points `far`, by bisection in several parts.
 
-    They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first unless it is `far`.
-    Returned before the points is where (n,) the branch has ended.
+    They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first
+    unless it is `far`. Returned before the points is where (n,) the branch has ended.
     """
-    xy, throughput = taken(points.xy, near), points.throughput[near]
-    a, b = taken(points.view, near), taken(points.view, far)
-    low, width = np.zeros(len(near)), end.copy()
+    xy = taken(points.xy, near)
+    throughput = points.throughput[near]
+    a = taken(points.view, near)
+    b = taken(points.view, far)
+    low = np.zeros(len(near))
+    width = end.copy()
     course = yield from _courses(plan, a)
     todo = np.arange(len(near))
     digits = max(LEAST_DIGITS, int(np.ceil(-np.log2(OF_TOLERANCE * plan.settings.tolerance))))
@@ -140,8 +164,8 @@ def _last_on_branch(
     batch = BATCH if kernel.left_out(plan.layers) else KERNEL_BATCH
     parts = 1
     while len(todo):
-        # the first time the end alone is tried; then several places at once, the more the fewer borders there are: a
-        # batch of rays costs as much as hundreds of its rays
+        # the first time the end alone is tried; then several places at once, the more the fewer
+        # borders there are: a batch of rays costs as much as hundreds of its rays
         steps = np.arange(1, parts)[:, None] / parts if parts > 1 else np.ones((1, 1))
         at = low[todo] + width[todo] * steps
         view = (a[todo] + at[..., None] * (b - a)[todo]).reshape(-1, 2)
@@ -151,13 +175,18 @@ def _last_on_branch(
             n_held = np.logical_and.accumulate(holds).sum(axis=0)
             held = np.flatnonzero(n_held)
             last = (n_held[held] - 1) * len(todo) + held
-            xy[todo[held]], throughput[todo[held]] = found.xy[last], found.throughput[last]
+            xy[todo[held]] = found.xy[last]
+            throughput[todo[held]] = found.throughput[last]
             width[todo] /= parts
             low[todo] += width[todo] * n_held
             if parts == 1:
                 width[todo[held]] = 0.0
         todo = todo[width[todo] > 2.0**-digits]
         left = digits + np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))
-        parts = 2 ** int(np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, MOST_DIGITS))))
-    landed = Points(a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput)
+        parts = 2 ** int(
+            np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, MOST_DIGITS)))
+        )
+    landed = Points(
+        a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput
+    )
     return low + width, landed

@@ -1,4 +1,5 @@
-"""Cells of the viewer's image on which the view map is smooth: biquartic through 5 x 5 traced nodes.
+"""Cells of the viewer's image on which the view map is
+smooth: biquartic through 5 x 5 traced nodes.
 
 Nodes are numbered row by row from the upper left corner, a quarter of the cell's side apart.
 """
@@ -12,15 +13,20 @@ from ..arrays import Floats, Ints
 SIDE = 5  # nodes along a side: quartics
 PARTS = SIDE - 1  # a cell's side in steps between nodes
 COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(SIDE), np.arange(SIDE)))
-# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The first two places
-# differ in x only, in which the error is odd: errors along x and y do not cancel at both. The others are for what is
-# not smooth within a cell, most often the edges of the mesh's faces: anywhere between the nodes that the first leave.
+# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The
+# first two places differ in x only, in which the error is odd: errors along x and y do not cancel
+# at both. The others are for what is not smooth within a cell, most often the edges of the mesh's
+# faces: anywhere between the nodes that the first leave.
 _WORST = 0.3555671 / PARTS
-CHECKS = np.array([[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]])
-# The error of a quartic is that largest value, 3.63, times the fifth derivative / 5!. Of the fifth differences nothing
-# is known: where the map is steep, beside grazing rays, they were found to be up to three times the fourth.
+CHECKS = np.array(
+    [[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]]
+)
+# The error of a quartic is that largest value, 3.63, times the fifth derivative / 5!. Of the fifth
+# differences nothing is known: where the map is steep, beside grazing rays, they were found to be
+# up to three times the fourth.
 QUARTIC = 3 * 3.6314 / 120
-DIFFERENCE_2, DIFFERENCE_4 = np.array([1.0, -2.0, 1.0]), np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+DIFFERENCE_2 = np.array([1.0, -2.0, 1.0])
+DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
 def weights(t: Floats) -> Floats:
@@ -40,14 +46,18 @@ def _to_grid(m: int) -> Floats:
 
 
 def at_places(nodes: Floats, places: Floats) -> Floats:
-    """Values (n, c) at places (n, 2), x and y in 0..1, of cells with values (n, 25, c) at their nodes."""
+    """Values (n, c) at places (n, 2), x and y in 0..1, of
+    cells with values (n, 25, c) at their nodes.
+    """
     n, _, c = nodes.shape
     along_x = np.einsum("ni,njic->njc", weights(places[:, 0]), nodes.reshape(n, SIDE, SIDE, c))
     return np.einsum("nj,njc->nc", weights(places[:, 1]), along_x)
 
 
 def on_grid(nodes: Floats, m: int) -> Floats:
-    """Values (n, m + 1, m + 1, c) on a grid of m parts a side, rows first, of cells with values (n, 25, c)."""
+    """Values (n, m + 1, m + 1, c) on a grid of m parts a
+    side, rows first, of cells with values (n, 25, c).
+    """
     n, _, c = nodes.shape
     if m == PARTS:
         return nodes.reshape(n, SIDE, SIDE, c)
@@ -77,7 +87,9 @@ def sag(nodes: Floats) -> Floats:
 
 
 def parts_for(nodes: Floats, allowed: float, most: int) -> Ints:
-    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off by less."""
+    """Into how many parts (n,) a side is to be cut, a power of
+    two, so that bilinear cells are off by less.
+    """
     parts = PARTS * np.sqrt(sag(nodes) / allowed)
     return 2 ** np.ceil(np.log2(np.clip(parts, 1, most))).astype(np.int64)
 
@@ -98,6 +110,7 @@ def is_folded(nodes: Floats) -> np.ndarray:
 
 def bilinear(corners: Floats, place: Floats) -> Floats:
     """Points (n, 2) at places (n, 2), in 0..1, of quads (n, 4, 2)."""
-    x, y = place[:, :1], place[:, 1:]
+    x = place[:, :1]
+    y = place[:, 1:]
     a, b, c, d = np.moveaxis(corners, 1, 0)
     return (1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * d + x * c)

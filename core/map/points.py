@@ -10,7 +10,8 @@ from ..light.landings import Words
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
 
-CHUNK = 1 << 14  # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
+# rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
+CHUNK = 1 << 14
 EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
 OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 MOST_EVENTS = 12  # of a path that are kept
@@ -19,7 +20,9 @@ ROOM = 1.5  # times as many paths as before, when there is no more room for othe
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Traced points: viewer px (n, 2), landings on the display (n, 2), branch, reason, throughput (n,)."""
+    """Traced points: viewer px (n, 2), landings on the
+    display (n, 2), branch, reason, throughput (n,).
+    """
 
     view: Floats
     xy: Floats
@@ -42,14 +45,19 @@ class Points:
 
     def and_more(self, others: "Points") -> "Points":
         """These points, followed by others."""
-        return Points(*(np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(Points)))
+        return Points(
+            *(
+                np.concatenate([getattr(self, f.name), getattr(others, f.name)])
+                for f in fields(Points)
+            )
+        )
 
 
 class Paths:
     """Where traced rays went, up to the twelfth event, in the order of the points.
 
-    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the last, as many as the
-    longest path needs. A ray that leaves the rig goes on for `reach`, m.
+    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the
+    last, as many as the longest path needs. A ray that leaves the rig goes on for `reach`, m.
     """
 
     def __init__(self, reach: float) -> None:
@@ -67,14 +75,16 @@ class Paths:
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Take up the paths of rays from origins (n, 3)."""
-        steps, first = steps[:MOST_EVENTS], self._n
+        steps = steps[:MOST_EVENTS]
+        first = self._n
         self._n += len(origins)
         room, width = self._met.shape
         if self._n > room or len(steps) > width:
             larger = max(self._n, int(ROOM * room))
             self._make_room(larger if self._n > room else room, max(len(steps), width))
 
-        places, met = self.places[first:], self.met[first:]
+        places = self.places[first:]
+        met = self.met[first:]
         places[:, 0] = origins
         for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
@@ -82,7 +92,8 @@ class Paths:
 
     def _make_room(self, n: int, m: int) -> None:
         """Make room for n rays and m events."""
-        places, met = np.full((n, m + 1, 3), np.nan), np.full((n, m), -1, np.int32)
+        places = np.full((n, m + 1, 3), np.nan)
+        met = np.full((n, m), -1, np.int32)
         if n:
             places[: len(self._places), : self._places.shape[1]] = self._places
             met[: len(self._met), : self._met.shape[1]] = self._met
@@ -92,17 +103,22 @@ class Paths:
 def trace_points(
     plan: Plan, view: Floats, course: Words | None = None, paths: Paths | None = None
 ) -> Generator[int, None, Points]:
-    """Trace viewer points (n, 2), on their courses; yields the number of rays after each chunk of them.
+    """Trace viewer points (n, 2), on their courses; yields
+    the number of rays after each chunk of them.
 
     paths : take up where the rays went
     """
     n = len(view)
-    points = Points(view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n))
+    points = Points(
+        view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
+    )
     for first in range(0, n, CHUNK):
         some = slice(first, first + CHUNK)
         origins, directions = plan.rig.viewer.rays(view[some])
         steps = None if paths is None else []
-        landings = yield from tracing(plan, origins, directions, None if course is None else course[some], steps)
+        landings = yield from tracing(
+            plan, origins, directions, None if course is None else course[some], steps
+        )
         if paths is not None:
             paths.add(origins, steps)
         for name in ("xy", "branch", "reason", "throughput"):
@@ -118,15 +134,20 @@ def areas(points: Floats, triangles: Ints) -> Floats:
 
 
 def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
-    """Are points (n, 2) in triangles (n, 3, 2) of the viewer's image, and where (n, 2) does the display show them?"""
-    a, b = view[:, 1] - view[:, 0], view[:, 2] - view[:, 0]
+    """Are points (n, 2) in triangles (n, 3, 2) of the viewer's
+    image, and where (n, 2) does the display show them?
+    """
+    a = view[:, 1] - view[:, 0]
+    b = view[:, 2] - view[:, 0]
     p = at - view[:, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
         det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
         u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
         v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
         inside = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
-        return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (xy[:, 2] - xy[:, 0])
+        return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (
+            xy[:, 2] - xy[:, 0]
+        )
 
 
 def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
@@ -135,7 +156,9 @@ def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
 
 
 def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
-    """Is either of display pixels a and b (n, 2) in the image? Light beside it by both accounts matters to nobody."""
+    """Is either of display pixels a and b (n, 2) in the image?
+    Light beside it by both accounts matters to nobody.
+    """
     return is_in_image(a, display_size) | is_in_image(b, display_size)
 
 

@@ -14,9 +14,11 @@ MOST_JITTER = 1024  # random places each way, of all cells of a tile
 
 
 def sample_cells(plan: Plan, corners: Floats) -> Generator[int, None, tuple[Points, Floats]]:
-    """Trace samples of square cells with corners (m, 4, 2), viewer px; yields the number of rays after each chunk.
+    """Trace samples of square cells with corners (m, 4, 2),
+    viewer px; yields the number of rays after each chunk.
 
-    Returns the samples (s,), those without a landing as well, and the areas (s,) that they stand for, viewer px^2.
+    Returns the samples (s,), those without a landing as well, and
+    the areas (s,) that they stand for, viewer px^2.
 
     Raises
     ------
@@ -28,22 +30,27 @@ def sample_cells(plan: Plan, corners: Floats) -> Generator[int, None, tuple[Poin
 
 
 def _check_memory(plan: Plan, corners: Floats) -> None:
-    viewer, effort = plan.rig.viewer, plan.settings.effort
+    viewer = plan.rig.viewer
+    effort = plan.settings.effort
     area = float((_sides(corners) ** 2).sum())
     check_free(
         OF_POINT * effort * area,
         "Sampling where light is chaotic",
-        f"lower Effort ({effort}), or the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+        f"lower Effort ({effort}), or the resolution of the viewer '{viewer.name}' ({viewer.width}"
+        f" x {viewer.height})",
     )
 
 
 def strata(corners: Floats, along: int) -> tuple[Floats, Floats]:
-    """Random places (s, 2), one in each stratum of square cells (m, 4, 2), and the strata's areas (s,), viewer px.
+    """Random places (s, 2), one in each stratum of square cells
+    (m, 4, 2), and the strata's areas (s,), viewer px.
 
-    A pixel has so many strata along its side, a smaller cell its part of them, or one. Places within a stratum are
-    the same in each solve of a view of any size: noise that changed with the smallest step would flicker.
+    A pixel has so many strata along its side, a smaller cell its part of them, or one. Places
+    within a stratum are the same in each solve of a view of any size: noise that changed with the
+    smallest step would flicker.
     """
-    places, area = [np.empty((0, 2))], [np.empty(0)]
+    places = [np.empty((0, 2))]
+    area = [np.empty(0)]
     sides = _sides(corners)
     for side in np.unique(sides):
         first = corners[sides == side, 0]

@@ -11,21 +11,26 @@ from ..arrays import Floats
 from .rasterise import parts_by_rows
 from .shares import Shares, index_type
 
-SHARES_AT_ONCE, FEW_SHARES = 1 << 18, 1 << 15  # of a batch; fewer are put together with others
+# of a batch; fewer are put together with others
+SHARES_AT_ONCE = 1 << 18
+FEW_SHARES = 1 << 15
 LOTS_AT_ONCE = 4  # of cells, divided side by side: a step of the work
-MOST_KEPT = 1 << 23  # shares, up to 64 bytes each: more of them are made again each time they are asked for
-_Lot = tuple[Floats, Floats, Floats | None, NDArray[np.uint64] | None]  # of cells: polygons, throughput, path
+# shares, up to 64 bytes each: more of them are made again each time they are asked for
+MOST_KEPT = 1 << 23
+# of cells: polygons, throughput, path
+_Lot = tuple[Floats, Floats, Floats | None, NDArray[np.uint64] | None]
 
 
 class ShareBatches:
-    """The shares of many cells, some at a time: kept where they are no more than MOST_KEPT, else made again each time.
+    """The shares of many cells, some at a time: kept where they are
+    no more than MOST_KEPT, else made again each time.
 
     Parameters
     ----------
     display_size, view_size : (width, height), px
     has_throughput, has_path : whether these are to be kept with the shares
-    pieces : gives the cells, each time anew, some at a time: polygons and throughput, as for `divided`, and path,
-        None where it is not kept
+    pieces : gives the cells, each time anew, some at a time: polygons and
+        throughput, as for `divided`, and path, None where it is not kept
     """
 
     def __init__(
@@ -37,7 +42,9 @@ class ShareBatches:
         has_path: bool = False,
     ) -> None:
         self.display_size, self.view_size = display_size, view_size
-        self.has_throughput, self.has_path, self._pieces = has_throughput, has_path, pieces
+        self.has_throughput = has_throughput
+        self.has_path = has_path
+        self._pieces = pieces
         self._kept: list[Shares] | None = None
         self._n = 0
         self.n_divided = 0  # cells, in the pass over all of them that is under way
@@ -59,7 +66,8 @@ class ShareBatches:
         if self.are_kept:
             yield from self._kept
             return
-        n, kept = 0, []
+        n = 0
+        kept = []
         for shares in self._made():
             n += len(shares)
             kept = [*kept, shares] if n <= MOST_KEPT else []
@@ -70,7 +78,8 @@ class ShareBatches:
 
     def _made(self) -> Iterator[Shares]:
         sizes = self.display_size, self.view_size
-        # on a large display cells go from top to bottom: most batches lie in a few rows, and `add_at` has less to add
+        # on a large display cells go from top to bottom: most batches
+        # lie in a few rows, and `add_at` has less to add
         is_large = self.display_size[0] * self.display_size[1] > 4 * SHARES_AT_ONCE
 
         def lots() -> Iterator[_Lot]:
@@ -81,7 +90,9 @@ class ShareBatches:
                     lot = tuple(None if values is None else values[order] for values in lot)
                 yield lot
 
-        few, n, before = [], 0, 0
+        few = []
+        n = 0
+        before = 0
         for some in _by_number(lots(), LOTS_AT_ONCE):
             n_cells = before + np.cumsum([len(lot[0]) for lot in some])
             before = int(n_cells[-1])
@@ -94,7 +105,8 @@ class ShareBatches:
                 n += len(part)
                 if n >= SHARES_AT_ONCE:
                     yield joined(few)
-                    few, n = [], 0
+                    few = []
+                    n = 0
         if few:
             yield joined(few)
 
@@ -127,12 +139,18 @@ def joined(parts: Sequence[Shares]) -> Shares:
 def divided(
     display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]
 ) -> Iterator[tuple[int, Shares]]:
-    """The number of a lot and shares of its cells, a few at a time, by the compiled kernel where it can."""
+    """The number of a lot and shares of its cells, a few at
+    a time, by the compiled kernel where it can.
+    """
     cells = [lot[:2] for lot in lots]
     if all(kernel.can_divide(*of_lot) for of_lot in cells):
         parts = kernel.divided(display_size, cells, index_type(display_size), SHARES_AT_ONCE)
     else:
-        parts = ((n, part) for n, of_lot in enumerate(cells) for part in parts_by_rows(display_size, *of_lot))
+        parts = (
+            (n, part)
+            for n, of_lot in enumerate(cells)
+            for part in parts_by_rows(display_size, *of_lot)
+        )
     for n, (*part, number) in parts:
         of_cell = (None if values is None else values[number] for values in lots[n][2:])
         yield n, Shares(display_size, view_size, *part, *of_cell)

@@ -1,7 +1,7 @@
 """Shares: from which parts of the viewer's image each display pixel is seen.
 
-A cell is a small polygon on the viewer's image together with its image on the display. It makes a share for each
-display pixel that its image covers a part of (rasterise.py).
+A cell is a small polygon on the viewer's image together with its image on the display. It
+makes a share for each display pixel that its image covers a part of (rasterise.py).
 """
 
 from dataclasses import dataclass
@@ -16,16 +16,18 @@ from ..arrays import Floats, taken
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """The sparse matrix between viewer and display: one entry for each part of a cell that lies in one display pixel.
+    """The sparse matrix between viewer and display: one entry for
+    each part of a cell that lies in one display pixel.
 
     Parameters
     ----------
     display_size, view_size : (width, height), px
     display_index : (n,) int32 or int64, row * width + column on the display, row 0 at the top
-    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision, because a share may be a
-        thousandth of a pixel wide, and single precision resolves only 2e-4 px at 4096.
-    covariance : (3, n) float32, viewer px^2: xx, xy and yy of the share's points on the viewer's image, evenly spread.
-        It tells how far a share reaches in which direction.
+    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision, because a
+        share may be a thousandth of a pixel wide, and single precision resolves only 2e-4 px at
+        4096.
+    covariance : (3, n) float32, viewer px^2: xx, xy and yy of the share's points on the viewer's
+        image, evenly spread. It tells how far a share reaches in which direction.
     area : (n,) float64, viewer px^2, area on the viewer's image
     display_area : (n,) float64, display px^2, area on the display
     throughput : (n,) float64, or None where it is 1 everywhere
@@ -53,7 +55,10 @@ class Shares:
             self.view_size,
             self.display_index[which],
             taken(self.view_xy, which),
-            *(some(v) for v in (self.covariance, self.area, self.display_area, self.throughput, self.path)),
+            *(
+                some(v)
+                for v in (self.covariance, self.area, self.display_area, self.throughput, self.path)
+            ),
         )
 
     def __len__(self) -> int:
@@ -66,14 +71,17 @@ class Shares:
 
     @property
     def view_index(self) -> NDArray[np.integer]:
-        """Viewer pixel (n,) int32 or int64 that holds each share's centroid: row * width + column."""
+        """Viewer pixel (n,) int32 or int64 that holds each share's centroid: row * width
+        + column.
+        """
         width, height = self.view_size
         column, row = self.view_xy.T.astype(index_type(self.view_size))
         return np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
 
 
 class Coverage:
-    """How much display and viewer see of each other: sums over shares, all of which are added before it is asked.
+    """How much display and viewer see of each other: sums over
+    shares, all of which are added before it is asked.
 
     weight : (H, W) sum of the weights of the shares that each display pixel shows, viewer px^2
     """
@@ -84,7 +92,10 @@ class Coverage:
         )
 
     def add(self, shares: Shares, shown: Shares | None = None) -> None:
-        """Add some of the shares; shown : those of them that the display shows, where it does not show all."""
+        """Add some of the shares.
+
+        Shown : those of them that the display shows, where it does not show all.
+        """
         shown = shares if shown is None else shown
         add_at(self.weight, shown.display_index, shown.weight)
         add_at(self._display, shares.display_index, shares.display_area)
@@ -92,7 +103,10 @@ class Coverage:
 
     @cached_property
     def of_display(self) -> Floats:
-        """Part (H, W) of each display pixel that the viewer sees, 0..1; areas seen several times count once."""
+        """Part (H, W) of each display pixel that the viewer sees, 0..1.
+
+        Areas seen several times count once.
+        """
         return np.minimum(self._display, 1.0, out=self._display)
 
     @cached_property
@@ -106,7 +120,9 @@ def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floati
     if kernel.can_add(image, index, weights):
         kernel.add(image, index, weights)
     elif len(index):
-        first, last = int(index.min()), int(index.max())  # a batch of shares may lie in a few rows of a large image
+        # a batch of shares may lie in a few rows of a large image
+        first = int(index.min())
+        last = int(index.max())
         image.reshape(-1)[first : last + 1] += np.bincount(index - first, weights)
 
 

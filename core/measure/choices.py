@@ -1,4 +1,6 @@
-"""The cost or gain of Ghosts and Suppress Glare on a rig, by how near the seen image comes to the ideal one."""
+"""The cost or gain of Ghosts and Suppress Glare on a rig, by
+how near the seen image comes to the ideal one.
+"""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -14,10 +16,11 @@ GLARES = (0.0, 0.5, 1.0)
 
 
 class Choice(NamedTuple):
-    """One way to settle the colours of display pixels that are seen several times, or beside the glass.
+    """One way to settle the colours of display pixels that
+    are seen several times, or beside the glass.
 
-    seen_psnr : dB, white is 1: all of the viewer's image, light beside the glass included, against the
-        ideal image; None where they are the same
+    seen_psnr : dB, white is 1: all of the viewer's image, light beside the glass
+        included, against the ideal image; None where they are the same
     """
 
     ghosts: str
@@ -26,7 +29,8 @@ class Choice(NamedTuple):
 
 
 def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Choice, ...]]:
-    """Solve a rig both ways of Ghosts, and with some weights of Suppress Glare; yields progress 0..1.
+    """Solve a rig both ways of Ghosts, and with some
+    weights of Suppress Glare; yields progress 0..1.
 
     Glare is left out where light beside the glass carries the picture, too.
     """
@@ -37,7 +41,9 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
     ])  # fmt: skip
     ways = sorted(ways, key=lambda way: -way[1])
 
-    session, found, first = Session(), [], None
+    session = Session()
+    found = []
+    first = None
     for n, (ghosts, glare) in enumerate(ways):
         here = replace(settings, ghosts=ghosts, suppress_glare=glare)
         solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))

@@ -1,16 +1,25 @@
-"""Diagrams of curves as SVG, log-log or linear: plain lines, circles and text that any viewer shows."""
+"""Diagrams of curves as SVG, log-log or linear: plain
+lines, circles and text that any viewer shows.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from math import ceil, floor, log10
 
-WIDTH, HEIGHT = 760, 520  # px
-LEFT, RIGHT, TOP, BOTTOM = 90, 30, 56, 64  # margins around the axes, px
+# px
+WIDTH = 760
+HEIGHT = 520
+# margins around the axes, px
+LEFT = 90
+RIGHT = 30
+TOP = 56
+BOTTOM = 64
 PLAIN = 3  # powers of ten up to this, either way, are written out
 LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
 FONT = "Helvetica, Arial, sans-serif"
-COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")  # told apart by colour-blind people as well, with the marks
+# told apart by colour-blind people as well, with the marks
+COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")
 
 
 @dataclass(frozen=True)
@@ -31,17 +40,26 @@ class Axis:
 
     def part(self, value: float) -> float:
         """How far along the axis a value stands, 0..1."""
-        first, last, value = (log10(x) if self.is_log else x for x in (self.ticks[0][0], self.ticks[-1][0], value))
+        first, last, value = (
+            log10(x) if self.is_log else x for x in (self.ticks[0][0], self.ticks[-1][0], value)
+        )
         return (value - first) / (last - first)
 
 
-def log_log(title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()) -> str:
-    """Draw curves on logarithmic axes with ticks at powers of ten; parameters are those of `draw`."""
+def log_log(
+    title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+) -> str:
+    """Draw curves on logarithmic axes with ticks at powers of ten.
+
+    Parameters are those of `draw`.
+    """
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
     return draw(title, x_label, y_label, curves, _decades(x), _decades(y), notes)
 
 
-def linear(title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()) -> str:
+def linear(
+    title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+) -> str:
     """Draw curves on linear axes from 0 on; parameters are those of `draw`."""
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
     return draw(title, x_label, y_label, curves, _from_zero(x), _from_zero(y), notes)
@@ -66,13 +84,20 @@ def draw(
     top = TOP + 16 * len(notes)
 
     def place(x: float, y: float) -> tuple[float, float]:
-        across, up = x_axis.part(x), y_axis.part(y)
-        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (HEIGHT - BOTTOM - top)
+        across = x_axis.part(x)
+        up = y_axis.part(y)
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (
+            HEIGHT - BOTTOM - top
+        )
 
-    (left, right), (bottom, above) = ((axis.ticks[0][0], axis.ticks[-1][0]) for axis in (x_axis, y_axis))
-    low, high = place(left, bottom), place(right, above)
+    (left, right), (bottom, above) = (
+        (axis.ticks[0][0], axis.ticks[-1][0]) for axis in (x_axis, y_axis)
+    )
+    low = place(left, bottom)
+    high = place(right, above)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0 {WIDTH} {HEIGHT}"'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0'
+        f' {WIDTH} {HEIGHT}"'
         f' font-family="{FONT}" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         _text(LEFT, 28, title, size=16),
@@ -86,10 +111,12 @@ def draw(
         parts += [_line(low[0], y, high[0], y), _text(LEFT - 8, y + 4, text, "end", css="y tick")]
     middle = (low[1] + high[1]) / 2
     parts += [
-        f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}" height="{low[1] - high[1]:.2f}"'
+        f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}"'
+        f' height="{low[1] - high[1]:.2f}"'
         ' fill="none" stroke="black"/>',
         _text((low[0] + high[0]) / 2, HEIGHT - 18, x_label, "middle", size=14),
-        f'<g transform="translate(24 {middle:.2f}) rotate(-90)">{_text(0, 0, y_label, "middle", size=14)}</g>',
+        f'<g transform="translate(24 {middle:.2f})'
+        f' rotate(-90)">{_text(0, 0, y_label, "middle", size=14)}</g>',
     ]
     for n, curve in enumerate(curves):
         parts += _drawn(curve, n, [place(*point) for point in curve.points])
@@ -108,7 +135,9 @@ def _from_zero(values: Sequence[float]) -> Axis:
     """Round numbers from 0 to the largest value, four to ten of them."""
     most = max(values, default=1.0) or 1.0
     power = 10.0 ** floor(log10(most))
-    step = next(power * part for part in (0.1, 0.2, 0.5, 1.0, 2.0) if most <= 10 * power * part * (1 + 1e-9))
+    step = next(
+        power * part for part in (0.1, 0.2, 0.5, 1.0, 2.0) if most <= 10 * power * part * (1 + 1e-9)
+    )
     return Axis(tuple((step * k, f"{step * k:.4g}") for k in range(ceil(most / step - 1e-9) + 1)))
 
 
@@ -127,7 +156,9 @@ def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]
         if all(abs(x - a) > LABEL[0] or abs(y - b) > LABEL[1] for a, b in written):
             is_last = x > WIDTH - RIGHT - LABEL[0]
             at_x, anchor = (x - 7, "end") if is_last else (x + 7, "start")
-            parts.append(_text(at_x, y + (14 if n % 2 else -5), label, anchor, size=10, fill=colour))
+            parts.append(
+                _text(at_x, y + (14 if n % 2 else -5), label, anchor, size=10, fill=colour)
+            )
             written.append((x, y))
     return [*parts, "</g>"]
 
@@ -152,10 +183,17 @@ def _line(x0: float, y0: float, x1: float, y1: float) -> str:
 
 
 def _text(
-    x: float, y: float, text: str, anchor: str = "start", size: int = 12, fill: str = "black", css: str = ""
+    x: float,
+    y: float,
+    text: str,
+    anchor: str = "start",
+    size: int = 12,
+    fill: str = "black",
+    css: str = "",
 ) -> str:
     kind = f' class="{css}"' if css else ""
     return (
-        f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}" fill="{fill}">'
+        f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}"'
+        f' fill="{fill}">'
         f"{escape(text)}</text>"
     )

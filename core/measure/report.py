@@ -1,4 +1,6 @@
-"""A work-precision measurement as text: a table, CSV, JSON and a diagram. Units stand in the names of the columns."""
+"""A work-precision measurement as text: a table, CSV, JSON and a
+diagram. Units stand in the names of the columns.
+"""
 
 import csv
 import io
@@ -49,7 +51,9 @@ def row(rung: Rung) -> dict[str, Any]:
     for part, kind in ((rung.map, MapErrors), (rung.image, ImageErrors)):
         values |= {field.name: getattr(part, field.name, None) for field in fields(kind)}
     named = {name: _known(values[field]) for field, name in COLUMNS.items()}
-    return named | {f"{part.replace(' ', '_')}_seconds": _known(seconds) for part, seconds in rung.parts}
+    return named | {
+        f"{part.replace(' ', '_')}_seconds": _known(seconds) for part, seconds in rung.parts
+    }
 
 
 def _known(value: Any) -> Any:
@@ -83,13 +87,21 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
         "rungs": [row(rung) for rung in found.rungs],
         "tessellation_rms_display_px": found.tessellation_error,
         "quantisation_rms_encoded": found.quantisation,
-        "seconds_by_part": {"reading the scene": found.read_seconds, **seconds, "writing": found.write_seconds},
+        "seconds_by_part": {
+            "reading the scene": found.read_seconds,
+            **seconds,
+            "writing": found.write_seconds,
+        },
         "seconds_at_half_the_tolerance": cost(seconds, tolerance, tolerance / 2, found.ladder),
         "seconds_at_twice_the_tolerance": cost(seconds, tolerance, tolerance * 2, found.ladder),
         "splat_seconds_at_same_source_rmse": found.splat_seconds(own.image.source_rmse),
         "peak_memory_bytes": found.peak_memory,
         "choices": [
-            {"ghosts": c.ghosts, "suppress_glare": c.suppress_glare, "seen_psnr_db": _known(c.seen_psnr)}
+            {
+                "ghosts": c.ghosts,
+                "suppress_glare": c.suppress_glare,
+                "seen_psnr_db": _known(c.seen_psnr),
+            }
             for c in found.choices
         ],
     }
@@ -101,16 +113,19 @@ def statement(found: WorkPrecision) -> tuple[str, ...]:
     finer = found.ladder[-1][0] / found.reference.setting
     shown = f"{found.n_shown} display pixels that show nothing else"
     return (
-        f"Viewer {found.view_size[0]} x {found.view_size[1]} px, display {found.display_size[0]} x"
-        f" {found.display_size[1]} px, one thread (numpy's own aside), medians of {found.own.runs} runs"
-        " (a long splat: 1 or 2).",
-        f"Map: distance from {found.n_checked} rays traced in float64 at random points of the viewer's image.",
-        f"Source: RMSE of linear values of {found.picture}, over {shown}; those left black are holes.",
-        f"Reference: a solve at {found.reference.setting:g} px, {finer:.3g} times finer than the finest rung,"
-        f" with {found.times_finer} times finer display pixels each way, averaged.",
-        "Seen: PSNR against what is seen of the reference (the reference's: against the ideal image);"
-        " dots of the lattice against the ideal image.",
-        "Seconds: from the plan (ray engine built) to the source image; the splat makes no estimate of its error.",
+        f"Viewer {found.view_size[0]} x {found.view_size[1]} px, display {found.display_size[0]}"
+        f" x {found.display_size[1]} px, one thread (numpy's own aside), medians of"
+        f" {found.own.runs} runs (a long splat: 1 or 2).",
+        f"Map: distance from {found.n_checked} rays traced in float64 at random points of the"
+        f" viewer's image.",
+        f"Source: RMSE of linear values of {found.picture}, over {shown}; those left black are"
+        f" holes.",
+        f"Reference: a solve at {found.reference.setting:g} px, {finer:.3g} times finer than the"
+        f" finest rung, with {found.times_finer} times finer display pixels each way, averaged.",
+        "Seen: PSNR against what is seen of the reference (the reference's: against the ideal"
+        " image); dots of the lattice against the ideal image.",
+        "Seconds: from the plan (ray engine built) to the source image; the splat makes no"
+        " estimate of its error.",
     )
 
 
@@ -130,24 +145,46 @@ TABLE = (  # heading, column, format
 
 def table(found: WorkPrecision) -> str:
     """The rungs as lines for a terminal, then times by part and the other errors."""
-    lines = [*statement(found), "", f"{'':<18}" + "".join(f" {heading:>11}" for heading, *_ in TABLE)]
-    for name, rung in [("reference", found.reference), *((rung.method, rung) for rung in found.rungs)]:
+    lines = [
+        *statement(found),
+        "",
+        f"{'':<18}" + "".join(f" {heading:>11}" for heading, *_ in TABLE),
+    ]
+    for name, rung in [
+        ("reference", found.reference),
+        *((rung.method, rung) for rung in found.rungs),
+    ]:
         head = f"{name} {rung.setting:g} {UNITS[rung.method]}"
         if rung.predicted_seconds is not None:
             lines.append(f"{head:<18} not run: would take about {rung.predicted_seconds:.0f} s")
             continue
         numbers = row(rung)
-        cells = ("-" if numbers[column] is None else form.format(numbers[column]) for _, column, form in TABLE)
+        cells = (
+            "-" if numbers[column] is None else form.format(numbers[column])
+            for _, column, form in TABLE
+        )
         lines.append(f"{head:<18}" + "".join(f" {cell:>11}" for cell in cells))
-    own, splat = found.own, found.splat_seconds(found.own.image.source_rmse)
+    own = found.own
+    splat = found.splat_seconds(found.own.image.source_rmse)
     at_same_error = "not known: it was not run that far" if splat is None else (
         f"about {splat:.2g} s, {splat / own.seconds:.1f} times as long"
     )  # fmt: skip
-    lines += ["", f"Time of the splat at the source RMSE of the scene's tolerance: {at_same_error}."]
-    times = [("reading the scene", found.read_seconds), *found.own.parts, ("writing", found.write_seconds)]
+    lines += [
+        "",
+        f"Time of the splat at the source RMSE of the scene's tolerance: {at_same_error}.",
+    ]
+    times = [
+        ("reading the scene", found.read_seconds),
+        *found.own.parts,
+        ("writing", found.write_seconds),
+    ]
     lines += ["", f"At the scene's tolerance of {found.tolerance:g} px, seconds by part:"]
     lines += [f"  {part:<20} {'not measured' if s is None else f'{s:.4f}'}" for part, s in times]
-    lines += ["", "Ghosts and Suppress Glare, PSNR of all that is seen, light beside the glass too, against the ideal:"]
+    lines += [
+        "",
+        "Ghosts and Suppress Glare, PSNR of all that is seen, light beside the glass"
+        " too, against the ideal:",
+    ]
     for ghosts, glare, seen in found.choices:
         lines.append(f"  {ghosts:<10} {glare:<5g} {'exact' if seen is None else f'{seen:.1f} dB'}")
     lines.append(f"Tessellation: about {found.tessellation_error:.2g} display px rms.")
@@ -159,29 +196,45 @@ def table(found: WorkPrecision) -> str:
 
 
 def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") -> str:
-    """Error of the source image against seconds, a curve for each method; points without an error are left out."""
-    curves, n_exact = [], 0
-    for method, name, unit in (("adaptive", "Kiriko, by tolerance", "px"), ("splat", "splat, by samples", "spp")):
-        run = [rung for rung in found.rungs if rung.method == method and rung.seconds and rung.image]
+    """Error of the source image against seconds, a curve for each method.
+
+    Points without an error are left out.
+    """
+    curves = []
+    n_exact = 0
+    for method, name, unit in (
+        ("adaptive", "Kiriko, by tolerance", "px"),
+        ("splat", "splat, by samples", "spp"),
+    ):
+        run = [
+            rung for rung in found.rungs if rung.method == method and rung.seconds and rung.image
+        ]
         drawn = [rung for rung in run if rung.image.source_rmse > 0]
         n_exact += len(run) - len(drawn)
         points = tuple((rung.seconds, rung.image.source_rmse) for rung in drawn)
         curves.append(Curve(name, points, tuple(f"{rung.setting:g} {unit}" for rung in drawn)))
     size = "{} x {}".format(*found.display_size)
-    notes = [f"Display {size} px, one thread; reference: {found.reference.setting:g} px, {found.times_finer}"
+    notes = [f"Display {size} px, one thread; reference: {found.reference.setting:g} px,"
+    f" {found.times_finer}"
              " times finer display pixels"]  # fmt: skip
     if n_exact:
         notes.append(f"Not drawn: {n_exact} without any difference from the reference")
-    return log_log(title, "time (s)", "error of the source image (RMSE, linear 0..1)", curves, notes)
+    return log_log(
+        title, "time (s)", "error of the source image (RMSE, linear 0..1)", curves, notes
+    )
 
 
 def plate_csv(array: MirrorArray) -> str:
-    """Share of light by its angle to the plate's normal, in the plane between the mirrors, a column for each path."""
+    """Share of light by its angle to the plate's normal, in the
+    plane between the mirrors, a column for each path.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     light = light_by_angle(array, np.radians(ANGLES))
     writer.writerow(["incidence_degrees", *(path.name.lower() for path in light)])
-    writer.writerows([angle, *(f"{light[path][k]:.6g}" for path in light)] for k, angle in enumerate(ANGLES))
+    writer.writerows(
+        [angle, *(f"{light[path][k]:.6g}" for path in light)] for k, angle in enumerate(ANGLES)
+    )
     return text.getvalue()
 
 
@@ -194,10 +247,15 @@ def plate_svg(array: MirrorArray, name: str) -> str:
         "straight through": light[PlatePath.THROUGH],
         "reflected by the glass": light[PlatePath.REFLECTED],
     }
-    curves = [Curve(name, tuple(zip(ANGLES, share.tolist(), strict=True))) for name, share in shares.items()]
+    curves = [
+        Curve(name, tuple(zip(ANGLES, share.tolist(), strict=True)))
+        for name, share in shares.items()
+    ]
     note = (
-        f"{array.layout}, {1e3 * array.pitch:g} mm from mirror to mirror, {1e3 * array.height:g} mm high, index"
-        f" {array.ior:g}, reflectance {array.reflectance:g}"
+        f"{array.layout}, {1e3 * array.pitch:g} mm from mirror to mirror, {1e3 * array.height:g}"
+        f" mm high, index {array.ior:g}, reflectance {array.reflectance:g}"
     )
     title = f"Light that leaves the plate '{name}', of that which comes to it"
-    return linear(title, "angle to the plate's normal (degrees)", "share of the light", curves, [note])
+    return linear(
+        title, "angle to the plate's normal (degrees)", "share of the light", curves, [note]
+    )

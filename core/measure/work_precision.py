@@ -1,4 +1,5 @@
-"""Error against run time: a rig solved at a ladder of tolerances, beside the brute-force splat at a ladder of samples.
+"""Error against run time: a rig solved at a ladder of tolerances,
+beside the brute-force splat at a ladder of samples.
 
 core/measure/reference.py makes the reference.
 """
@@ -34,7 +35,8 @@ BUDGET = 60.0  # s for the splat
 FINER = 10.0  # than the finest rung is the reference
 MORE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
 LONG = 0.5  # s: a splat that takes longer is run once for each of the two pictures
-STEPS = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}  # between black and white, in the encoded image
+# between black and white, in the encoded image
+STEPS = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Rung:
     ----------
     method : adaptive or splat
     setting : tolerance in display px, or samples a pixel
-    seconds : median of `runs` runs, from the plan to the source image with its own estimate of errors
+    seconds : median of `runs` runs, from the plan to the
+        source image with its own estimate of errors
     predicted_seconds : of a splat that was not run
     repaint_seconds : median, for another picture with nothing else changed
     parts : (name, median seconds) of the solve's parts, the plan included
@@ -76,13 +79,16 @@ class WorkPrecision:
     Parameters
     ----------
     rungs : the ladder of tolerances, coarse to fine, then the splat's
-    reference : of all rungs. Its map is compared with the trace, and the seen image of its source image
-        with the ideal image
+    reference : of all rungs. Its map is compared with the trace, and the
+        seen image of its source image with the ideal image
     tessellation_error : rms display px, the same for all rungs
-    quantisation : rms of the changes by rounding in the encoded source image (0..1), by number format
+    quantisation : rms of the changes by rounding in the
+        encoded source image (0..1), by number format
     tolerance : display px, of the scene itself; one of the rungs
-    read_seconds, write_seconds : medians, for reading the scene and writing the source image; None: not measured
-    peak_memory : bytes, the most that the whole process has held up to the first solve; None: not known
+    read_seconds, write_seconds : medians, for reading the scene and
+        writing the source image; None: not measured
+    peak_memory : bytes, the most that the whole process has
+        held up to the first solve; None: not known
     n_shown : display pixels that are compared: those that show the picture
     n_checked : points at which the map was compared with the trace
     times_finer : each way, the display's pixels from which the reference's source image is made
@@ -110,7 +116,11 @@ class WorkPrecision:
     @property
     def own(self) -> Rung:
         """The rung at the scene's own tolerance."""
-        return next(rung for rung in self.rungs if rung.method == "adaptive" and rung.setting == self.tolerance)
+        return next(
+            rung
+            for rung in self.rungs
+            if rung.method == "adaptive" and rung.setting == self.tolerance
+        )
 
     @property
     def ladder(self) -> list[tuple[float, float]]:
@@ -118,10 +128,12 @@ class WorkPrecision:
         return [(rung.setting, rung.seconds) for rung in self.rungs if rung.method == "adaptive"]
 
     def splat_seconds(self, source_rmse: float) -> float | None:
-        """About the time of the splat to an error (linear values) of the source image; None: not known.
+        """About the time of the splat to an error (linear
+        values) of the source image; None: not known.
 
-        Between its rungs a straight line in logarithms. Beyond the last, error goes as samples to the power -1/2, if no
-        holes are left: as long as there are some it falls faster, and the time is not known.
+        Between its rungs a straight line in logarithms. Beyond the last, error goes as samples to
+        the power -1/2, if no holes are left: as long as there are some it falls faster, and the
+        time is not known.
         """
         done = [rung for rung in self.rungs if rung.method == "splat" and rung.image]
         if not done or source_rmse <= 0 or done[-1].image.source_rmse <= 0:
@@ -149,7 +161,8 @@ def measure(
 
     Parameters
     ----------
-    picture : (h, w, 4) linear, nowhere black; shown in the place of the rig's own. None: a zone plate
+    picture : (h, w, 4) linear, nowhere black; shown in the
+        place of the rig's own. None: a zone plate
     tolerances : display px; the settings' own is added
     spps : samples a pixel of the splat, rising
     runs : runs of each rung, of which the median counts; of a long splat two or one
@@ -166,8 +179,11 @@ def measure(
     # a margin would fill holes; the splat knows neither glare nor paths, of which `choices` tells
     settings = replace(own_settings, margin=0, suppress_glare=0.0, ghosts="mean")
     rig.check()
-    own = next((t for t in tolerances if isclose(t, settings.tolerance, rel_tol=1e-6)), settings.tolerance)
-    ladder = sorted({*tolerances, own}, reverse=True)  # Blender has the settings' own in single precision
+    own = next(
+        (t for t in tolerances if isclose(t, settings.tolerance, rel_tol=1e-6)), settings.tolerance
+    )
+    # Blender has the settings' own in single precision
+    ladder = sorted({*tolerances, own}, reverse=True)
     detailed, dotted, about = pictures(rig, picture)
     # samples are at the same places in each solve of the same effort: their noise would not be seen
     effort = min(MORE_EFFORT * settings.effort, MOST_EFFORT)
@@ -175,7 +191,9 @@ def measure(
     yield from within(Session().solve(rig, settings), 0.0, 0.03)
     memory = peak_memory()  # before the reference, which takes more than any solve
     reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)
-    rungs = yield from within(_adaptive(detailed, dotted, settings, reference, ladder, runs), 0.15, 0.55)
+    rungs = yield from within(
+        _adaptive(detailed, dotted, settings, reference, ladder, runs), 0.15, 0.55
+    )
     rungs += yield from within(_splats(reference, spps, runs, budget), 0.55, 0.9)
     choices = yield from within(measure_choices(rig, replace(own_settings, margin=0)), 0.9, 0.98)
     source = reference.source
@@ -184,7 +202,10 @@ def measure(
     yield 1.0
     return WorkPrecision(
         rungs=tuple(rungs),
-        reference=replace(_unmeasured(finest.tolerance, reference.solution, reference), image=reference.own_errors()),
+        reference=replace(
+            _unmeasured(finest.tolerance, reference.solution, reference),
+            image=reference.own_errors(),
+        ),
         tessellation_error=reference.solution.tessellation_error,
         quantisation=quantisation(source[reference.is_shown]),
         tolerance=own,
@@ -202,17 +223,27 @@ def measure(
 
 
 def _adaptive(
-    detailed: Rig, dotted: Rig, settings: Settings, reference: Reference, ladder: Sequence[float], runs: int
+    detailed: Rig,
+    dotted: Rig,
+    settings: Settings,
+    reference: Reference,
+    ladder: Sequence[float],
+    runs: int,
 ) -> Generator[float, None, list[Rung]]:
-    """Rungs of the ladder of tolerances. A solve runs to its end in one step: time between steps is not its own."""
+    """Rungs of the ladder of tolerances. A solve runs to its end
+    in one step: time between steps is not its own.
+    """
     rungs: list[Rung] = []
     times: list[list[dict[str, float]]] = [[] for _ in ladder]
     repaints: list[list[float]] = [[] for _ in ladder]
     for run in range(runs):  # all tolerances in turn: other work of the machine meets them alike
         for k, tolerance in enumerate(ladder):
-            session, here = Session(), replace(settings, tolerance=tolerance)
+            session = Session()
+            here = replace(settings, tolerance=tolerance)
             solution = finish(session.solve(detailed, here))
-            seconds, dots = _timed(lambda session=session, here=here: finish(session.solve(dotted, here)))
+            seconds, dots = _timed(
+                lambda session=session, here=here: finish(session.solve(dotted, here))
+            )
             times[k].append(solution.seconds)
             repaints[k].append(seconds)
             if run == 0:
@@ -242,21 +273,28 @@ def _unmeasured(tolerance: float, solution: Solution, reference: Reference) -> R
 def _medians(times: list[dict[str, float]]) -> dict[str, Any]:
     """Times of a rung, from the seconds by part of its runs."""
     return {
-        "seconds": median(sum(seconds for part, seconds in run.items() if part not in BUILD) for run in times),
+        "seconds": median(
+            sum(seconds for part, seconds in run.items() if part not in BUILD) for run in times
+        ),
         "runs": len(times),
         "parts": tuple((part, median(run[part] for run in times)) for part in times[0]),
     }
 
 
-def _splats(reference: Reference, spps: Sequence[int], runs: int, budget: float) -> Generator[float, None, list[Rung]]:
-    """Rungs of the brute-force splat, as far as the budget (s) goes; each run is of one of the two pictures.
+def _splats(
+    reference: Reference, spps: Sequence[int], runs: int, budget: float
+) -> Generator[float, None, list[Rung]]:
+    """Rungs of the brute-force splat, as far as the budget (s)
+    goes; each run is of one of the two pictures.
 
     Where it goes to one run only, that is of the picture of fine detail.
     """
-    plan, viewer = reference.plan, reference.plan.rig.viewer
+    plan = reference.plan
+    viewer = reference.plan.rig.viewer
     plans = plan, replace(plan, rig=reference.dotted)  # the same is traced
     n_rays = viewer.width * viewer.height
-    a_sample, spent = reference.seconds_a_ray * n_rays, 0.0
+    a_sample = reference.seconds_a_ray * n_rays
+    spent = 0.0
     rungs: list[Rung] = []
     for spp in spps:
         predicted = a_sample * spp
@@ -273,14 +311,19 @@ def _splats(reference: Reference, spps: Sequence[int], runs: int, budget: float)
             spent += taken
         a_sample = median(seconds) / spp
         errors = reference.image_errors(*images[:2])
-        rungs.append(Rung("splat", float(spp), median(seconds), n_runs, n_rays=spp * n_rays, image=errors))
+        rungs.append(
+            Rung("splat", float(spp), median(seconds), n_runs, n_rays=spp * n_rays, image=errors)
+        )
     return rungs
 
 
 def _clocked(
     work: Generator[float, None, Result], spent: float, budget: float
 ) -> Generator[float, None, tuple[float, Result]]:
-    """Seconds of the steps of long work, and its result; yields how much of the budget (s) is spent, 0..1."""
+    """Seconds of the steps of long work, and its result.
+
+    Yields how much of the budget (s) is spent, 0..1.
+    """
     seconds = 0.0
     while True:
         clock = perf_counter()
@@ -293,7 +336,10 @@ def _clocked(
 
 
 def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
-    """Rms changes by number formats in an image (..., 3), linear, sRGB-encoded to 0..1; clipping is not counted."""
+    """Rms changes by number formats in an image (..., 3), linear, sRGB-encoded to 0..1.
+
+    Clipping is not counted.
+    """
     encoded = encode(source)
     changed = {name: np.rint(encoded * top) / top - encoded for name, top in STEPS.items()}
     changed["half float"] = encode(np.asarray(source, np.float16)) - encoded
@@ -301,12 +347,16 @@ def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
 
 
 def peak_memory() -> int | None:
-    """Bytes that this process has held at most so far; None where the system does not tell (Windows)."""
+    """Bytes that this process has held at most so far; None
+    where the system does not tell (Windows).
+    """
     try:
         import resource  # Unix only
     except ImportError:
         return None
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
 
 
 def _timed(work: Callable[[], Result]) -> tuple[float, Result]:

@@ -17,7 +17,8 @@ from ..rig import Rig
 from ..steps import Pauses, at, within
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
-LEAK_SAMPLES = 96  # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
+# rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
+LEAK_SAMPLES = 96
 CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
 FURTHER = 4  # times as far
 
@@ -29,7 +30,8 @@ class Accuracy:
     tessellation : the error that the mesh leaves open
     rounding : display px by which landings may be off because Blender rounds
     leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
-    caught : share, 0..1, of the light cut off by Max Events that FURTHER times as many surfaces do not set free
+    caught : share, 0..1, of the light cut off by Max Events that
+        FURTHER times as many surfaces do not set free
     """
 
     tessellation: Tessellation
@@ -39,7 +41,9 @@ class Accuracy:
 
 
 def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accuracy]:
-    """Accuracy of a plan; yields progress 0..1. is_cut_off: may some of its light be cut off by Max Events?"""
+    """Accuracy of a plan; yields progress 0..1. is_cut_off: may
+    some of its light be cut off by Max Events?
+    """
     found = yield from within(tessellation(plan), 0.0, 0.8)
     open_light = yield from at(0.8, leaks(plan))
     caught_light = (yield from at(0.9, caught(plan))) if is_cut_off else 0.0
@@ -47,18 +51,28 @@ def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accur
 
 
 def rounding_error(plan: Plan) -> float:
-    """About how far landings may be off because Blender keeps places and vertices as float32, display px.
+    """About how far landings may be off because Blender keeps
+    places and vertices as float32, display px.
 
-    Each part is shifted by half a step of its place. Vertices that are off tilt the faces between them, by the more the
-    smaller those are: light is turned by TILTED of it, and lands beside by that times its way from the glass.
+    Each part is shifted by half a step of its place. Vertices that are off tilt the faces between
+    them, by the more the smaller those are: light is turned by TILTED of it, and lands beside by
+    that times its way from the glass.
     """
     rig = plan.rig
-    off = FLOAT32 / 4 * max(float(np.abs(part.mesh.bounds).max()) for part in (*rig.glasses, *rig.plates, rig.display))
+    off = (
+        FLOAT32
+        / 4
+        * max(
+            float(np.abs(part.mesh.bounds).max())
+            for part in (*rig.glasses, *rig.plates, rig.display)
+        )
+    )
     for part in (*rig.glasses, *rig.mirrors):
         if not part.mesh.rounding:
             continue
         corners = part.mesh.corners
-        area, edge = areas_of(corners), np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+        area = areas_of(corners)
+        edge = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
         has_area = area > 0
         if not has_area.any():
             continue
@@ -68,7 +82,9 @@ def rounding_error(plan: Plan) -> float:
 
 
 def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
-    """For each glass of a plan the share, 0..1, of the light that carries the picture and goes through its gaps."""
+    """For each glass of a plan the share, 0..1, of the light that
+    carries the picture and goes through its gaps.
+    """
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
         return (0.0,) * n_glasses
@@ -80,23 +96,30 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
 
 
 def caught(plan: Plan) -> Pauses[float]:
-    """Share, 0..1, of the light cut off by Max Events that does not come free within FURTHER times as many surfaces.
+    """Share, 0..1, of the light cut off by Max Events that does
+    not come free within FURTHER times as many surfaces.
 
-    Light comes into a whole solid as it goes out: light that never does so is held by faces that contradict each other.
+    Light comes into a whole solid as it goes out: light that never
+    does so is held by faces that contradict each other.
     """
     (origins, directions), _ = _picture_rays(plan.rig)
     landings = yield from tracing(plan, origins, directions)
     cut_off = np.flatnonzero(landings.reason == Reason.CUT_OFF)
     if not len(cut_off):
         return 0.0
-    some = cut_off[np.linspace(0, len(cut_off) - 1, min(len(cut_off), CAUGHT_SAMPLES)).astype(np.int64)]
+    some = cut_off[
+        np.linspace(0, len(cut_off) - 1, min(len(cut_off), CAUGHT_SAMPLES)).astype(np.int64)
+    ]
     settings = replace(plan.settings, max_events=FURTHER * plan.settings.max_events)
     further = yield from tracing(replace(plan, settings=settings), origins[some], directions[some])
     return float((further.reason == Reason.CUT_OFF).mean())
 
 
 def _picture_rays(rig: Rig) -> tuple[tuple[Floats, Floats], Floats]:
-    """Origins and directions (n, 3) of rays on which the viewer sees the picture; how much each sees of it, 0..1."""
+    """Origins and directions (n, 3) of rays on which the viewer sees the picture.
+
+    How much each sees of it, 0..1.
+    """
     side = np.arange(LEAK_SAMPLES) + 0.5
     xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     xy *= np.array([rig.viewer.width, rig.viewer.height]) / LEAK_SAMPLES

@@ -15,15 +15,19 @@ from ..steps import at
 from .session import Session
 from .solution import Solution
 
-# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in linear values, at
-# once; a display of half the resolution is off by 0.03. So a first picture saves on the viewer.
-COARSE_VIEWER, FINER = 64, 4  # px of the longer side; how much finer each picture is than the one before
+# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in
+# linear values, at once; a display of half the resolution is off by 0.03. So a first picture saves
+# on the viewer. px of the longer side; how much finer each picture is than the one before
+COARSE_VIEWER = 64
+FINER = 4
 COARSE_DISPLAY = 512  # px of the longer side
 COARSE_TOLERANCE = 1.0  # display px
 
-# s of work after the build that the rig itself gets before its first picture is made, while it traces and while it
-# paints images larger than coarse ones. A rig done by then needs none: the ball's is, of which it takes a seventh.
-TRACING, PAINTING = 0.2, 0.4
+# s of work after the build that the rig itself gets before its first picture is made, while it
+# traces and while it paints images larger than coarse ones. A rig done by then needs none: the
+# ball's is, of which it takes a seventh.
+TRACING = 0.2
+PAINTING = 0.4
 
 
 def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
@@ -35,15 +39,24 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
         replace(
             rig,
             viewers=(replace(viewer, width=-(-viewer.width // n), height=-(-viewer.height // n)),),
-            displays=(replace(display, width=-(-display.width // m), height=-(-display.height // m)),),
+            displays=(
+                replace(display, width=-(-display.width // m), height=-(-display.height // m)),
+            ),
         ),
-        replace(settings, tolerance=max(settings.tolerance, COARSE_TOLERANCE), margin=-(-settings.margin // m)),
+        replace(
+            settings,
+            tolerance=max(settings.tolerance, COARSE_TOLERANCE),
+            margin=-(-settings.margin // m),
+        ),
     )
 
 
 def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
-    """The rigs to solve, one after the other: the last is the rig itself, those before take a fraction of its time."""
-    rungs, side = [], COARSE_VIEWER
+    """The rigs to solve, one after the other: the last is the rig
+    itself, those before take a fraction of its time.
+    """
+    rungs = []
+    side = COARSE_VIEWER
     while 2 * side < max(rig.viewer.width, rig.viewer.height):
         rungs.append(coarser(rig, settings, side))
         side *= FINER
@@ -51,7 +64,9 @@ def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
 
 
 def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """An image (h, w, c) with as many pixels as the display: each is that of the coarse one it lies in."""
+    """An image (h, w, c) with as many pixels as the display:
+    each is that of the coarse one it lies in.
+    """
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
@@ -60,13 +75,18 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
 def solve_in_sight(
     session: Session, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None]
 ) -> Generator[float, None, Solution]:
-    """The same as `session.solve`, for somebody who waits: `show` gets coarse source images of the display's size.
+    """The same as `session.solve`, for somebody who waits:
+    `show` gets coarse source images of the display's size.
 
-    The rig itself is begun first, so that nothing is shown where it cannot be solved; it rests while a coarse
-    picture is made. The next one, which takes FINER^2 times as long, comes after as many times the work. None is made
-    where nothing has to be traced, since nothing coarse is faster.
+    The rig itself is begun first, so that nothing is shown where it cannot be solved; it rests
+    while a coarse picture is made. The next one, which takes FINER^2 times as long, comes after as
+    many times the work. None is made where nothing has to be traced, since nothing coarse is
+    faster.
     """
-    is_large = max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height) > COARSE_DISPLAY
+    is_large = (
+        max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height)
+        > COARSE_DISPLAY
+    )
     worked, patience = 0.0, 1
     with closing(session.solve(rig, settings)) as solving:
         progress = next(solving)  # the glass is made ready
@@ -75,7 +95,11 @@ def solve_in_sight(
             while True:
                 yield progress
                 is_tracing = session.is_tracing
-                if rungs and (is_tracing or is_large) and worked >= patience * (TRACING if is_tracing else PAINTING):
+                if (
+                    rungs
+                    and (is_tracing or is_large)
+                    and worked >= patience * (TRACING if is_tracing else PAINTING)
+                ):
                     patience *= FINER**2
                     yield from _shown(session, *rungs.pop(0), rig, show, progress)
                 started = perf_counter()
@@ -93,7 +117,9 @@ def _shown(
     show: Callable[[NDArray[np.float32]], None],
     progress: float,
 ) -> Generator[float, None, None]:
-    """Show a coarse picture of the whole rig, unless it fails, as where its viewer misses light of the whole one's."""
+    """Show a coarse picture of the whole rig, unless it fails, as
+    where its viewer misses light of the whole one's.
+    """
     try:
         source = yield from at(progress, session.glance(rig, settings))
     except (KirikoError, MemoryError):

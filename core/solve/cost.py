@@ -6,13 +6,19 @@ import numpy as np
 
 from ..settings import LEAST_TOLERANCE, MOST_TOLERANCE
 
-BUILD = ("fingerprint", "plan")  # parts of a solve that the splat needs as well, once for all samples
+# parts of a solve that the splat needs as well, once for all samples
+BUILD = ("fingerprint", "plan")
 REFINED = ("tracing", "shares")  # parts of a solve that depend on the tolerance
-ORDER = 4  # of interpolation within a cell, in the cell's side; cells cover an area: their number goes by 2 / ORDER
+# of interpolation within a cell, in the cell's side; cells
+# cover an area: their number goes by 2 / ORDER
+ORDER = 4
 
 
 def cost(
-    seconds: dict[str, float], tolerance: float, wanted: float, ladder: Sequence[tuple[float, float]] = ()
+    seconds: dict[str, float],
+    tolerance: float,
+    wanted: float,
+    ladder: Sequence[tuple[float, float]] = (),
 ) -> float | None:
     """About how many seconds the last solve would have taken at another tolerance.
 
@@ -20,9 +26,9 @@ def cost(
     ----------
     seconds : of the last solve by part
     tolerance, wanted : display px, the last solve's and the other
-    ladder : tolerances (display px) and seconds that a report measured. Without, a cell's error is taken to go with its
-        side to the power ORDER, so that the number of cells goes with the tolerance to the power -2 / ORDER: too much
-        where cells are as small as they get already.
+    ladder : tolerances (display px) and seconds that a report measured. Without, a cell's error is
+        taken to go with its side to the power ORDER, so that the number of cells goes with the
+        tolerance to the power -2 / ORDER: too much where cells are as small as they get already.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """How much memory a solve takes, told before it is taken.
 
-The amounts are those that `dev.py bench` measures beside this estimate: within a factor of 2 from 100 MB on, with the
-compiled kernel and without it.
+The amounts are those that `dev.py bench` measures beside this estimate: within a
+factor of 2 from 100 MB on, with the compiled kernel and without it.
 """
 
 import numpy as np
@@ -15,24 +15,40 @@ from ..map.view_map import ViewMap
 from ..rig import Mesh, Rig
 from ..settings import Settings
 
-ALWAYS, BY_NUMPY = 45e6, 75e6  # bytes; and those that batches of rays take more without the kernel
+# bytes; and those that batches of rays take more without the kernel
+ALWAYS = 45e6
+BY_NUMPY = 75e6
 # bytes for each pixel, share, triangle, traced ray that is kept
-OF_DISPLAY, OF_VIEWER, OF_PICTURE, OF_SHARE, OF_TRIANGLE, OF_RAY = 55, 20, 20, 62, 2000, 120
-OWN_SHARES, VIEWER_SHARES, MOST_VIEWER_SHARES = 1.2, 1.5, 14  # for a display pixel; for one of the viewer's, up to
-QUADS, MOST_QUADS = 7, 512  # times the display's side in tolerances; for a viewer pixel
-CELLS, RAYS, MOST_RAYS = 5, 40, 1.5  # times the 2/5th power of the same; for a cell, for a viewer pixel
+OF_DISPLAY = 55
+OF_VIEWER = 20
+OF_PICTURE = 20
+OF_SHARE = 62
+OF_TRIANGLE = 2000
+OF_RAY = 120
+# for a display pixel; for one of the viewer's, up to
+OWN_SHARES = 1.2
+VIEWER_SHARES = 1.5
+MOST_VIEWER_SHARES = 14
+# times the display's side in tolerances; for a viewer pixel
+QUADS = 7
+MOST_QUADS = 512
+# times the 2/5th power of the same; for a cell, for a viewer pixel
+CELLS = 5
+RAYS = 40
+MOST_RAYS = 1.5
 
 
 def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
     """Bytes that a solve is about to take beside the process as it is, by their use.
 
-    Where borders run, and how many shares come of the pixels that are cut there, is known only from the view map:
-    without one they count for nothing.
+    Where borders run, and how many shares come of the pixels that are cut there, is
+    known only from the view map: without one they count for nothing.
 
-    Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off by h^2 of it, so
-    that the tolerance asks for 1 / h^2 of them, in proportion to the display's side in tolerances. Cells are off by
-    h^5, which asks for its 2/5th power. That holds within a triangle of the mesh; the map has kinks of a higher order
-    between them: where cells would be smaller, any viewer pixel that needs several quads may be cut.
+    Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off
+    by h^2 of it, so that the tolerance asks for 1 / h^2 of them, in proportion to the display's
+    side in tolerances. Cells are off by h^5, which asks for its 2/5th power. That holds within a
+    triangle of the mesh; the map has kinks of a higher order between them: where cells would be
+    smaller, any viewer pixel that needs several quads may be cut.
     """
     image = rig.picture.image
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
@@ -41,10 +57,17 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
     n_quads = min(QUADS * sides, MOST_QUADS * viewer)
     n_cells = CELLS * sides**0.4
-    n_rays = min(RAYS * n_cells, MOST_RAYS * viewer) if n_cells < n_curved else MOST_RAYS * min(n_quads, viewer)
+    n_rays = (
+        min(RAYS * n_cells, MOST_RAYS * viewer)
+        if n_cells < n_curved
+        else MOST_RAYS * min(n_quads, viewer)
+    )
     n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
-    n_kept, n_more = min(n_shares, MOST_KEPT), min(n_quads, max(MOST_KEPT - n_shares, 0.0))
-    n_cut, n_points = (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
+    n_kept = min(n_shares, MOST_KEPT)
+    n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
+    n_cut, n_points = (
+        (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
+    )
     return {
         "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
@@ -68,11 +91,15 @@ def _n_curved(mesh: Mesh) -> int:
 def check_memory(rig: Rig, settings: Settings) -> None:
     """Raise RigError when a solve would take more memory than is free."""
     parts = estimated(rig, settings)
-    display, viewer, picture = rig.display, rig.viewer, rig.picture
+    display = rig.display
+    viewer = rig.viewer
+    picture = rig.picture
     height, width = picture.image.shape[:2]
     remedies = {
-        "display": f"lower the resolution of the display '{display.name}' ({display.width} x {display.height})",
-        "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})",
+        "display": f"lower the resolution of the display '{display.name}' ({display.width} x"
+        f" {display.height})",
+        "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x"
+        f" {viewer.height})",
         "picture": f"choose a smaller image for the picture '{picture.name}' ({width} x {height})",
         "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
         "glass": "give the glass fewer triangles",
@@ -82,12 +109,16 @@ def check_memory(rig: Rig, settings: Settings) -> None:
 
 
 def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
-    """Raise RigError when the shares of the pixels that borders run through would take more memory than is free."""
+    """Raise RigError when the shares of the pixels that borders
+    run through would take more memory than is free.
+    """
     viewer = rig.viewer
     resolution = f"the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})"
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
         estimated(rig, settings, view_map)["borders"],
         "Painting what the borders in the glass cut to pieces",
-        f"lower Effort ({settings.effort}), or {resolution}" if is_sampled else f"lower {resolution}",
+        f"lower Effort ({settings.effort}), or {resolution}"
+        if is_sampled
+        else f"lower {resolution}",
     )

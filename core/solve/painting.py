@@ -22,7 +22,8 @@ from ..steps import Pauses, at
 from .reach import times_slower
 from .solution import shares_of
 
-# seconds, about, that painting takes for each display pixel, cell and share, where `reach.times_slower` is 1
+# seconds, about, that painting takes for each display pixel,
+# cell and share, where `reach.times_slower` is 1
 PAINTING = 0.48e-6, 0.67e-6, 0.14e-6
 MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
@@ -78,9 +79,15 @@ class Clock:
         self._last = now
 
 
-def paint(rig: Rig, placed: Placed, pyramid: Pyramid, clock: Clock) -> Generator[float, None, Painting]:
-    """Add all shares to a painting, and to the sums over them where these are new; yields progress 0..1."""
-    painting, is_new = Painting(placed.shares.display_size), placed.covered is None
+def paint(
+    rig: Rig, placed: Placed, pyramid: Pyramid, clock: Clock
+) -> Generator[float, None, Painting]:
+    """Add all shares to a painting, and to the sums over them where these are new.
+
+    Yields progress 0..1.
+    """
+    painting = Painting(placed.shares.display_size)
+    is_new = placed.covered is None
     n_painted, told = 0, 0.0
     clock.lap("painting")
     if is_new and placed.shares.has_path:
@@ -96,14 +103,19 @@ def paint(rig: Rig, placed: Placed, pyramid: Pyramid, clock: Clock) -> Generator
             clock.lap("coverage")
 
         strokes = placed.strokes[n] if is_known else find_strokes(rig.picture, rig.viewer, shown)
-        if n == len(placed.strokes) and n_painted < MOST_PLACED:  # another solve may have let some go meanwhile
+        # another solve may have let some go meanwhile
+        if n == len(placed.strokes) and n_painted < MOST_PLACED:
             placed.strokes.append(strokes)
         painting.add(pyramid, strokes)
         clock.lap("painting")
 
         n_painted += len(shares)
         batches = placed.shares
-        part = n_painted / len(batches) if batches.are_kept else np.interp(batches.n_divided, placed.cells, placed.part)
+        part = (
+            n_painted / len(batches)
+            if batches.are_kept
+            else np.interp(batches.n_divided, placed.cells, placed.part)
+        )
         told = max(told, float(part))  # another solve may be half way through the same batches
         yield told
     if not placed.shares.are_kept:
@@ -118,10 +130,14 @@ def place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> Placed:
     cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
     seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
     part = n_shares / max(n_shares[-1], 1)
-    return Placed(key, shares, seconds, cells, part, Coverage(shares.display_size, shares.view_size))
+    return Placed(
+        key, shares, seconds, cells, part, Coverage(shares.display_size, shares.view_size)
+    )
 
 
-def finished(painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings) -> NDArray[np.float32]:
+def finished(
+    painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings
+) -> NDArray[np.float32]:
     """The source image of a painting to which all shares were added."""
     held_back = None if beside is None else settings.suppress_glare * beside
     return painting.finished(coverage.weight, settings.margin, held_back)
@@ -145,7 +161,9 @@ def _shares_to_paint(view_map: ViewMap, rig: Rig, settings: Settings) -> ShareBa
 
 
 def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
-    """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of light beside the glass, if asked for."""
+    """Sum (H, W) of area * throughput^2, viewer px^2, over the
+    shares of light beside the glass, if asked for.
+    """
     if not settings.looks_beside:
         return None
 

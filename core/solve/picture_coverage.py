@@ -18,14 +18,19 @@ ROUNDING = 1e-12  # of the picture: less is no light
 PIXELS_AT_ONCE = 1 << 18
 
 
-def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[float, dict[str, float]]:
-    """Share of the picture, as the viewer sees it, that is covered, and shares of it by reason of the misses: 1 in all.
+def of_the_picture(
+    rig: Rig, view_map: ViewMap, view_coverage: Floats
+) -> tuple[float, dict[str, float]]:
+    """Share of the picture, as the viewer sees it, that is covered,
+    and shares of it by reason of the misses: 1 in all.
 
-    The part missing in a pixel is put down to the reasons of the rays at its corners and within. Where all these have
-    landed, it is beyond the display's edge, if one cell maps the pixel; else between branches finer than a pixel.
+    The part missing in a pixel is put down to the reasons of the rays at its corners and within.
+    Where all these have landed, it is beyond the display's edge, if one cell maps the pixel; else
+    between branches finer than a pixel.
     """
     w, h = view_map.view_size
-    unseen, lost = 0.0, np.zeros(len(Reason))
+    unseen = 0.0
+    lost = np.zeros(len(Reason))
     within = _reasons_within(view_map)
     cover_of_view = cover_in_view(rig.picture, rig.viewer)
     shown = float(cover_of_view.sum())
@@ -36,11 +41,15 @@ def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[
         unseen += missing.sum()
         some = np.flatnonzero(missing)
         top = view_map.reason[first : first + rows + 1]
-        by_corner = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]]).reshape(4, -1)[:, some]
+        by_corner = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]]).reshape(
+            4, -1
+        )[:, some]
         of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
         votes = of_reason.sum(axis=1) + within[:, first * w + some]
         votes[Reason.ARRIVED] = 0
-        at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (votes.sum(axis=0) == 0)
+        at_edge = view_map.is_one_cell[first : first + rows].ravel()[some] & (
+            votes.sum(axis=0) == 0
+        )
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
     if shown < UNSEEN:
@@ -48,7 +57,9 @@ def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[
             f"The viewer '{rig.viewer.name}' does not see the picture '{rig.picture.name}',"
             f" {why_unseen(rig.picture, rig.viewer)}."
         )
-    misses = {REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0}
+    misses = {
+        REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0
+    }
     between = float((unseen - lost.sum()) / shown)
     if between > ROUNDING:
         misses[TOO_FINE] = between
@@ -56,11 +67,15 @@ def of_the_picture(rig: Rig, view_map: ViewMap, view_coverage: Floats) -> tuple[
 
 
 def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
-    """How many rays within each viewer pixel, not on its edges, ended for each reason: (reasons, pixels)."""
+    """How many rays within each viewer pixel, not on its
+    edges, ended for each reason: (reasons, pixels).
+    """
     w, h = view_map.view_size
     view = view_map.points.view
     column, row = np.floor(view).astype(np.int64).T
     is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
     counts = np.zeros((len(Reason), w * h), np.uint16)
-    np.add.at(counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1)
+    np.add.at(
+        counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1
+    )
     return counts

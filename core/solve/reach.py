@@ -1,4 +1,6 @@
-"""Which glass does light come near? Other glass is not made ready to be traced until a ray comes by."""
+"""Which glass does light come near? Other glass is not
+made ready to be traced until a ray comes by.
+"""
 
 import timeit
 from collections.abc import Callable, Generator
@@ -21,20 +23,32 @@ MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
 
 # Seconds, for the progress alone, of a machine on which the norms of PROBE take OF_PROBE seconds.
-OF_PROBE, PROBE = 370e-6, np.ones((1 << 14, 3))
+OF_PROBE = 370e-6
+PROBE = np.ones((1 << 14, 3))
 SECONDS_A_PIXEL = 8e-6  # that a view map takes
-AFTER_A_PIXEL, AFTER_A_RAY = 0.8e-6, 1.1e-6  # that the work after it takes
+# that the work after it takes
+AFTER_A_PIXEL = 0.8e-6
+AFTER_A_RAY = 1.1e-6
 
 
 def out_of_sight(rig: Rig) -> tuple[int, ...]:
-    """Glasses, by their number, that the viewer does not look at: light may come to them by way of the others only."""
+    """Glasses, by their number, that the viewer does not look at:
+    light may come to them by way of the others only.
+    """
     if len(rig.glasses) == 1:
         return ()
     viewer = rig.viewer
     aside = []
     for number, glass in enumerate(rig.glasses):
         low, high = glass.mesh.bounds
-        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        corners = np.array(
+            [
+                [x, y, z]
+                for x in (low[0], high[0])
+                for y in (low[1], high[1])
+                for z in (low[2], high[2])
+            ]
+        )
         xy = viewer.project(corners)
         is_before = np.isfinite(xy).all(axis=1)
         if not is_before.any():
@@ -55,10 +69,12 @@ def times_slower() -> float:
 def sample_reached(
     rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
-    """Plan and view map of a rig without the glass that no light comes near; yields progress of a whole solve, 0..1.
+    """Plan and view map of a rig without the glass that no light
+    comes near; yields progress of a whole solve, 0..1.
 
-    It ends where as much time has passed as it should have of a solve in which the work after it takes its time, too.
-    Where a ray comes near such a glass after all, or a bundle of rays does, it begins again with it.
+    It ends where as much time has passed as it should have of a solve in which the work after it
+    takes its time, too. Where a ray comes near such a glass after all, or a bundle of rays does, it
+    begins again with it.
 
     Parameters
     ----------
@@ -68,14 +84,22 @@ def sample_reached(
     ------
     RigError, MeshError : as by make_plan
     """
-    aside, told, slower = out_of_sight(rig), 0.0, times_slower()
+    aside = out_of_sight(rig)
+    told = 0.0
+    slower = times_slower()
     for start in range(MOST_STARTS):
         started = perf_counter()
-        plan = yield from at(told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ()))
+        plan = yield from at(
+            told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
+        )
         lap("plan")
-        began, sampling = perf_counter(), Sampling(plan)
-        of_plan, n_pixels = began - started, rig.viewer.width * rig.viewer.height
-        steps, share, guess = sampling.sample(), 0.0, DOUBT * slower * SECONDS_A_PIXEL * n_pixels
+        began = perf_counter()
+        sampling = Sampling(plan)
+        of_plan = began - started
+        n_pixels = rig.viewer.width * rig.viewer.height
+        steps = sampling.sample()
+        share = 0.0
+        guess = DOUBT * slower * SECONDS_A_PIXEL * n_pixels
         try:
             while True:
                 so_far = perf_counter() - began

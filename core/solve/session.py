@@ -1,7 +1,8 @@
 """Keeps ray engines, view map and shares between solves, by fingerprint of content, and solves.
 
-Nothing is computed again that has not changed: a new picture costs one product with the shares, a moved viewer builds
-no ray engine. Shares are made, painted and summed some at a time, so that there may be more of them than memory holds.
+Nothing is computed again that has not changed: a new picture costs one product with the shares, a
+moved viewer builds no ray engine. Shares are made, painted and summed some at a time, so that there
+may be more of them than memory holds.
 """
 
 from collections.abc import Generator
@@ -47,9 +48,11 @@ REMEDIES = {
     Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
     Reason.LOST_INSIDE: "every ray is lost inside the glass: look for faces that cut each other",
     Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
-    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to the plate",
+    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
+    " the plate",
     Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
-    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the glass",
+    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the"
+    " glass",
 }
 
 
@@ -85,7 +88,8 @@ class Session:
             One sentence on the fault of the rig; the session stays as it was.
         """
         settings = settings or Settings()
-        clock, started = Clock(), perf_counter()
+        clock = Clock()
+        started = perf_counter()
         rig.check()
         settings.check()
         key = fingerprint(replace(rig, pictures=()), settings.of_optics)
@@ -106,7 +110,9 @@ class Session:
         if is_new:
             so_far = perf_counter() - started
             told = max(told, min(PAINTED, so_far / (so_far + placed.seconds_to_paint)))
-        painting = yield from within(paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED)
+        painting = yield from within(
+            paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED
+        )
         if is_new:
             _refuse_if_dark(optics, placed.shares)
             self._optics = optics
@@ -138,25 +144,34 @@ class Session:
             plan,
             optics.plan.used,
             optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            remarks_on(rig, plan, optics.accuracy, optics.view_map.error, placed.covered[1], source, glare),
+            remarks_on(
+                rig, plan, optics.accuracy, optics.view_map.error, placed.covered[1], source, glare
+            ),
         )
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
-        """The source image of a coarse rig alone, of which nothing is measured; yields progress 0..1.
+        """The source image of a coarse rig alone, of which
+        nothing is measured; yields progress 0..1.
 
-        The last solve stays known. So does the glass that is made ready: it may be called within a solve.
+        The last solve stays known. So does the glass that is
+        made ready: it may be called within a solve.
 
         Raises
         ------
         RigError, MeshError : as by `solve`, but for the words
         """
         clock = Clock()
-        _, view_map = yield from within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.5)
+        _, view_map = yield from within(
+            sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.5
+        )
         placed = place("", view_map, rig, settings)
-        painting = yield from within(paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0)
+        painting = yield from within(
+            paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0
+        )
         if not len(placed.shares):
             raise RigError("The display stays dark.")
-        of_the_picture(rig, view_map, placed.view_coverage_in(view_map))  # refuses a picture out of sight
+        # refuses a picture out of sight
+        of_the_picture(rig, view_map, placed.view_coverage_in(view_map))
         beside = yield from at(1.0, weight_beside(view_map, settings))
         return finished(painting, placed.coverage, beside, settings)
 
@@ -207,8 +222,8 @@ def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:
     if leaked > MOSTLY:
         glass = optics.plan.rig.glasses[leaks.index(leaked)]
         raise RigError(
-            f"The display stays dark: {percent(leaked)} of the picture's light goes through gaps in the glass"
-            f" '{glass.name}': close them."
+            f"The display stays dark: {percent(leaked)} of the picture's light goes through gaps"
+            f" in the glass '{glass.name}': close them."
         )
 
     counts = np.bincount(optics.view_map.reason.ravel(), minlength=len(Reason))

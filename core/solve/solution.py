@@ -29,12 +29,15 @@ class Solution:
 
     source : (H, W, 3) float32 linear, row 0 at the top
     shares : of all cells, some at a time
-    weight : (H, W) viewer px^2, sum of area * throughput^2 over the shares of each display pixel that it shows
+    weight : (H, W) viewer px^2, sum of area * throughput^2 over
+        the shares of each display pixel that it shows
     display_coverage, view_coverage : (H, W), (h, w), 0..1
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
-    misses : share of the picture as seen, by reason why it has no landing; with picture_coverage they make 1
+    misses : share of the picture as seen, by reason why it has
+        no landing; with picture_coverage they make 1
     seconds : time by part of the work; n_rays : rays traced for this solve
-    tessellation_error : about how far landings are from those of the surface that was meant, rms display px
+    tessellation_error : about how far landings are from those of
+        the surface that was meant, rms display px
     plate : brightness and blur by a plate's mirrors, None where it is ideal
     glare : the light that comes beside the glass; None where that carries the picture, too
     used, left_out : what this rig needed and what it did not; remarks : sentences for the user
@@ -77,10 +80,14 @@ class Solution:
         """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
         return ideal_image(self.rig.picture, self.rig.viewer)
 
-    def seen(self, source: NDArray[np.float32] | None = None, beside: bool = False) -> NDArray[np.float32]:
-        """The viewer's image, through the glass, of the source image or of another one: (h, w, 3) linear.
+    def seen(
+        self, source: NDArray[np.float32] | None = None, beside: bool = False
+    ) -> NDArray[np.float32]:
+        """The viewer's image, through the glass, of the source
+        image or of another one: (h, w, 3) linear.
 
-        beside : and by way of the plate alone, beside the glass; that is traced when first asked for, see `look_beside`
+        beside : and by way of the plate alone, beside the glass; that
+            is traced when first asked for, see `look_beside`
         """
         source = self.source if source is None else source
         seen = seen_image(self._seen_shares, source)
@@ -91,22 +98,37 @@ class Solution:
     @cached_property
     def _seen_shares(self) -> ShareBatches:
         """Shares each of which lies in one viewer pixel: those that paint may be larger."""
-        return shares_of(self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True))
+        return shares_of(
+            self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True)
+        )
 
     def look_beside(self) -> Generator[float, None, None]:
-        """Trace light beside the glass, unless it is known or is part of the map anyway; yields progress 0..1."""
+        """Trace light beside the glass, unless it is known or is part of the map anyway.
+
+        Yields progress 0..1.
+        """
         settings = self.plan.settings
-        if settings.only_through_glass and not settings.looks_beside and "_map_beside" not in vars(self):
+        if (
+            settings.only_through_glass
+            and not settings.looks_beside
+            and "_map_beside" not in vars(self)
+        ):
             check_memory(self.rig, settings)
             vars(self)["_map_beside"] = yield from sample(looking_beside(self.plan))
 
     @cached_property
     def _map_beside(self) -> ViewMap:
-        return self.view_map if self.plan.settings.looks_beside else finish(sample(looking_beside(self.plan)))
+        return (
+            self.view_map
+            if self.plan.settings.looks_beside
+            else finish(sample(looking_beside(self.plan)))
+        )
 
     @cached_property
     def _seen_beside(self) -> ShareBatches | None:
-        """The shares of light beside the glass, each in one viewer pixel; None where it is part of the map anyway."""
+        """The shares of light beside the glass, each in one viewer
+        pixel; None where it is part of the map anyway.
+        """
         if not self.plan.settings.only_through_glass:
             return None
         pieces = partial(self._map_beside.pieces, at_pixels=True, beside=True)
@@ -115,11 +137,16 @@ class Solution:
 
 def without_glass(rig: Rig) -> Rig:
     """The same rig with glass that does not refract: it paints the plain, uncompensated picture."""
-    return replace(rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses))
+    return replace(
+        rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses)
+    )
 
 
 def shares_of(
-    view_map: ViewMap, has_throughput: bool, pieces: Callable[[], Iterator[Piece]], has_path: bool = False
+    view_map: ViewMap,
+    has_throughput: bool,
+    pieces: Callable[[], Iterator[Piece]],
+    has_path: bool = False,
 ) -> ShareBatches:
     """The shares of pieces of a map, with their paths if asked for."""
 

@@ -23,27 +23,35 @@ from ..steps import Pauses, at, within
 from ..vectors import dot
 
 SAMPLES = 32  # rays along each side of the viewer's image
-TILTED = 0.25  # of a face's tilt: normals are means of some faces, and light turns by half of their turn
+# of a face's tilt: normals are means of some faces, and light turns by half of their turn
+TILTED = 0.25
 COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
-IRREGULAR = 3.0  # times the error of the order: noisy balls have 7 and more of it by jumps, an icosahedron once cut 1
-WORSE = 2.0  # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
+# times the error of the order: noisy balls have 7 and
+# more of it by jumps, an icosahedron once cut 1
+IRREGULAR = 3.0
+# times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
+WORSE = 2.0
 NEAR = 1e-3  # of the glass's size
 WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
 class Tessellation(NamedTuple):
-    """About how far landings are from those of the surface that was meant, display px rms; all 0 where all is flat.
+    """About how far landings are from those of the surface that
+    was meant, display px rms; all 0 where all is flat.
 
     Parameters
     ----------
     drawn : because facets with bent normals are no curved faces
     order : because curved faces are of degree 4
     straight : because edges next to flat faces and sharp edges are straight
-    jumps : because the normals of curved faces do not agree at their edges: the mesh is irregular or noisy
+    jumps : because the normals of curved faces do not agree at
+        their edges: the mesh is irregular or noisy
     uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
-    as_drawn : the first as it would be if all were followed as drawn, asked only where jumps matter; else 0
-    undecided : share of the light, 0..1, that passes two solids so near each other that it arrives elsewhere, or does
-        not, where the curved faces are of degree 3 instead of 4: the solids have other triangles there
+    as_drawn : the first as it would be if all were followed as
+        drawn, asked only where jumps matter; else 0
+    undecided : share of the light, 0..1, that passes two solids so near each other that it arrives
+        elsewhere, or does not, where the curved faces are of degree 3 instead of 4: the solids have
+        other triangles there
     """
 
     drawn: float = 0.0
@@ -63,18 +71,20 @@ class Tessellation(NamedTuple):
     def cause(self) -> str:
         """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'.
 
-        On a mesh that is merely coarse normals jump as well: by no more than a few times the error of the order, or
-        than its facets would be off.
+        On a mesh that is merely coarse normals jump as well: by no more than a few
+        times the error of the order, or than its facets would be off.
         """
         is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
         return max(
-            ("drawn", "order", "straight") if is_coarse else self._fields[:4], key=lambda name: getattr(self, name)
+            ("drawn", "order", "straight") if is_coarse else self._fields[:4],
+            key=lambda name: getattr(self, name),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class _Parabolic(CurvedFaces):
-    """Curved faces, and beside them paraboloids over flat triangles, with about their bent normals (t, 3, 3).
+    """Curved faces, and beside them paraboloids over flat
+    triangles, with about their bent normals (t, 3, 3).
 
     Rows from `first` on are paraboloids.
     """
@@ -92,7 +102,9 @@ class _Parabolic(CurvedFaces):
     @cached_property
     def _spheres(self) -> tuple[Floats, Floats]:
         centre = self.corners.mean(axis=1)
-        return centre, (1 + MOST_OFFSET) * np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        return centre, (1 + MOST_OFFSET) * np.linalg.norm(
+            self.corners - centre[:, None], axis=2
+        ).max(axis=1)
 
     def _load(self, k: Ints) -> Floats:
         c = np.zeros((N_TERMS, 3, len(k)))
@@ -104,7 +116,8 @@ class _Parabolic(CurvedFaces):
         return c
 
     def _paraboloids(self, k: Ints) -> Floats:
-        corners, normals = self.corners[k], self.corner_normals[k]
+        corners = self.corners[k]
+        normals = self.corner_normals[k]
         c = np.zeros((N_TERMS, 3, len(k)))
         by_power = {power: c[i] for i, power in enumerate(POWERS)}
         by_power[1, 0][:], by_power[0, 1][:] = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
@@ -146,26 +159,32 @@ def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
         normals = normals @ layer.motion.rotation
     bent = layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
     if kernel.library() is not None:
-        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))  # made sooner than Embree's
+        # made sooner than Embree's
+        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))
     return bent
 
 
 def _difference(one: Landings, other: Landings) -> float:
     """Distance of landings on the same branch, rms in display px; 0 where there are none."""
     same = one.has_arrived & other.has_arrived & (one.branch == other.branch)
-    return float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
+    return (
+        float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
+    )
 
 
 def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     """The error that the mesh leaves open of the surface that was meant.
 
-    It is seen from what a change of the surface does to a sample of the viewer's rays. Flat triangles with bent normals
-    are compared with paraboloids; faces whose edges are held straight with what they would be if they were not. Curved
-    faces are of degree 4; what degree 5 would change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a
-    geometric sequence. Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
+    It is seen from what a change of the surface does to a sample of the viewer's rays. Flat
+    triangles with bent normals are compared with paraboloids; faces whose edges are held straight
+    with what they would be if they were not. Curved faces are of degree 4; what degree 5 would
+    change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a geometric sequence.
+    Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
     of that. Yields progress 0..1.
     """
-    pairs = [(layer, held.numbers) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)]
+    pairs = [
+        (layer, held.numbers) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)
+    ]
     has_curved = any(layer.curved is not None for layer in plan.layers)
     if not (has_curved or plan.is_bent.any()):
         return Tessellation()
@@ -177,14 +196,22 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     is_met = np.zeros(len(plan.part), bool)
     for step in ways[0]:
         is_met[step.triangle] = True
-    is_drawn = [bool((plan.is_bent & is_met)[numbers].any()) and layer.has_engine for layer, numbers in pairs]
+    is_drawn = [
+        bool((plan.is_bent & is_met)[numbers].any()) and layer.has_engine
+        for layer, numbers in pairs
+    ]
     yield 0.2
 
     def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
         return tracing(replace(plan, layers=tuple(layers)), *rays, steps=steps)
 
-    def changed(change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None) -> Pauses[Landings]:
-        curved = [layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in plan.layers]
+    def changed(
+        change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
+    ) -> Pauses[Landings]:
+        curved = [
+            layer if layer.curved is None else layer.bent(change(layer.curved))
+            for layer in plan.layers
+        ]
         return landings(curved, steps)
 
     found = Tessellation()
@@ -196,7 +223,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         square = yield from at(0.4, changed(lambda curved: curved.lowered(2)))
         cubic = yield from at(0.6, changed(lambda curved: curved.lowered(3), ways[1]))
         yield 0.8
-        last, before = _difference(here, cubic), _difference(cubic, square)
+        last = _difference(here, cubic)
+        before = _difference(cubic, square)
         found = found._replace(
             order=last * min(1.0, last / before) if before else last,
             undecided=_undecided(plan, (here, cubic), (every[0], rays[0]), ways),
@@ -233,7 +261,9 @@ def _undecided(
     origins: tuple[Floats, Floats],
     ways: tuple[list[Step], list[Step]],
 ) -> float:
-    """Share of the light that arrives elsewhere by another degree, having passed near two solids on either way."""
+    """Share of the light that arrives elsewhere by another
+    degree, having passed near two solids on either way.
+    """
     here, other = landings
     is_changed = other.branch != here.branch
     if not is_changed.any():
@@ -241,12 +271,15 @@ def _undecided(
     with np.errstate(invalid="ignore"):
         off = np.abs(other.xy - here.xy).max(axis=1)
         is_changed &= ~(other.has_arrived & (off <= plan.settings.tolerance))
-    is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(plan, origins[1], ways[1])
+    is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(
+        plan, origins[1], ways[1]
+    )
     return float((is_changed & is_near).mean())
 
 
 def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
-    """By how much, display px rms, jumping normals move the landings of rays that arrived, and most by which part.
+    """By how much, display px rms, jumping normals move the
+    landings of rays that arrived, and most by which part.
 
     Normals are off by about as much as they jump at the edges of a face.
     """
@@ -262,9 +295,12 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
         place[triangles] = np.arange(len(triangles))
         for step in steps:
             some = (place[step.triangle] >= 0) & (step.rays < n_rays)
-            rays, met = step.rays[some], step.triangle[some]
+            rays = step.rays[some]
+            met = step.triangle[some]
             owner = plan.owner[plan.part[met]]
-            np.add.at(squares, (owner, rays), (TILTED * ways[owner] * layer.curved.jumps(place[met])) ** 2)
+            np.add.at(
+                squares, (owner, rays), (TILTED * ways[owner] * layer.curved.jumps(place[met])) ** 2
+            )
 
     if not len(arrived):
         return 0.0, -1
@@ -273,14 +309,20 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
 
 
 def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
-    """Which rays (n,) meet two solids one after the other within NEAR of the glass's size of each other?"""
+    """Which rays (n,) meet two solids one after the other
+    within NEAR of the glass's size of each other?
+    """
     size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
-    last, solid, is_near = origins.copy(), np.full(len(origins), -1), np.zeros(len(origins), bool)
+    last = origins.copy()
+    solid = np.full(len(origins), -1)
+    is_near = np.zeros(len(origins), bool)
     for step in steps:
         part = plan.part[step.patch]  # a patch has the number of one of its triangles
         part = np.where(plan.kind[part] == Kind.GLASS, part, -1)
         is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
-        is_near[step.rays] |= is_other & (np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size)
+        is_near[step.rays] |= is_other & (
+            np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size
+        )
         last[step.rays], solid[step.rays] = step.place, part
     return is_near
 
@@ -296,4 +338,6 @@ def _let_go(curved: CurvedFaces) -> CurvedFaces:
 def way_from(rig: Rig, part: Glass | Mirror) -> float:
     """Length, m, of the way of light from a part of the rig over the plate to the display."""
     plate, display = (other.mesh.bounds.mean(axis=0) for other in (rig.plates[0], rig.display))
-    return float(np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display))
+    return float(
+        np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)
+    )

@@ -22,7 +22,9 @@ def blender() -> Iterator[ModuleType]:
     link.parent.mkdir(parents=True, exist_ok=True)
     link.symlink_to(ROOT, target_is_directory=True)
     bpy.ops.preferences.addon_enable(module=EXTENSION)
-    assert EXTENSION in bpy.context.preferences.addons, "Blender refused the extension, for the reason above"
+    assert EXTENSION in bpy.context.preferences.addons, (
+        "Blender refused the extension, for the reason above"
+    )
     yield bpy
     bpy.ops.preferences.addon_disable(module=EXTENSION)
 
@@ -45,7 +47,12 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
     """Its core, with the files that read, trace and render; and an empty scene."""
     of_blender = ("nested_glass", "plate", "preview", "scene")
     of_light = ("planning", "plate", "trace")
-    for name in ("rig", "settings", *(f"blender.{n}" for n in of_blender), *(f"light.{n}" for n in of_light)):
+    for name in (
+        "rig",
+        "settings",
+        *(f"blender.{n}" for n in of_blender),
+        *(f"light.{n}" for n in of_light),
+    ):
         importlib.import_module(f"{kiriko.__name__}.core.{name}")
     return importlib.import_module(f"{kiriko.__name__}.core")
 
@@ -55,16 +62,26 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
     """Draws a panel by its module and name; returns what it drew."""
 
     def draw(
-        module: str, name: str, active: bpy.types.Object | None = None, of: bpy.types.Scene | None = None
+        module: str,
+        name: str,
+        active: bpy.types.Object | None = None,
+        of: bpy.types.Scene | None = None,
     ) -> Layout:
         panel = getattr(importlib.import_module(f"{kiriko.__name__}.panels.{module}"), name)
-        functions = {name: thing for name, thing in vars(panel).items() if isinstance(thing, FunctionType)}
+        functions = {
+            name: thing for name, thing in vars(panel).items() if isinstance(thing, FunctionType)
+        }
         stand_in = type("Panel", (), functions)()
         stand_in.layout = Layout()
         # without a window there is neither a region nor a scale
-        wide, system = SimpleNamespace(width=300), SimpleNamespace(ui_scale=1.0)
+        wide = SimpleNamespace(width=300)
+        system = SimpleNamespace(ui_scale=1.0)
         preferences = SimpleNamespace(system=system)
-        stand_in.draw(SimpleNamespace(scene=of or scene, active_object=active, preferences=preferences, region=wide))
+        stand_in.draw(
+            SimpleNamespace(
+                scene=of or scene, active_object=active, preferences=preferences, region=wide
+            )
+        )
         return stand_in.layout
 
     return draw

@@ -1,4 +1,6 @@
-"""The extreme cases that need Blender: scenes in other units, and parts placed by float32 object matrices."""
+"""The extreme cases that need Blender: scenes in other
+units, and parts placed by float32 object matrices.
+"""
 
 import importlib
 from collections.abc import Callable
@@ -10,7 +12,20 @@ import bpy
 import closed_forms
 import numpy as np
 from extreme_bench import AT_ORIGIN, differs
-from extreme_cases import Floats, N, Rows, ball_rig, case, furthest, layers, limit, on, slab_rig, tells, within
+from extreme_cases import (
+    Floats,
+    N,
+    Rows,
+    ball_rig,
+    case,
+    furthest,
+    layers,
+    limit,
+    on,
+    slab_rig,
+    tells,
+    within,
+)
 from mathutils import Matrix
 
 from kiriko.core.rig import Mesh, Rig
@@ -42,8 +57,13 @@ def place(thing: bpy.types.Object, centre: Floats, turn: Floats, metres: float) 
 def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> bpy.types.Object:
     """A part as an object of Blender, its mesh in the axes `turn` (3, 3) around a centre."""
     drawn = bpy.data.meshes.new(role)
-    drawn.from_pydata(((mesh.vertices - centre) @ turn / metres).tolist(), [], mesh.triangles.tolist())
-    drawn.shade_smooth() if mesh.is_smooth is not None and mesh.is_smooth.all() else drawn.shade_flat()
+    drawn.from_pydata(
+        ((mesh.vertices - centre) @ turn / metres).tolist(), [], mesh.triangles.tolist()
+    )
+    if mesh.is_smooth is not None and mesh.is_smooth.all():
+        drawn.shade_smooth()
+    else:
+        drawn.shade_flat()
     if mesh.uv is not None:
         drawn.uv_layers.new().data.foreach_set("uv", mesh.uv.astype(np.float32).ravel())
     thing = bpy.data.objects.new(role, drawn)
@@ -53,17 +73,22 @@ def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> 
     return thing
 
 
-def read(a_rig: Rig, system: str, metres: float, turn: Floats | None = None, far: float = 0.0) -> Any:
+def read(
+    a_rig: Rig, system: str, metres: float, turn: Floats | None = None, far: float = 0.0
+) -> Any:
     """The rig drawn in a new file in some unit, as Kiriko reads it.
 
-    turn (3, 3): the axes of the objects, around the middle of each; far: m, of the whole from the origin
+    turn (3, 3): the axes of the objects, around the middle of each; far: m,
+    of the whole from the origin
     """
     package()  # the objects' settings are its own
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene, viewer = bpy.context.scene, a_rig.viewer
+    scene = bpy.context.scene
+    viewer = a_rig.viewer
     scene.unit_settings.system, scene.unit_settings.scale_length = system, metres
     aside = far * np.array([0.3137, -0.7091, 0.4173])
-    for part, role in ((a_rig.glasses[0], "GLASS"), (a_rig.plates[0], "PLATE"), (a_rig.displays[0], "DISPLAY"),
+    for part, role in ((a_rig.glasses[0], "GLASS"), (a_rig.plates[0], "PLATE"), (a_rig.displays[0],
+    "DISPLAY"),
                        (a_rig.picture, "PICTURE")):  # fmt: skip
         mesh = replace(part.mesh, vertices=part.mesh.vertices + aside)
         centre = np.zeros(3) if turn is None else mesh.vertices.mean(axis=0)
@@ -97,12 +122,18 @@ def through_ball(o: Floats, d: Floats) -> tuple[Floats, Floats]:
     return closed_forms.through_ball(o, d, 0.025, N)
 
 
-def landing_error(a_rig: Rig, found_rig: Any, through: Callable[..., tuple[Floats, Floats]] = through_slab) -> float:
-    """Greatest distance, display px, of landings in what was read from those by formulas in what was meant.
+def landing_error(
+    a_rig: Rig, found_rig: Any, through: Callable[..., tuple[Floats, Floats]] = through_slab
+) -> float:
+    """Greatest distance, display px, of landings in what was
+    read from those by formulas in what was meant.
 
     Each by its own viewer's rays, so that it does not matter where the rig was drawn.
     """
-    x, y = np.meshgrid(np.linspace(0.3, a_rig.viewer.width - 0.4, 33), np.linspace(0.2, a_rig.viewer.height - 0.3, 33))
+    x, y = np.meshgrid(
+        np.linspace(0.3, a_rig.viewer.width - 0.4, 33),
+        np.linspace(0.2, a_rig.viewer.height - 0.3, 33),
+    )
     at = np.stack([x.ravel(), y.ravel()], axis=1)
     plan = core("light.planning").make_plan(found_rig, core("settings").Settings())
     found = core("light.trace").trace_all(plan, *found_rig.viewer.rays(at))
@@ -111,7 +142,9 @@ def landing_error(a_rig: Rig, found_rig: Any, through: Callable[..., tuple[Float
 
 
 def solved(a_rig: Any) -> Any:
-    return core("steps").finish(core("solve.session").Session().solve(a_rig, core("settings").Settings()))
+    return core("steps").finish(
+        core("solve.session").Session().solve(a_rig, core("settings").Settings())
+    )
 
 
 @case("scale", "scenes in mm, cm, inches and km")
@@ -122,9 +155,13 @@ def units(quick: bool) -> Rows:
     here = solved(read(ball, "METRIC", 1.0))
     yield within("landing, slab, scene in m", landing_error(slab, read(slab, "METRIC", 1.0)), 5e-4)
     for name, unit in UNITS.items():
-        yield within(f"landing, slab, scene in {name}", landing_error(slab, read(slab, *unit)), 5e-4)
+        yield within(
+            f"landing, slab, scene in {name}", landing_error(slab, read(slab, *unit)), 5e-4
+        )
         places, colours = differs(here, solved(read(ball, *unit)))
-        yield within(f"source image's places, ball, {name} against m: float32 rounds otherwise", places, 5e-4)
+        yield within(
+            f"source image's places, ball, {name} against m: float32 rounds otherwise", places, 5e-4
+        )
         yield within("its colours", colours, 1e-3, "")
     places, colours = differs(here, solved(read(ball, "METRIC", 2.0**-10)))
     yield within("source image's places, unit of 2^-10 m: float32 rounds alike", places, 1e-6)

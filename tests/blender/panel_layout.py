@@ -4,11 +4,16 @@ from types import SimpleNamespace
 
 import bpy
 
-ICONS = {item.identifier for item in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items}
+ICONS = {
+    item.identifier
+    for item in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+}
 
 
 class Layout:
-    """Takes what a panel draws: properties have to be there, and operators, with the properties of theirs."""
+    """Takes what a panel draws: properties have to be there,
+    and operators, with the properties of theirs.
+    """
 
     def __init__(self) -> None:
         self.props: list[str] = []
@@ -48,7 +53,9 @@ class Layout:
     def icon(self, block: bpy.types.ID) -> int:
         return 0  # without a window
 
-    def operator_menu_enum(self, name: str, prop: str, icon: str = "NONE", **options: object) -> None:
+    def operator_menu_enum(
+        self, name: str, prop: str, icon: str = "NONE", **options: object
+    ) -> None:
         self.operator(name, icon)
         group, verb = name.split(".")
         assert getattr(getattr(bpy.ops, group), verb).get_rna_type().properties[prop].type == "ENUM"

@@ -19,8 +19,10 @@ def cube(side: float = SIDE, turn: float = 0.0) -> bpy.types.Object:
 
 def primitive(make: str, **sizes: object) -> bpy.types.Mesh:
     """A mesh of a bmesh primitive."""
-    mesh, shape = bpy.data.meshes.new("mesh"), bmesh.new()
-    name = f"create_{make}"  # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    mesh = bpy.data.meshes.new("mesh")
+    shape = bmesh.new()
+    # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    name = f"create_{make}"
     getattr(bmesh.ops, name)(shape, **sizes)
     shape.to_mesh(mesh)
     shape.free()
@@ -39,7 +41,12 @@ def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Objec
     """A rig around a cube; the objects by role."""
     glass = cube()
     glass.kiriko.use_ior, glass.kiriko.ior = True, ior
-    small = {"viewer_resolution": 64, "display_resolution": (64, 64), "field": 0.04, "picture_size": 0.03}
+    small = {
+        "viewer_resolution": 64,
+        "display_resolution": (64, 64),
+        "field": 0.04,
+        "picture_size": 0.03,
+    }
     bpy.ops.kiriko.add_rig(**{**small, **options})
     return {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
 
@@ -59,5 +66,18 @@ def linear_lattice() -> np.ndarray:
 
 def inventory() -> dict[str, list[str]]:
     """Names of all that a file holds, without Blender's own render result."""
-    groups = ("scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups", "worlds")
-    return {group: sorted(b.name for b in getattr(bpy.data, group) if b.name != "Render Result") for group in groups}
+    groups = (
+        "scenes",
+        "collections",
+        "objects",
+        "meshes",
+        "cameras",
+        "materials",
+        "images",
+        "node_groups",
+        "worlds",
+    )
+    return {
+        group: sorted(b.name for b in getattr(bpy.data, group) if b.name != "Render Result")
+        for group in groups
+    }

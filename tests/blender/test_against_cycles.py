@@ -1,4 +1,6 @@
-"""The whole job against an independent renderer, 1165 viewer pixels across the lattice, as in the paper."""
+"""The whole job against an independent renderer, 1165
+viewer pixels across the lattice, as in the paper.
+"""
 
 import math
 from dataclasses import replace
@@ -32,7 +34,9 @@ def solved(kiriko, scene, **options):
     reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
 
     solution = finish(Session().solve(reading.rig))
-    plain = finish(Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))).source
+    plain = finish(
+        Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
+    ).source
     return reading, solution, plain
 
 
@@ -58,7 +62,12 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
     width = lattice.measuring_width(reading, ideal)
     y, x = np.nonzero(np.maximum(ideal, seen)[..., 0] > 1e-3)
     scale = width / rig.viewer.width
-    crop = (int(x.min() * scale), int(y.min() * scale), int((x.max() + 1) * scale), int((y.max() + 1) * scale))
+    crop = (
+        int(x.min() * scale),
+        int(y.min() * scale),
+        int((x.max() + 1) * scale),
+        int((y.max() + 1) * scale),
+    )
     viewer = lattice.framed(rig.viewer, width, crop)
     # one point a pixel: a dot has a thousand of them
     image = closed_forms.seen_image(replace(rig, viewers=(viewer,)), plain, through, sub=1, **shape)
@@ -66,7 +75,9 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
 
 
 def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
-    """The ball of Add Rig, read back from Blender: landings within 0.05 display px rms of the analytic ball."""
+    """The ball of Add Rig, read back from Blender: landings
+    within 0.05 display px rms of the analytic ball.
+    """
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
@@ -86,23 +97,41 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
 
 
 def test_ball(kiriko, scene, lattice):
-    """Compensated dots stand where they are wanted to 0.25 px; plain ones where the analytic ball puts them to 1 px."""
-    reading, solution, plain = solved(kiriko, scene, field=0.05, picture_size=0.03, display_size=0.05)
+    """Compensated dots stand where they are wanted to 0.25 px.
+
+    Plain ones where the analytic ball puts them to 1 px.
+    """
+    reading, solution, plain = solved(
+        kiriko, scene, field=0.05, picture_size=0.03, display_size=0.05
+    )
     before, after = measured(lattice, scene, reading, solution, plain)
     assert after.n_seen == before.n_seen == 49
     assert after.mean < ACROSS_AFTER
     exact = closed_form_shift(
-        lattice, reading, plain, solution.ideal(), solution.seen(plain), closed_forms.through_ball, radius=0.025, n=1.49
+        lattice,
+        reading,
+        plain,
+        solution.ideal(),
+        solution.seen(plain),
+        closed_forms.through_ball,
+        radius=0.025,
+        n=1.49,
     )
     assert np.linalg.norm(before.shift - exact, axis=2).max() < 1
     assert before.mean > 20  # it is a strong lens
 
 
-@pytest.mark.newest_only(reason="it adds a closed form to ball and cube, by which Cycles is held in each version")
+@pytest.mark.newest_only(
+    reason="it adds a closed form to ball and cube, by which Cycles is held in each version"
+)
 def test_slab(kiriko, scene, lattice):
-    """A slab turned by 25 degrees: plain dots where the slab formula puts them to 1 px, compensated ones as wanted."""
+    """A slab turned by 25 degrees: plain dots where the slab
+    formula puts them to 1 px, compensated ones as wanted.
+    """
     add_glass((0.2, 0.03, 0.2), 25)
-    reading, solution, plain = solved(kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05)
+    reading, solution, plain = solved(
+        kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05
+    )
     before, after = measured(lattice, scene, reading, solution, plain)
     assert after.n_seen == 49
     assert after.mean < ACROSS_AFTER
@@ -119,9 +148,13 @@ def test_slab(kiriko, scene, lattice):
 
 
 def test_cube(kiriko, scene, lattice):
-    """The paper's cube, turned by 15.8 degrees: compensated dots stand where they are wanted to 0.25 px."""
+    """The paper's cube, turned by 15.8 degrees: compensated dots
+    stand where they are wanted to 0.25 px.
+    """
     add_glass((0.05, 0.05, 0.05), 15.8)
-    reading, solution, plain = solved(kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05)
+    reading, solution, plain = solved(
+        kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05
+    )
     before, after = measured(lattice, scene, reading, solution, plain)
     assert after.n_seen == before.n_seen == 49
     assert after.mean < ACROSS_AFTER

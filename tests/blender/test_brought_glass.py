@@ -48,15 +48,22 @@ def test_what_encloses_a_volume_is_read_as_closed(brought, scene, name):
 
 @pytest.mark.parametrize("name", ["text", "rod"])
 def test_normals_stay_sharp_where_shells_are_joined(brought, scene, name):
-    """Where a cap meets its side the two faces keep their own normals, as before they had a vertex together."""
+    """Where a cap meets its side the two faces keep their own
+    normals, as before they had a vertex together.
+    """
     from kiriko.core.glass.meshes import edge_corners, find_edges, geometric_normals
 
     thing = brought(name)
     thing.kiriko.role = "GLASS"
     (glass,) = read(scene).rig.glasses
-    mesh, edges = glass.mesh, find_edges(glass.mesh.triangles)
+    mesh = glass.mesh
+    edges = find_edges(glass.mesh.triangles)
     own = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
-    normals = own if mesh.corner_normals is None else np.where(mesh.is_smooth[:, None, None], mesh.corner_normals, own)
+    normals = (
+        own
+        if mesh.corner_normals is None
+        else np.where(mesh.is_smooth[:, None, None], mesh.corner_normals, own)
+    )
     first, second = edge_corners(normals, edges)
     turn = (own[edges.first, 0] * own[edges.second, 0]).sum(axis=1)
     is_rim = turn < np.cos(np.radians(70))  # caps stand upright on sides
@@ -68,10 +75,12 @@ def test_normals_stay_sharp_where_shells_are_joined(brought, scene, name):
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_cycles_follows_the_same_light(brought, scene, name):
-    """Landings of the viewer's pixels agree with Cycles, which knows nothing of vertices that faces share.
+    """Landings of the viewer's pixels agree with Cycles, which
+    knows nothing of vertices that faces share.
 
-    To single precision, in which Cycles works. It turns normals that look away from the light, as those of a text's
-    sides do, which are shaded smooth around corners: so a little of a text's light goes another way there.
+    To single precision, in which Cycles works. It turns normals that look away from the light, as
+    those of a text's sides do, which are shaded smooth around corners: so a little of a text's
+    light goes another way there.
     """
     from fuzz import judge
 
@@ -80,7 +89,9 @@ def test_cycles_follows_the_same_light(brought, scene, name):
 
     glass = brought(name)
     glass.kiriko.surface = "FACETS"
-    assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(512, 512)) == {"FINISHED"}
+    assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(512, 512)) == {
+        "FINISHED"
+    }
     reading = read(scene)
     found = judge(scene, reading)
     assert found["median"] < 5e-3

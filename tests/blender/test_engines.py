@@ -1,4 +1,6 @@
-"""Blender's BVH in Embree's place: the tests of tests/core that ask a ray engine, and the same landings from both."""
+"""Blender's BVH in Embree's place: the tests of tests/core that
+ask a ray engine, and the same landings from both.
+"""
 
 import sys
 from dataclasses import replace
@@ -6,7 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rules
-from reference_rigs import ball_rig, cube_rig, icosphere, mean_normals, rig, split_quads, torus, wavy_slab
+from reference_rigs import (
+    ball_rig,
+    cube_rig,
+    icosphere,
+    mean_normals,
+    rig,
+    split_quads,
+    torus,
+    wavy_slab,
+)
 from test_curved import (  # noqa: F401 - collected here as well
     CLOSED,
     test_an_open_sheet_is_met_from_both_sides,
@@ -57,7 +68,9 @@ def _no_embree(monkeypatch):
 
 @pytest.mark.parametrize("name", ["ball 1280", "torus", "cylinder 8 x 1", "wavy slab"])
 def test_no_ray_is_lost_inside_curved_faces(name):
-    """Rays aimed at vertices and edges of closed meshes, and 40 000 others, come out of what they go into."""
+    """Rays aimed at vertices and edges of closed meshes, and
+    40 000 others, come out of what they go into.
+    """
     check_leaks(name, has_mean_normals=False, ior=1.49)
 
 
@@ -68,13 +81,19 @@ def test_flat_faces_are_met_as_in_float64():
 
 @pytest.mark.parametrize("name", PLANS)
 def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
-    """The same branches, and landings to 1e-8 px: curved faces are searched from slightly other places."""
+    """The same branches, and landings to 1e-8 px: curved faces
+    are searched from slightly other places.
+    """
     by_blender = PLANS[name]()
-    engines = [layer.asked.engine for layer in by_blender.layers]  # they are made when they are first asked
+    # they are made when they are first asked
+    engines = [layer.asked.engine for layer in by_blender.layers]
     assert {engine.name for engine in engines} == {"Blender's BVH"}
     monkeypatch.undo()
     by_embree = PLANS[name]()
-    assert [plan.used[0] for plan in (by_blender, by_embree)] == ["ray engine (Blender's BVH)", "ray engine (Embree)"]
+    assert [plan.used[0] for plan in (by_blender, by_embree)] == [
+        "ray engine (Blender's BVH)",
+        "ray engine (Embree)",
+    ]
     rays = by_embree.rig.viewer.rays(np.random.default_rng(0).uniform(0, 512, (20_000, 2)))
     found, expected = (trace_all(plan, *rays) for plan in (by_blender, by_embree))
     assert expected.has_arrived.sum() > 4_000
@@ -85,12 +104,18 @@ def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
 @pytest.mark.parametrize("tilt", [0, 1e-9, 1.1e-7, 1.3e-7, 1e-5])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_rays_nearly_along_an_axis_meet_vertices_and_edges(axis, tilt):
-    """Each ray aimed at a vertex or the middle of an edge of a sheet across the axis, where boxes end, meets it."""
+    """Each ray aimed at a vertex or the middle of an edge of a
+    sheet across the axis, where boxes end, meets it.
+    """
     at = np.linspace(-0.7, 0.7, 41)
     x, y = (values.ravel() for values in np.meshgrid(at, at, indexing="ij"))
-    corners = np.stack([x, y, np.full_like(x, 0.3)], axis=1)[split_quads(np.arange(41 * 41).reshape(41, 41))]
+    corners = np.stack([x, y, np.full_like(x, 0.3)], axis=1)[
+        split_quads(np.arange(41 * 41).reshape(41, 41))
+    ]
     middles = (corners + np.roll(corners, 1, axis=1)) / 2
-    targets = np.unique(np.concatenate([corners, middles]).reshape(-1, 3).astype(np.float32), axis=0)
+    targets = np.unique(
+        np.concatenate([corners, middles]).reshape(-1, 3).astype(np.float32), axis=0
+    )
     targets = targets[np.abs(targets[:, :2]).max(axis=1) < 0.69]
     direction = np.array([tilt, -tilt, -1])
     engine = make_engine(np.roll(corners, axis, axis=2).astype(np.float32))

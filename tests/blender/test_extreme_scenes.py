@@ -1,4 +1,6 @@
-"""The extreme cases of `dev.py extremes` that need Blender, at small size, each within its own bound."""
+"""The extreme cases of `dev.py extremes` that need
+Blender, at small size, each within its own bound.
+"""
 
 import extreme_cases
 import pytest

@@ -1,4 +1,6 @@
-"""Work that is stopped or fails at any of its stages, and what becomes of the last result, the scene and the files."""
+"""Work that is stopped or fails at any of its stages, and what
+becomes of the last result, the scene and the files.
+"""
 
 import errno
 import importlib
@@ -20,7 +22,8 @@ LONG = ("solve", "simulate", "visible_range", "report")
 SAMPLES = 5  # of the steps at which long work is stopped, the first and the last among them
 MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 
-# By operator: where each stage of its work is looked up. Some fail when they are called, some in their midst.
+# By operator: where each stage of its work is looked up. Some
+# fail when they are called, some in their midst.
 STAGES = {
     "solve": (
         "core.blender.scene.read",
@@ -82,7 +85,8 @@ STAGES = {
 
 def part(name: str) -> Any:
     """A module of the extension, as Blender has it, or what is in one."""
-    found, names = importlib.import_module(EXTENSION), name.split(".")
+    found = importlib.import_module(EXTENSION)
+    names = name.split(".")
     for n, word in enumerate(names):
         try:
             found = importlib.import_module(f"{EXTENSION}.{'.'.join(names[: n + 1])}")
@@ -125,11 +129,31 @@ def state() -> tuple:
     result = scene.kiriko.result
     slots = [(s.link, s.material) for thing in scene.objects for s in thing.material_slots]
     trees = [(m.name, m.node_tree) for m in bpy.data.materials if m.node_tree is not None]
-    shown = [(name, [(n.name, getattr(n, "image", None)) for n in t.nodes], len(t.links)) for name, t in trees]
-    numbers = (result.summary, result.seen_summary, result.details, result.notes, result.coverage, result.ladder)
-    chosen = (scene.camera, scene.kiriko.viewer, scene.kiriko.picture_source, [t.select_get() for t in scene.objects])
-    images = [None if image is None else pixels(image).tobytes() for image in (result.source, result.seen)]
-    where = [(thing.name, tuple(map(tuple, thing.matrix_world)), thing.kiriko.role) for thing in scene.objects]
+    shown = [
+        (name, [(n.name, getattr(n, "image", None)) for n in t.nodes], len(t.links))
+        for name, t in trees
+    ]
+    numbers = (
+        result.summary,
+        result.seen_summary,
+        result.details,
+        result.notes,
+        result.coverage,
+        result.ladder,
+    )
+    chosen = (
+        scene.camera,
+        scene.kiriko.viewer,
+        scene.kiriko.picture_source,
+        [t.select_get() for t in scene.objects],
+    )
+    images = [
+        None if image is None else pixels(image).tobytes() for image in (result.source, result.seen)
+    ]
+    where = [
+        (thing.name, tuple(map(tuple, thing.matrix_world)), thing.kiriko.role)
+        for thing in scene.objects
+    ]
     return everything(), slots, shown, numbers, chosen, images, where, files()
 
 
@@ -148,21 +172,31 @@ def product(name: str) -> object:
         return pixels(result.seen).tobytes()
     if name == "visible_range":
         mesh = bpy.data.objects["Kiriko Visible Range"].data
-        return [tuple(v.co) for v in mesh.vertices], [d.value for d in mesh.attributes["brightness"].data]
+        return [tuple(v.co) for v in mesh.vertices], [
+            d.value for d in mesh.attributes["brightness"].data
+        ]
     rungs = json.loads(files()["report.json"])["rungs"]
     return [{key: value for key, value in rung.items() if "seconds" not in key} for rung in rungs]
 
 
 class Asked:
-    """An operator whose properties are given here; what is reported is kept. Its work is the real one's."""
+    """An operator whose properties are given here.
+
+    What is reported is kept. Its work is the real one's.
+    """
 
     def __init__(self, name: str) -> None:
         self.real = getattr(part(f"operators.{name}"), f"KIRIKO_OT_{name}")
-        self.bl_label, self.said = self.real.bl_label, []
+        self.bl_label = self.real.bl_label
+        self.said = []
         for option, declared in self.real.__annotations__.items():
             setattr(self, option, declared.keywords.get("default", 0.0))
         self.shown = 0
-        self.samples, self.share, self.directory, self.overwrite, self.seconds = 8, 0.2, "", True, 1.0
+        self.samples = 8
+        self.share = 0.2
+        self.directory = ""
+        self.overwrite = True
+        self.seconds = 1.0
 
     def report(self, levels: set[str], text: str) -> None:
         self.said.append((*levels, text))
@@ -175,10 +209,15 @@ class Asked:
 
 
 class Window:
-    """What of Blender's interface long work touches: a context with one window, in which nothing is seen."""
+    """What of Blender's interface long work touches: a
+    context with one window, in which nothing is seen.
+    """
 
     def __init__(self) -> None:
-        self.timers, self.modal, self.status, self.progress = [], [], None, None
+        self.timers = []
+        self.modal = []
+        self.status = None
+        self.progress = None
         self.window = self.window_manager = self.workspace = self
         self.screen = SimpleNamespace(areas=[])
 
@@ -216,13 +255,20 @@ class Window:
 
 
 @pytest.fixture
-def rig(scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
-    """A small rig with a result that is out of date, since the glass was turned; work is short, a report is there."""
+def rig(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> dict:
+    """A small rig with a result that is out of date, since the glass was turned.
+
+    Work is short, a report is there.
+    """
     monkeypatch.setattr(part("core.bench.visible_range"), "STEPS", 6)
     monkeypatch.setattr(part("core.bench.visible_range"), "FINE", 0.05)
     module = part("operators.report")
     short = {"tolerances": (1.0,), "spps": (1,), "runs": 1}
-    monkeypatch.setattr(module, "measure", lambda *a, own=module.measure, **k: own(*a, **k, **short))
+    monkeypatch.setattr(
+        module, "measure", lambda *a, own=module.measure, **k: own(*a, **k, **short)
+    )
     rig = small_rig(viewer_resolution=32, display_resolution=(32, 32))
     scene.kiriko.tolerance = 1.0
     scene.kiriko.report_folder = str(tmp_path / "report")
@@ -240,14 +286,18 @@ def rig(scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch:
 @pytest.fixture
 def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Window:
     """An interface, each of whose turns does one step."""
-    window, work = Window(), part("operators.work")
-    app = SimpleNamespace(background=False, handlers=bpy.app.handlers, is_job_running=bpy.app.is_job_running)
+    window = Window()
+    work = part("operators.work")
+    app = SimpleNamespace(
+        background=False, handlers=bpy.app.handlers, is_job_running=bpy.app.is_job_running
+    )
     monkeypatch.setattr(work, "bpy", SimpleNamespace(app=app, context=window, data=bpy.data))
     monkeypatch.setattr(work, "TURN", 0.0)
     return window
 
 
-TIMER, ESC = SimpleNamespace(type="TIMER"), SimpleNamespace(type="ESC")
+TIMER = SimpleNamespace(type="TIMER")
+ESC = SimpleNamespace(type="ESC")
 
 
 def asked(name: str) -> Any:
@@ -306,7 +356,9 @@ def failing(error: BaseException) -> Callable[..., object]:
 
 @contextmanager
 def full_disk(size: int = 100) -> Iterator[None]:
-    """No file can get larger than this, in bytes: writing fails in the system, as on a full disk."""
+    """No file can get larger than this, in bytes: writing fails in the system, as on a
+    full disk.
+    """
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -318,11 +370,16 @@ def full_disk(size: int = 100) -> Iterator[None]:
 
 @pytest.mark.parametrize("name", LONG)
 def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str) -> None:
-    """Wherever it is stopped all is as before; what is made afterwards is, to the bit, what a fresh session makes."""
-    operator, n_steps = pressed(name, window), 0
+    """Wherever it is stopped all is as before.
+
+    What is made afterwards is, to the bit, what a fresh session makes.
+    """
+    operator = pressed(name, window)
+    n_steps = 0
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         n_steps += 1
-    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)  # another result, in as many steps
+    # another result, in as many steps
+    rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
     before = state()
     for k in np.unique(np.linspace(0, n_steps, SAMPLES).astype(int)):
         part("operators.work").forget()  # what is kept of a solve that was stopped saves steps
@@ -347,7 +404,10 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
 def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
     rig: dict, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, name: str
 ) -> None:
-    """Whatever goes wrong, foreseen or not, the last result and the scene survive; the next time all is well."""
+    """Whatever goes wrong, foreseen or not, the last result and the scene survive.
+
+    The next time all is well.
+    """
     before = state()
     for n, stage in enumerate(STAGES[name]):
         owner, attribute = stage.rsplit(".", 1)
@@ -360,7 +420,10 @@ def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
                 text = refusal(run(name))
             assert state() == before, (stage, error)
             is_foreseen = isinstance(error, part("core.errors").KirikoError)
-            assert (text == str(error)) if is_foreseen else ("the scene is as it was" in text), (stage, text)
+            assert (text == str(error)) if is_foreseen else ("the scene is as it was" in text), (
+                stage,
+                text,
+            )
             assert ("Traceback" in capsys.readouterr().err) == (not is_foreseen)
     if name in LONG:
         assert run(name)() == {"FINISHED"}
@@ -368,8 +431,12 @@ def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
         assert after == whole(name)
 
 
-def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Timer, status bar and progress go with it, and Live, which waits for long work to end, is not kept waiting."""
+def test_an_error_in_the_interface_ends_the_work(
+    rig: dict, window: Window, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Timer, status bar and progress go with it, and Live, which
+    waits for long work to end, is not kept waiting.
+    """
     for error in errors():
         operator = pressed("solve", window)
         operator.modal(window, TIMER)
@@ -387,10 +454,15 @@ def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window, monk
 
 @pytest.fixture
 def shown(rig: dict, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
-    """The coarse source images that were shown; the rig is large enough for one, and nobody waits for it."""
+    """The coarse source images that were shown.
+
+    The rig is large enough for one, and nobody waits for it.
+    """
     ours = bpy.context.scene.kiriko.viewer.kiriko
     ours.resolution = (160, 160)
-    coarse, solve, images = part("core.solve.coarse"), part("operators.solve"), []
+    coarse = part("core.solve.coarse")
+    solve = part("operators.solve")
+    images = []
     monkeypatch.setattr(coarse, "TRACING", 0.0)
     write = solve.write_coarse
     monkeypatch.setattr(solve, "write_coarse", lambda *a: (images.append(a[-1]), write(*a))[1])
@@ -407,7 +479,8 @@ def step(operator: Any, window: Window, shown: list) -> None:
 def is_of_coarse(image: np.ndarray) -> bool:
     """Is the result a coarse image, packed, on the display, and no more?"""
     scene = bpy.context.scene
-    result, display = scene.kiriko.result, next(o for o in scene.objects if o.kiriko.role == "DISPLAY")
+    result = scene.kiriko.result
+    display = next(o for o in scene.objects if o.kiriko.role == "DISPLAY")
     return (
         result.is_coarse
         and result.source.name == "Kiriko Source"
@@ -421,11 +494,15 @@ def is_of_coarse(image: np.ndarray) -> bool:
 
 
 def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown: list) -> None:
-    """It says that it is one, as does the status bar; the result is a script's to the bit, with all that it tells."""
+    """It says that it is one, as does the status bar.
+
+    The result is a script's to the bit, with all that it tells.
+    """
     material = bpy.data.materials.new("Mine")
     rig["DISPLAY"].active_material = material
     bpy.ops.ed.undo_push(message="material")
-    scene, told = bpy.context.scene, []
+    scene = bpy.context.scene
+    told = []
     operator = pressed("solve", window)
     window.progress_update = told.append
     step(operator, window, shown)
@@ -438,7 +515,10 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
     assert told == sorted(told)
     assert operator.said == [("INFO", scene.kiriko.result.summary)]
     assert not scene.kiriko.result.is_coarse
-    gave_way = f"'Mine' of the display 'Kiriko Display' gave way to '{rig['DISPLAY'].active_material.name}'."
+    gave_way = (
+        f"'Mine' of the display 'Kiriko Display' gave way to"
+        f" '{rig['DISPLAY'].active_material.name}'."
+    )
     assert gave_way in scene.kiriko.result.notes
     after = product("solve")
     assert after == whole("solve")
@@ -505,7 +585,11 @@ def test_a_coarse_image_that_cannot_be_written_changes_nothing(
 ) -> None:
     """An error while it is put in place ends the solve with the result of before."""
     before = state()
-    for stage in ("core.blender.result.pack", "core.blender.result.put_on_display", "core.solve.coarse.enlarged"):
+    for stage in (
+        "core.blender.result.pack",
+        "core.blender.result.put_on_display",
+        "core.solve.coarse.enlarged",
+    ):
         owner, attribute = stage.rsplit(".", 1)
         operator = pressed("solve", window)
         with monkeypatch.context() as broken:
@@ -520,7 +604,10 @@ def test_a_coarse_image_that_cannot_be_written_changes_nothing(
 def test_what_happens_to_the_file_after_the_coarse_image(
     rig: dict, window: Window, shown: list, tmp_path: Path
 ) -> None:
-    """Where its window closes it stays; undo and another file take it away, and nothing is said of it then."""
+    """Where its window closes it stays.
+
+    Undo and another file take it away, and nothing is said of it then.
+    """
     path = str(tmp_path / "rig.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     for happen, key in (
@@ -553,9 +640,14 @@ def test_what_happens_to_the_file_after_the_coarse_image(
     assert is_of_coarse(shown[0])
 
 
-def test_only_what_is_traced_while_somebody_watches_is_coarse(rig: dict, window: Window, shown: list) -> None:
-    """No coarse image is made for another picture, nor beside Live, which would take one for its own; none is left."""
-    live, before = part("operators.live"), inventory()
+def test_only_what_is_traced_while_somebody_watches_is_coarse(
+    rig: dict, window: Window, shown: list
+) -> None:
+    """No coarse image is made for another picture, nor beside Live,
+    which would take one for its own; none is left.
+    """
+    live = part("operators.live")
+    before = inventory()
 
     def solve() -> None:
         operator = pressed("solve", window)
@@ -592,10 +684,13 @@ ADD_RIG_STAGES = (
 
 @pytest.mark.parametrize("is_given", [True, False])
 def test_esc_at_every_step_of_add_rig_leaves_nothing(window: Window, is_given: bool) -> None:
-    """Around a given glass, or a new ball, no object is made and no role is set until all is known."""
+    """Around a given glass, or a new ball, no object is made and no role is set until
+    all is known.
+    """
     if is_given:
         cube()
-    before, n_steps = state(), 0
+    before = state()
+    n_steps = 0
     operator = pressed("add_rig", window)
     operator.viewer_resolution = 64
     assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
@@ -620,7 +715,9 @@ def test_esc_at_every_step_of_add_rig_leaves_nothing(window: Window, is_given: b
 
 
 def test_work_that_is_redone_shows_its_progress_at_the_pointer(window: Window) -> None:
-    """The box at the lower left calls `execute`, in which no event is heard: the pointer is all that can change."""
+    """The box at the lower left calls `execute`, in which no
+    event is heard: the pointer is all that can change.
+    """
     cube()
     operator = asked("add_rig")
     shown = []
@@ -687,7 +784,10 @@ def live(rig: dict) -> Iterator[ModuleType]:
 def test_an_error_in_live_is_one_sentence_and_the_image_stays(
     rig: dict, live: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One that was foreseen leaves it on; of any other it ends, leaves nothing behind, and can be turned on again."""
+    """One that was foreseen leaves it on.
+
+    Of any other it ends, leaves nothing behind, and can be turned on again.
+    """
     for stage in LIVE_STAGES:
         owner, attribute = stage.rsplit(".", 1)
         for error in errors()[:FEW]:
@@ -709,11 +809,15 @@ def test_an_error_in_live_is_one_sentence_and_the_image_stays(
             settle()
             assert not live.status()[1]
     near = np.frombuffer(product("solve"), np.float32)
-    assert np.abs(near - np.frombuffer(whole("solve"), np.float32)).max() < 1e-6  # glass that was turned: to rounding
+    # glass that was turned: to rounding
+    assert np.abs(near - np.frombuffer(whole("solve"), np.float32)).max() < 1e-6
 
 
 def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> None:
-    """Export is refused in one sentence at whatever byte the disk is full; no part of a file is left."""
+    """Export is refused in one sentence at whatever byte the disk is full.
+
+    No part of a file is left.
+    """
     for form in ("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT"):
         bpy.context.scene.kiriko.export_format = form
         run("export")()
@@ -726,15 +830,21 @@ def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> Non
             assert files() == before, (form, room)
         with full_disk(size):
             assert run("export")() == {"FINISHED"}
-        assert {name: len(content) for name, content in files().items()} == {k: len(v) for k, v in before.items()}
+        assert {name: len(content) for name, content in files().items()} == {
+            k: len(v) for k, v in before.items()
+        }
 
 
-def test_what_the_system_refuses_leaves_the_files_of_before(rig: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_system_refuses_leaves_the_files_of_before(
+    rig: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
     before = files()
     full = OSError(errno.ENOSPC, "No space left on device")
     calls = ((part("core.image_io"), "_temporary"), (Path, "replace"), (Path, "write_text"))
-    for (owner, call), name in zip((*calls[:2], *calls[1:]), ("export", "export", "report", "report"), strict=True):
+    for (owner, call), name in zip(
+        (*calls[:2], *calls[1:]), ("export", "export", "report", "report"), strict=True
+    ):
         with monkeypatch.context() as broken:
             broken.setattr(owner, call, failing(full))
             assert "No space left on device" in refusal(run(name))
@@ -744,17 +854,27 @@ def test_what_the_system_refuses_leaves_the_files_of_before(rig: dict, monkeypat
 def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At whatever byte the temporary disk is full, one sentence says where to make room; a map is refused, too."""
-    module, sizes = part("core.blender.preview"), []
+    """At whatever byte the temporary disk is full, one sentence says where to make room.
+
+    A map is refused, too.
+    """
+    module = part("core.blender.preview")
+    sizes = []
     reading = part("operators.work").read(bpy.context)
     close = module.Preview.close
     with monkeypatch.context() as spied:
-        spied.setattr(module.Preview, "close", lambda self: [sizes.append(self.path.stat().st_size), close(self)])
+        spied.setattr(
+            module.Preview,
+            "close",
+            lambda self: [sizes.append(self.path.stat().st_size), close(self)],
+        )
         assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
         module.render_map(bpy.context.scene, reading)
-    kept, before = pixels(bpy.context.scene.kiriko.result.preview).copy(), state()
+    kept = pixels(bpy.context.scene.kiriko.result.preview).copy()
+    before = state()
     size = min(sizes)
-    for room in (0, 100, 300, 500, 2000, size // 2, size - 40):  # the times in it make it some bytes longer or shorter
+    # the times in it make it some bytes longer or shorter
+    for room in (0, 100, 300, 500, 2000, size // 2, size - 40):
         with full_disk(room):
             text = refusal(lambda: bpy.ops.kiriko.preview(samples=1))
             with pytest.raises(part("core.errors").ImageError, match="make room") as caught:
@@ -773,7 +893,9 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
 
 
 def test_a_report_on_a_full_disk_names_its_folder(rig: dict) -> None:
-    """At whatever step the disk is full: never a temporary file or folder, of which nothing is left by then."""
+    """At whatever step the disk is full: never a temporary file
+    or folder, of which nothing is left by then.
+    """
     before = state()
     for room in (0, 100, 1500):
         with full_disk(room):
@@ -783,10 +905,16 @@ def test_a_report_on_a_full_disk_names_its_folder(rig: dict) -> None:
         assert state() == before
 
 
-def test_a_report_is_written_whole_or_not_at_all(rig: dict, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the disk is full in its midst, what is there is the earlier one; the ladder is the earlier one, too."""
+def test_a_report_is_written_whole_or_not_at_all(
+    rig: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the disk is full in its midst, what is there is the earlier one.
+
+    The ladder is the earlier one, too.
+    """
     assert run("report")() == {"FINISHED"}
-    before, calls = state(), []
+    before = state()
+    calls = []
     write = Path.write_text
 
     def fill(path: Path, *text: str, **how: str) -> int:
@@ -805,7 +933,10 @@ def test_a_report_is_written_whole_or_not_at_all(rig: dict, monkeypatch: pytest.
 def test_the_command_line_writes_all_files_or_none(
     rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """On a full disk, and after errors that nobody foresaw, the earlier files stay; one sentence, exit code 1."""
+    """On a full disk, and after errors that nobody foresaw, the earlier files stay.
+
+    One sentence, exit code 1.
+    """
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     command = part("operators.command_line")
     folder = Path(bpy.context.scene.kiriko.report_folder)
@@ -837,7 +968,9 @@ def test_the_command_line_writes_all_files_or_none(
 def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
     rig: dict, tmp_path: Path, is_live: bool
 ) -> None:
-    """What cannot be compressed by way of a file is packed as it is: the same numbers after saving and loading."""
+    """What cannot be compressed by way of a file is packed as it
+    is: the same numbers after saving and loading.
+    """
     with full_disk():
         if is_live:
             bpy.ops.kiriko.live()
@@ -885,7 +1018,8 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     assert "mine.png" in text
     assert product("solve") == after
     path.write_bytes(content)
-    for chosen in (None, image):  # that an image which no material uses is loaded again Blender does not tell
+    # that an image which no material uses is loaded again Blender does not tell
+    for chosen in (None, image):
         image.reload()
         rig["PICTURE"].kiriko.image = chosen
         settle()
@@ -895,7 +1029,10 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
 
 
 def test_a_library_that_is_gone_is_a_missing_part(rig: dict, tmp_path: Path) -> None:
-    """Glass that was linked from a file which is not there any more is told as missing; the last image stays."""
+    """Glass that was linked from a file which is not there any more is told as missing.
+
+    The last image stays.
+    """
     bpy.data.libraries.write(str(tmp_path / "glass.blend"), {rig["GLASS"]})
     bpy.data.objects.remove(rig["GLASS"])
     with bpy.data.libraries.load(str(tmp_path / "glass.blend"), link=True) as (there, wanted):
@@ -911,9 +1048,15 @@ def test_a_library_that_is_gone_is_a_missing_part(rig: dict, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", LONG)
-def test_another_file_in_the_middle_is_not_written_to(rig: dict, window: Window, tmp_path: Path, name: str) -> None:
-    """Saving makes no difference; after a load or undo the work ends in a sentence, and nothing is written."""
-    work, path = part("operators.work"), str(tmp_path / "rig.blend")
+def test_another_file_in_the_middle_is_not_written_to(
+    rig: dict, window: Window, tmp_path: Path, name: str
+) -> None:
+    """Saving makes no difference.
+
+    After a load or undo the work ends in a sentence, and nothing is written.
+    """
+    work = part("operators.work")
+    path = str(tmp_path / "rig.blend")
     events = {
         "save": lambda: bpy.ops.wm.save_as_mainfile(filepath=path),
         "undo": bpy.ops.ed.undo,
@@ -944,7 +1087,10 @@ def test_another_file_in_the_middle_is_not_written_to(rig: dict, window: Window,
 
 
 def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> None:
-    """In the middle of a solve, too, timer and status bar go with it; enabled again, it solves as before."""
+    """In the middle of a solve, too, timer and status bar go with it.
+
+    Enabled again, it solves as before.
+    """
     for n_steps in (0, 1, 5):
         before = state()
         operator = pressed("solve", window)
@@ -963,8 +1109,13 @@ def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> No
     assert after == whole("solve")
 
 
-def test_disabling_the_extension_in_the_middle_of_live_and_enabling_it_again(rig: dict, live: ModuleType) -> None:
-    """Nothing of it is left, the image is saved with the file; turned on again, it follows as before."""
+def test_disabling_the_extension_in_the_middle_of_live_and_enabling_it_again(
+    rig: dict, live: ModuleType
+) -> None:
+    """Nothing of it is left, the image is saved with the file.
+
+    Turned on again, it follows as before.
+    """
     for n_turns in (0, 1, 3, 6):
         rig["GLASS"].rotation_euler.z += 0.1
         bpy.context.view_layer.update()

@@ -14,8 +14,11 @@ SEED = 11  # of the rigs tried here; `dev.py fuzz` tries more
 RIGS = (0, 1, 2, 14, 28, 36, 40)  # that take little time
 SOLVED = 0  # one of them, tame, that is solved in little time
 ROOT = Path(__file__).resolve().parent.parent.parent
-# the inventory that tells what a rig changed reads everything; the same rigs are solved in the newer versions
-pytestmark = pytest.mark.skipif(bpy.app.version < (4, 5), reason="reading every property there is crashes Blender 4.2")
+# the inventory that tells what a rig changed reads everything;
+# the same rigs are solved in the newer versions
+pytestmark = pytest.mark.skipif(
+    bpy.app.version < (4, 5), reason="reading every property there is crashes Blender 4.2"
+)
 
 
 @pytest.fixture
@@ -26,7 +29,10 @@ def fuzz(scene):
 
 
 def test_random_rigs_end_in_a_result_or_in_one_sentence(fuzz):
-    """Of random rigs, broken and wild ones among them, each is solved or refused; the scene stays as it was."""
+    """Of random rigs, broken and wild ones among them, each is solved or refused.
+
+    The scene stays as it was.
+    """
     outcomes = [fuzz.try_rig(SEED, k) for k in RIGS]
     assert [(o.k, o.text) for o in outcomes if o.verdict == "failed"] == []
     assert {o.verdict for o in outcomes} == {"solved", "refused"}
@@ -88,14 +94,18 @@ def lose_a_share(kiriko, solution):
     ids=lambda value: getattr(value, "__qualname__", "").split(".")[0] or value,
 )
 def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
-    """A solve that crashes, returns no image, changes the scene or does not say why it refuses, fails."""
+    """A solve that crashes, returns no image, changes the
+    scene or does not say why it refuses, fails.
+    """
     import importlib
 
     solve = importlib.import_module(f"{kiriko.__name__}.operators.solve")
     importlib.import_module(f"{kiriko.__name__}.core.errors")
     right = solve.write_solution
     monkeypatch.setattr(
-        solve, "write_solution", lambda scene, reading, found: right(scene, reading, fault(kiriko, found))
+        solve,
+        "write_solution",
+        lambda scene, reading, found: right(scene, reading, fault(kiriko, found)),
     )
     outcome = fuzz.try_rig(SEED, SOLVED)
     assert outcome.verdict == "failed"
@@ -103,8 +113,19 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
 
 
 def test_a_rig_that_takes_too_long_is_named(tmp_path):
-    """A rig that takes longer than it may is ended and told of, with what repeats it, and the next one is tried."""
-    command = [sys.executable, ROOT / "scripts" / "fuzz.py", "--seed", str(SEED), "--rigs", "2", "--seconds", "0.001"]
+    """A rig that takes longer than it may is ended and told of,
+    with what repeats it, and the next one is tried.
+    """
+    command = [
+        sys.executable,
+        ROOT / "scripts" / "fuzz.py",
+        "--seed",
+        str(SEED),
+        "--rigs",
+        "2",
+        "--seconds",
+        "0.001",
+    ]
     path = os.pathsep.join(str(ROOT / folder) for folder in (".dev/link", "tests/core"))
     variables = {**os.environ, "PYTHONPATH": path, "BLENDER_USER_RESOURCES": str(tmp_path)}
     run = subprocess.run(command, env=variables, capture_output=True, text=True)

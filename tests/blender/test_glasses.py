@@ -1,4 +1,6 @@
-"""Glass as artists bring it: made by scripts/glasses.py, judged by the same glass divided finely."""
+"""Glass as artists bring it: made by scripts/glasses.py, judged by the same glass
+divided finely.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +30,9 @@ def landings(mesh, surface):
 
 
 def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
-    """Median and 90 % of the landings, against four times as many faces each way: their limit is the same surface."""
+    """Median and 90 % of the landings, against four times as many
+    faces each way: their limit is the same surface.
+    """
     mesh = glasses.made("wine glass")
     monkeypatch.setitem(glasses.GLASSES, "wine glass", lambda: glasses.wine_glass(FINE))
     _, fine = landings(glasses.made("wine glass"), "facets")
@@ -41,14 +45,18 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
     assert (worse < [0.01, 0.2]).all()
     # plan is the last one's
     (remark,) = _on_doubted(plan.rig, plan)
-    assert remark.text.startswith("'glass' is followed as drawn where its mesh is too irregular or too coarse")
+    assert remark.text.startswith(
+        "'glass' is followed as drawn where its mesh is too irregular or too coarse"
+    )
     shares = plan.n_doubted[0], plan.n_curved[0]
     assert 0.1 < shares[1] / sum(shares) < 0.5
 
 
 @pytest.mark.parametrize("name", glasses.GLASSES)
 def test_all_glasses_can_be_made(name):
-    """Smooth but for what is cut, about as large as the view, closed but for Suzanne, whose eyes are shells."""
+    """Smooth but for what is cut, about as large as the view,
+    closed but for Suzanne, whose eyes are shells.
+    """
     mesh = glasses.made(name)
     assert (mesh.is_smooth is None) == (name in ("cube", "gem", "cut cylinder"))
     assert 0.01 < np.ptp(mesh.bounds, axis=0).max() < 0.25
@@ -57,7 +65,9 @@ def test_all_glasses_can_be_made(name):
 
 
 def test_a_gem_has_its_facets():
-    """57, as a round brilliant has, and a girdle of 32: by Euler's formula the convex polyhedron is whole."""
+    """57, as a round brilliant has, and a girdle of 32: by
+    Euler's formula the convex polyhedron is whole.
+    """
     gem = glasses.gem().data
     assert len(gem.polygons) == 57 + 32
     assert len(gem.vertices) - len(gem.edges) + len(gem.polygons) == 2
@@ -68,7 +78,9 @@ def test_a_gem_has_its_facets():
 @pytest.mark.parametrize("surface", ["automatic", "smooth"])
 @pytest.mark.parametrize("name", glasses.GLASSES)
 def test_the_kernel_leads_light_as_numpys_way_does(name, surface):
-    """Through all glasses: no ray is led past a face, and where the mesh is trusted none parts from numpy's way."""
+    """Through all glasses: no ray is led past a face, and where
+    the mesh is trusted none parts from numpy's way.
+    """
     if (name, surface) == ("large scan", "smooth"):
         pytest.skip("forty seconds to fit what is not trusted")
     mesh = replace(glasses.made(name), surface=surface)

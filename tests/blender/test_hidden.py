@@ -1,4 +1,6 @@
-"""One rule for all ways to hide: what is not shown in the viewport and in renders is no part of the rig."""
+"""One rule for all ways to hide: what is not shown in the
+viewport and in renders is no part of the rig.
+"""
 
 from collections.abc import Callable
 
@@ -11,8 +13,11 @@ ROLES = ("GLASS", "PLATE", "DISPLAY", "PICTURE")
 
 
 def own_collection(thing: bpy.types.Object, name: str = "drawer") -> bpy.types.LayerCollection:
-    """A new collection with this object only, and one around it, as the view layer has the inner one."""
-    outer, inner = bpy.data.collections.new("cupboard"), bpy.data.collections.new(name)
+    """A new collection with this object only, and one
+    around it, as the view layer has the inner one.
+    """
+    outer = bpy.data.collections.new("cupboard")
+    inner = bpy.data.collections.new(name)
     bpy.context.scene.collection.children.link(outer)
     outer.children.link(inner)
     for old in thing.users_collection:
@@ -71,7 +76,10 @@ every_way = pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 @every_way
 @pytest.mark.parametrize("role", ROLES)
 def test_a_part_the_rig_needs(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, role: str, way: Callable[[bpy.types.Object], None]
+    drawn: Callable[..., Layout],
+    scene: bpy.types.Scene,
+    role: str,
+    way: Callable[[bpy.types.Object], None],
 ) -> None:
     """Panel, buttons and error say by what it is hidden, and to show it."""
     part = small_rig()[role]
@@ -114,14 +122,18 @@ def test_a_part_it_can_do_without(
 def test_an_instance_of_a_collection(
     drawn: Callable[..., Layout], scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
 ) -> None:
-    """The object that makes instances hides them; where their source is hidden in the scene they are shown."""
+    """The object that makes instances hides them.
+
+    Where their source is hidden in the scene they are shown.
+    """
     parts = small_rig()
     glass = parts["GLASS"]
     own_collection(glass, "source")
     bpy.data.collections["cupboard"].name = "stock"
     bpy.context.view_layer.layer_collection.children["stock"].exclude = True
     maker = new_object(None)
-    maker.instance_type, maker.instance_collection = "COLLECTION", bpy.data.collections["source"]
+    maker.instance_type = "COLLECTION"
+    maker.instance_collection = bpy.data.collections["source"]
     bpy.ops.kiriko.solve()
     assert f"Glass: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
     way(maker)
@@ -140,6 +152,10 @@ def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
     n_objects = len(bpy.data.objects)
     if glass not in bpy.context.selected_objects:
         return  # then it is not asked about
-    with pytest.raises(RuntimeError, match=r"'thing' is hidden .* and cannot be glass: show it, or deselect it\."):
+    with pytest.raises(
+        RuntimeError,
+        match=r"'thing' is hidden .* and cannot be glass: show it, or"
+        r" deselect it\.",
+    ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
     assert len(bpy.data.objects) == n_objects

@@ -1,4 +1,6 @@
-"""Where the mid-air image of an ideal plate stands, measured in Cycles as a lab would: `dev.py lab` in small."""
+"""Where the mid-air image of an ideal plate stands, measured
+in Cycles as a lab would: `dev.py lab` in small.
+"""
 
 import bpy
 import numpy as np
@@ -7,7 +9,9 @@ import pytest
 
 @pytest.mark.parametrize("distance", [0.4, 0.6])
 def test_the_image_stands_as_far_from_the_plate_as_the_display(kiriko, scene, distance):
-    """A chart of dots seen by two viewers 50 mm apart, 1 m away: on average right to 0.05 mm, and sideways to 1 um."""
+    """A chart of dots seen by two viewers 50 mm apart, 1 m away:
+    on average right to 0.05 mm, and sideways to 1 um.
+    """
     import bench_lab as lab
 
     from kiriko.core.bench.placement import lattice

@@ -6,8 +6,16 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-VIEW = {"MIDDLEMOUSE": "view3d.rotate", "WHEELUPMOUSE": "view3d.zoom", "NUMPAD_1": "view3d.view_axis"}
-EDITS = {"G": "transform.translate", "NUMPAD_SLASH": "view3d.localview", "LEFTMOUSE": "view3d.select"}
+VIEW = {
+    "MIDDLEMOUSE": "view3d.rotate",
+    "WHEELUPMOUSE": "view3d.zoom",
+    "NUMPAD_1": "view3d.view_axis",
+}
+EDITS = {
+    "G": "transform.translate",
+    "NUMPAD_SLASH": "view3d.localview",
+    "LEFTMOUSE": "view3d.select",
+}
 
 
 @pytest.fixture
@@ -17,21 +25,34 @@ def looking(kiriko: ModuleType) -> ModuleType:
 
 @pytest.fixture
 def passes(looking: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
-    """Does an event pass, over a viewport of 100 x 100 with a sidebar over its right half, by these keymaps?"""
+    """Does an event pass, over a viewport of 100 x 100 with a
+    sidebar over its right half, by these keymaps?
+    """
     space = SimpleNamespace(lock_camera=False)
-    main, sidebar = (SimpleNamespace(type=kind, x=x, y=0, width=w, height=100) for kind, x, w in SIDES)
-    area = SimpleNamespace(type="VIEW_3D", regions=[main, sidebar], spaces=SimpleNamespace(active=space))
+    main, sidebar = (
+        SimpleNamespace(type=kind, x=x, y=0, width=w, height=100) for kind, x, w in SIDES
+    )
+    area = SimpleNamespace(
+        type="VIEW_3D", regions=[main, sidebar], spaces=SimpleNamespace(active=space)
+    )
     window = SimpleNamespace(screen=SimpleNamespace(areas=[area]))
     scene = SimpleNamespace(camera=object())
     context = SimpleNamespace(window=window, window_manager=None, scene=scene)
 
     def ask(
-        type: str, x: int = 10, found: str = "", has_lock: bool = False, camera: object = scene, **keys: bool
+        type: str,
+        x: int = 10,
+        found: str = "",
+        has_lock: bool = False,
+        camera: object = scene,
+        **keys: bool,
     ) -> bool:
         space.lock_camera, scene.camera = has_lock, camera
         monkeypatch.setattr(looking, "meant", lambda *_: {found} if found else set())
         held = {key: keys.get(key, False) for key in ("ctrl", "alt", "shift", "oskey")}
-        return looking.only_looks(context, SimpleNamespace(type=type, mouse_x=x, mouse_y=10, **held))
+        return looking.only_looks(
+            context, SimpleNamespace(type=type, mouse_x=x, mouse_y=10, **held)
+        )
 
     return ask
 
@@ -44,7 +65,8 @@ def test_the_view_turns_and_nothing_is_edited(passes: Callable[..., bool]) -> No
     assert all(passes(type, found=found) for type, found in VIEW.items())
     assert not any(passes(type, found=found) for type, found in EDITS.items())
     assert not passes("MIDDLEMOUSE", found="transform.translate")  # as some keymaps have it
-    assert not passes("LEFTMOUSE", found="view3d.rotate")  # a gizmo may be under it, which moves objects
+    # a gizmo may be under it, which moves objects
+    assert not passes("LEFTMOUSE", found="view3d.rotate")
     assert not passes("WHEELUPMOUSE", found="screen.frame_offset", alt=True)
     assert passes("MIDDLEMOUSE")  # a press that becomes a drag
     assert not passes("NUMPAD_ENTER")
@@ -52,7 +74,8 @@ def test_the_view_turns_and_nothing_is_edited(passes: Callable[..., bool]) -> No
 
 def test_the_sidebar_scrolls_and_no_number_changes(passes: Callable[..., bool]) -> None:
     """Over buttons the plain wheel scrolls; with a modifier it changes what is under it."""
-    assert passes("WHEELDOWNMOUSE", x=60, found="transform.translate")  # keymaps of the viewport do not count there
+    # keymaps of the viewport do not count there
+    assert passes("WHEELDOWNMOUSE", x=60, found="transform.translate")
     assert passes("TRACKPADPAN", x=60)
     assert not passes("WHEELDOWNMOUSE", x=60, ctrl=True)
     assert not passes("NUMPAD_1", x=60, found="view3d.view_axis")
@@ -61,7 +84,10 @@ def test_the_sidebar_scrolls_and_no_number_changes(passes: Callable[..., bool]) 
 
 
 def test_a_view_that_takes_the_camera_along_stays(passes: Callable[..., bool]) -> None:
-    """With Lock Camera to View turning moves the viewer; without a camera Numpad 0 would choose one."""
+    """With Lock Camera to View turning moves the viewer.
+
+    Without a camera Numpad 0 would choose one.
+    """
     assert not any(passes(type, found=found, has_lock=True) for type, found in VIEW.items())
     assert passes("NUMPAD_0", found="view3d.view_camera")
     assert not passes("NUMPAD_0", found="view3d.view_camera", camera=None)

@@ -24,11 +24,21 @@ def normal_of(thing: bpy.types.Object) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("tilt", "azimuth"), [(45, 0), (30, 0), (60, 75), (45, -160)])
-def test_display_is_the_mirror_image_of_the_picture(scene: bpy.types.Scene, tilt: float, azimuth: float) -> None:
-    """Each corner of the picture, mirrored at the plate's plane, is that corner of a display of the same size."""
-    options = {"tilt": np.radians(tilt), "azimuth": np.radians(azimuth), "picture_size": 0.02, "display_size": 0.02}
+def test_display_is_the_mirror_image_of_the_picture(
+    scene: bpy.types.Scene, tilt: float, azimuth: float
+) -> None:
+    """Each corner of the picture, mirrored at the plate's
+    plane, is that corner of a display of the same size.
+    """
+    options = {
+        "tilt": np.radians(tilt),
+        "azimuth": np.radians(azimuth),
+        "picture_size": 0.02,
+        "display_size": 0.02,
+    }
     rig = small_rig(**options)
-    plate, normal = world_corners(rig["PLATE"]).mean(axis=0), normal_of(rig["PLATE"])
+    plate = world_corners(rig["PLATE"]).mean(axis=0)
+    normal = normal_of(rig["PLATE"])
     picture = world_corners(rig["PICTURE"])
     mirrored = picture - 2 * ((picture - plate) @ normal)[:, None] * normal
     assert np.abs(mirrored - world_corners(rig["DISPLAY"])).max() < SINGLE
@@ -37,7 +47,9 @@ def test_display_is_the_mirror_image_of_the_picture(scene: bpy.types.Scene, tilt
 def test_parts_face_each_other(scene: bpy.types.Scene) -> None:
     """The picture faces the viewer, the display faces the plate, from below."""
     rig = small_rig()
-    to_viewer = scene.kiriko.viewer.matrix_world.translation - rig["PICTURE"].matrix_world.translation
+    to_viewer = (
+        scene.kiriko.viewer.matrix_world.translation - rig["PICTURE"].matrix_world.translation
+    )
     to_plate = rig["PLATE"].matrix_world.translation - rig["DISPLAY"].matrix_world.translation
     assert normal_of(rig["PICTURE"]) @ np.array(to_viewer) == pytest.approx(1.0, abs=SINGLE)
     assert normal_of(rig["DISPLAY"]) @ np.array(to_plate) == pytest.approx(0.15, abs=SINGLE)
@@ -45,9 +57,13 @@ def test_parts_face_each_other(scene: bpy.types.Scene) -> None:
 
 
 def test_display_without_refraction_is_as_large_as_the_picture(scene: bpy.types.Scene) -> None:
-    """With an index of 1 the light of the picture lands on its mirror image, so that is the size the display needs."""
+    """With an index of 1 the light of the picture lands on its
+    mirror image, so that is the size the display needs.
+    """
     rig = small_rig(ior=1.0)
-    assert rig["DISPLAY"].dimensions.x == pytest.approx(1.01 * rig["PICTURE"].dimensions.x, rel=1e-4)
+    assert rig["DISPLAY"].dimensions.x == pytest.approx(
+        1.01 * rig["PICTURE"].dimensions.x, rel=1e-4
+    )
     assert "all the light" in scene.kiriko.result.summary
 
 
@@ -64,14 +80,18 @@ def test_display_is_as_large_as_the_light_of_the_picture_needs(scene: bpy.types.
 
 
 def test_limit_of_the_display_is_kept_and_its_loss_reported(scene: bpy.types.Scene) -> None:
-    """A display that may not be as large as needed is as large as allowed, and the summary says what is lost."""
+    """A display that may not be as large as needed is as large
+    as allowed, and the summary says what is lost.
+    """
     rig = small_rig(max_display_size=0.025)
     assert rig["DISPLAY"].dimensions.x == pytest.approx(0.025, rel=1e-5)
     assert "missed the display" in scene.kiriko.result.summary
 
 
 def test_default_rig_is_the_reference_ball(scene: bpy.types.Scene) -> None:
-    """With nothing selected it is the ball of docs: 25 mm, D = 150 mm, 50 mm of field at 1 m, 25 mm of picture."""
+    """With nothing selected it is the ball of docs: 25 mm, D =
+    150 mm, 50 mm of field at 1 m, 25 mm of picture.
+    """
     bpy.ops.kiriko.add_rig()
     rig = {thing.kiriko.role: thing for thing in scene.objects}
     viewer = scene.kiriko.viewer
@@ -84,14 +104,24 @@ def test_default_rig_is_the_reference_ball(scene: bpy.types.Scene) -> None:
     assert viewer.data.display_size < 0.1  # as small as the rig: Home still frames it
 
 
-def test_display_ends_where_the_light_of_the_corners_lands(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """By the closed form of a ball and a plate, the picture's corners land at the display's, a hundredth further in."""
+def test_display_ends_where_the_light_of_the_corners_lands(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """By the closed form of a ball and a plate, the picture's
+    corners land at the display's, a hundredth further in.
+    """
     bpy.ops.kiriko.add_rig()
-    rig = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read(bpy.context, scene).rig
+    rig = (
+        importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+        .read(bpy.context, scene)
+        .rig
+    )
     corners = rig.picture.mesh.vertices
     directions = corners - rig.viewer.position
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    leave = through_ball(np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49)
+    leave = through_ball(
+        np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49
+    )
     xy = np.abs(landing(rig, *leave) - 256)
     assert xy.max() == pytest.approx(256 / 1.01, rel=2e-3)  # the grid of rays has the corners
 
@@ -100,7 +130,9 @@ def test_display_ends_where_the_light_of_the_corners_lands(scene: bpy.types.Scen
 def test_the_first_rig_is_perfect(
     scene: bpy.types.Scene, capfd: pytest.CaptureFixture, radius: float, ior: float | None
 ) -> None:
-    """Around a ball of any size all the light of the picture arrives, which is no warning, and Solve finds the same."""
+    """Around a ball of any size all the light of the picture
+    arrives, which is no warning, and Solve finds the same.
+    """
     if ior is not None:
         bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=radius)
         bpy.ops.object.shade_smooth()
@@ -114,12 +146,21 @@ def test_the_first_rig_is_perfect(
 
 
 def test_add_rig_and_solve_tell_the_same_share(scene: bpy.types.Scene) -> None:
-    """In one format, from rays over the picture and from cells of the view map: within a tenth of a per cent."""
+    """In one format, from rays over the picture and from cells
+    of the view map: within a tenth of a per cent.
+    """
     bpy.ops.kiriko.add_rig(picture_size=0.03)
     told = [scene.kiriko.result.summary]
     bpy.ops.kiriko.solve()
     told.append(scene.kiriko.result.summary)
-    found = [re.search(r"shows ([\d.]+) % of the picture; ([\d.]+) % missed the plate\.", text) for text in told]
+    found = [
+        re.search(
+            r"shows ([\d.]+) % of the picture; ([\d.]+) % missed the"
+            r" plate\.",
+            text,
+        )
+        for text in told
+    ]
     shares = np.array([numbers.groups() for numbers in found], float)
     assert 99 < shares[0, 0] < 100
     assert np.abs(shares[0] - shares[1]).max() <= 0.1 + 1e-9
@@ -128,18 +169,28 @@ def test_add_rig_and_solve_tell_the_same_share(scene: bpy.types.Scene) -> None:
 def test_the_scenes_render_and_camera_stay(scene: bpy.types.Scene) -> None:
     """Add Rig leaves size and camera of the scene's render; the viewer has pixels of its own."""
     mine = new_object(bpy.data.cameras.new("mine"))
-    scene.camera, scene.render.resolution_percentage, scene.render.pixel_aspect_x = mine, 50, 2.0
+    scene.camera = mine
+    scene.render.resolution_percentage = 50
+    scene.render.pixel_aspect_x = 2.0
     small_rig(viewer_resolution=48)
     render = scene.render
-    assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (1920, 1080, 50)
+    assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (
+        1920,
+        1080,
+        50,
+    )
     assert scene.camera == mine
     viewer = scene.kiriko.viewer
     assert (viewer.kiriko.use_resolution, *viewer.kiriko.resolution) == (True, 48, 48)
 
 
 def test_a_viewer_without_pixels_of_its_own_has_those_of_the_render(scene: bpy.types.Scene) -> None:
-    """Viewer Resolution 0; the display is sized for the viewer's frame, and the viewer becomes the scene's camera."""
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 160, 90, 50
+    """Viewer Resolution 0; the display is sized for the viewer's
+    frame, and the viewer becomes the scene's camera.
+    """
+    scene.render.resolution_x = 160
+    scene.render.resolution_y = 90
+    scene.render.resolution_percentage = 50
     small_rig(viewer_resolution=0)
     viewer = scene.kiriko.viewer
     assert not viewer.kiriko.use_resolution
@@ -148,25 +199,37 @@ def test_a_viewer_without_pixels_of_its_own_has_those_of_the_render(scene: bpy.t
     assert scene.kiriko.result.coverage > 0.999
 
 
-def test_the_camera_that_blender_goes_on_showing_is_told(scene: bpy.types.Scene, capfd: pytest.CaptureFixture) -> None:
-    """Where the scene has a camera the report names it, and what to do; where it has none there is nothing to tell."""
+def test_the_camera_that_blender_goes_on_showing_is_told(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture
+) -> None:
+    """Where the scene has a camera the report names it, and what to do.
+
+    Where it has none there is nothing to tell.
+    """
     small_rig()
     assert "Numpad" not in capfd.readouterr().out
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.camera = new_object(bpy.data.cameras.new("mine"))
     small_rig()
-    assert "Numpad 0 goes on showing 'thing': to look through 'Kiriko Viewer', make it" in capfd.readouterr().out
+    assert (
+        "Numpad 0 goes on showing 'thing': to look through 'Kiriko Viewer', make it"
+        in capfd.readouterr().out
+    )
 
 
 def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
-    """It names the part of the picture whose light spreads so far, and a smaller display, which keeps its promise."""
+    """It names the part of the picture whose light spreads so
+    far, and a smaller display, which keeps its promise.
+    """
     bpy.ops.kiriko.add_rig(picture_size=0.035)
     text = scene.kiriko.result.summary
     found = re.search(
-        r"light of the picture's upper side spreads that far: .* set Display to ([\d.]+) m, which would show (\d+) %",
+        r"light of the picture's upper side spreads that far: .* set Display to ([\d.]+) m, which"
+        r" would show (\d+) %",
         text,
     )
-    width, share = float(found.group(1)), float(found.group(2))
+    width = float(found.group(1))
+    share = float(found.group(2))
     display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
     assert width < 0.5 * display.dimensions.x
     display.scale *= width / display.dimensions.x
@@ -187,20 +250,26 @@ def test_a_display_at_its_limit_says_so(scene: bpy.types.Scene) -> None:
 
 
 def in_collection(*things: bpy.types.Object) -> bpy.types.Object:
-    """A selected instance of a collection of these objects, which are nowhere else; turned and moved."""
+    """A selected instance of a collection of these objects, which are nowhere else.
+
+    Turned and moved.
+    """
     collection = bpy.data.collections.new("Glasses")
     for thing in things:
         collection.objects.link(thing)
         bpy.context.scene.collection.objects.unlink(thing)
     empty = new_object(None)
     empty.instance_type, empty.instance_collection = "COLLECTION", collection
-    empty.location, empty.rotation_euler = (0.3, 0.1, 0.2), (0.0, 0.0, 0.3)
+    empty.location = (0.3, 0.1, 0.2)
+    empty.rotation_euler = (0.0, 0.0, 0.3)
     empty.select_set(True)
     return empty
 
 
 def test_a_collection_instance_is_the_glass(scene: bpy.types.Scene) -> None:
-    """The rig stands around what the instance shows, which solves and is previewed as the same objects in the scene."""
+    """The rig stands around what the instance shows, which solves
+    and is previewed as the same objects in the scene.
+    """
     thing = cube()
     thing.kiriko.use_ior = True
     instance = in_collection(thing)
@@ -208,7 +277,9 @@ def test_a_collection_instance_is_the_glass(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     assert (instance.kiriko.role, thing.kiriko.role) == ("GLASS", "NONE")
     rig = {thing.kiriko.role: thing for thing in scene.objects}
-    assert tuple(rig["PICTURE"].matrix_world.translation) == pytest.approx((0.3, 0.1, 0.2), abs=1e-6)
+    assert tuple(rig["PICTURE"].matrix_world.translation) == pytest.approx(
+        (0.3, 0.1, 0.2), abs=1e-6
+    )
     assert not [thing for thing in scene.objects if thing.name.startswith("Kiriko Ball")]
     bpy.ops.kiriko.solve()
     assert scene.kiriko.result.coverage > 0.999
@@ -237,7 +308,10 @@ def flat(kind: str) -> bpy.types.Object:
 
 @pytest.mark.parametrize("kind", ["plane", "text", "instance"])
 def test_what_is_flat_is_refused_as_glass(scene: bpy.types.Scene, kind: str) -> None:
-    """It is named, and what to do; nothing is made, no role is set. With a thickness it is glass."""
+    """It is named, and what to do.
+
+    Nothing is made, no role is set. With a thickness it is glass.
+    """
     thing = flat(kind)
     before = inventory()
     with pytest.raises(RuntimeError, match=f"'{thing.name}' is no closed body, but flat"):
@@ -262,7 +336,8 @@ def test_what_has_no_surface_is_refused_as_glass(scene: bpy.types.Scene, kind: s
     thing.select_set(True)
     before = inventory()
     with pytest.raises(
-        RuntimeError, match=f"'thing' cannot be glass, for an? {kind} has no surface: select your glass"
+        RuntimeError,
+        match=f"'thing' cannot be glass, for an? {kind} has no surface: select your glass",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
     assert inventory() == before
@@ -275,7 +350,9 @@ def test_a_role_without_a_surface_is_refused_when_it_is_solved(scene: bpy.types.
     """A script may give a camera any role; the sentence says why it is none."""
     small_rig()
     scene.kiriko.viewer.kiriko.role = "GLASS"
-    with pytest.raises(RuntimeError, match="'Kiriko Viewer' has the role Glass, but a camera has no surface: set"):
+    with pytest.raises(
+        RuntimeError, match="'Kiriko Viewer' has the role Glass, but a camera has no surface: set"
+    ):
         bpy.ops.kiriko.solve()
 
 
@@ -285,7 +362,8 @@ def test_opaque_glass_is_told_at_once(scene: bpy.types.Scene, capfd: pytest.Capt
     thing.data.materials.append(bpy.data.materials.new("Grey"))
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     assert re.search(
-        "Warning: .* The material of 'Cube' does not refract, .* press Make It Glass", capfd.readouterr().out
+        "Warning: .* The material of 'Cube' does not refract, .* press Make It Glass",
+        capfd.readouterr().out,
     )
     assert "does not refract" in scene.kiriko.result.notes
     bpy.context.view_layer.objects.active = thing
@@ -304,14 +382,18 @@ def test_hidden_glass_is_refused(scene: bpy.types.Scene) -> None:
     thing.hide_render = True
     before = inventory()
     with pytest.raises(
-        RuntimeError, match="'Cube' is hidden in renders by its camera symbol and cannot be glass: show it"
+        RuntimeError,
+        match="'Cube' is hidden in renders by its camera symbol and cannot be glass: show it",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
     assert inventory() == before
 
 
 def test_redo_with_other_values_starts_from_before(scene: bpy.types.Scene) -> None:
-    """As the box at the lower left does it: undo, then the operator again; there is one rig, the second."""
+    """As the box at the lower left does it: undo, then the operator again.
+
+    There is one rig, the second.
+    """
     cube()
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.kiriko.add_rig(viewer_resolution=64, picture_size=0.02)
@@ -325,7 +407,8 @@ def test_redo_with_other_values_starts_from_before(scene: bpy.types.Scene) -> No
 
 def test_an_open_body_is_glass(scene: bpy.types.Scene) -> None:
     """Half a ball without a lid is not flat: it is followed as drawn, and its rig is made."""
-    mesh, shape = bpy.data.meshes.new("bowl"), bmesh.new()
+    mesh = bpy.data.meshes.new("bowl")
+    shape = bmesh.new()
     bmesh.ops.create_uvsphere(shape, u_segments=32, v_segments=16, radius=0.03)
     bmesh.ops.delete(shape, geom=[v for v in shape.verts if v.co.z > 1e-3], context="VERTS")
     shape.to_mesh(mesh)
@@ -345,11 +428,14 @@ def test_rig_follows_the_unit_scale(scene: bpy.types.Scene) -> None:
 
 
 def test_large_glass_does_not_cut_the_plate(scene: bpy.types.Scene) -> None:
-    """Around Blender's own cube of 2 m the rig grows with the glass, so that glass and plate stay apart."""
+    """Around Blender's own cube of 2 m the rig grows with
+    the glass, so that glass and plate stay apart.
+    """
     cube(2.0)
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     rig = {thing.kiriko.role: thing for thing in scene.objects}
-    plate, normal = world_corners(rig["PLATE"]).mean(axis=0), normal_of(rig["PLATE"])
+    plate = world_corners(rig["PLATE"]).mean(axis=0)
+    normal = normal_of(rig["PLATE"])
     side = (world_corners(rig["GLASS"]) - plate) @ normal
     assert (side < 0).all() or (side > 0).all()
 
@@ -402,10 +488,14 @@ def test_failure_leaves_nothing_behind(scene: bpy.types.Scene) -> None:
 
 def test_a_picture_beside_the_glass_is_told_to_be_moved(scene: bpy.types.Scene) -> None:
     """Seen through the hole of a ring; nothing is said of the display's size then."""
-    bpy.ops.mesh.primitive_torus_add(major_radius=0.04, minor_radius=0.005, rotation=(np.pi / 2, 0, 0))
+    bpy.ops.mesh.primitive_torus_add(
+        major_radius=0.04, minor_radius=0.005, rotation=(np.pi / 2, 0, 0)
+    )
     bpy.ops.kiriko.add_rig(picture_size=0.03, viewer_resolution=64)
     text = scene.kiriko.result.summary
-    assert "The viewer sees most of the picture beside the glass: move it, or turn the glass." in text
+    assert (
+        "The viewer sees most of the picture beside the glass: move it, or turn the glass." in text
+    )
     assert "times as wide" not in text
 
 
@@ -415,12 +505,19 @@ def test_glass_without_its_front_is_told_of_its_gap(scene: bpy.types.Scene) -> N
     mesh = bmesh.new()
     mesh.from_mesh(glass.data)
     mesh.faces.ensure_lookup_table()
-    bmesh.ops.delete(mesh, geom=[face for face in mesh.faces if face.normal.y < -0.9], context="FACES_ONLY")
+    bmesh.ops.delete(
+        mesh, geom=[face for face in mesh.faces if face.normal.y < -0.9], context="FACES_ONLY"
+    )
     mesh.to_mesh(glass.data)
     mesh.free()
     bpy.ops.kiriko.add_rig(viewer_resolution=64)
-    assert "100 % of the light goes through gaps in the glass: close them." in scene.kiriko.result.summary
-    with pytest.raises(RuntimeError, match="100 % of the picture's light goes through gaps in the glass 'Cube'"):
+    assert (
+        "100 % of the light goes through gaps in the glass: close them."
+        in scene.kiriko.result.summary
+    )
+    with pytest.raises(
+        RuntimeError, match="100 % of the picture's light goes through gaps in the glass 'Cube'"
+    ):
         bpy.ops.kiriko.solve()
 
 

@@ -55,7 +55,9 @@ class Bench:
 
     def source_of(self, rig):
         """Solved for a rig."""
-        return self.steps.finish(self.session.Session().solve(rig, self.work.settings_of(self.scene)))
+        return self.steps.finish(
+            self.session.Session().solve(rig, self.work.settings_of(self.scene))
+        )
 
     def rig(self):
         """As Kiriko takes it, with its offset."""
@@ -67,10 +69,15 @@ class Bench:
         return self.picture.view_of_picture(self.drawn.picture, self.drawn.viewer, lattice.uv)
 
     def seen(self, rig) -> np.ndarray:
-        """Where they are seen on the real bench (49, 2) while the display shows what is right for a rig."""
-        settings, bench = self.work.settings_of(self.scene), self.misalignment.Bench
+        """Where they are seen on the real bench (49, 2) while
+        the display shows what is right for a rig.
+        """
+        settings = self.work.settings_of(self.scene)
+        bench = self.misalignment.Bench
         lattice = self.lattice.Lattice(7, 7, 1 / 14)
-        shown = bench(rig, settings, self.picture.view_of_picture(rig.picture, rig.viewer, lattice.uv)).display
+        shown = bench(
+            rig, settings, self.picture.view_of_picture(rig.picture, rig.viewer, lattice.uv)
+        ).display
         return bench(self.real, settings, self.wanted(), []).seen(np.zeros(0), display=shown)
 
     def off(self, rig) -> float:
@@ -99,12 +106,18 @@ def bench(kiriko: ModuleType, scene: bpy.types.Scene) -> Bench:
 
 
 @pytest.mark.parametrize("names", [True, False])
-def test_points_of_a_bench_that_is_off_make_it_right(bench: Bench, tmp_path: Path, names: bool) -> None:
-    """Kept as an offset: objects stay, the rig that is solved is another, and the real bench shows the picture."""
+def test_points_of_a_bench_that_is_off_make_it_right(
+    bench: Bench, tmp_path: Path, names: bool
+) -> None:
+    """Kept as an offset: objects stay, the rig that is solved is
+    another, and the real bench shows the picture.
+    """
     before = bench.off(bench.drawn)
     assert before > 5
     places = {o.name: o.matrix_world.copy() for o in bpy.data.objects}
-    assert bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv", names=names))) == {"FINISHED"}
+    assert bpy.ops.kiriko.calibrate(
+        filepath=str(bench.csv(tmp_path / "points.csv", names=names))
+    ) == {"FINISHED"}
     assert {o.name: o.matrix_world.copy() for o in bpy.data.objects} == places
     assert bench.off(bench.rig()) < 0.1
     ours = bench.scene.kiriko.calibration
@@ -124,7 +137,9 @@ def test_points_of_a_bench_that_is_off_make_it_right(bench: Bench, tmp_path: Pat
 
 
 def test_a_photograph_does_it_too(bench: Bench, tmp_path: Path) -> None:
-    """Solved, shown on a bench that is off, photographed, found in the image, fitted, solved again: all of it."""
+    """Solved, shown on a bench that is off, photographed, found
+    in the image, fitted, solved again: all of it.
+    """
     bpy.ops.kiriko.solve()
     path = bench.photograph(tmp_path / "photograph.png")
     bpy.ops.kiriko.calibrate(filepath=str(path))
@@ -132,9 +147,13 @@ def test_a_photograph_does_it_too(bench: Bench, tmp_path: Path) -> None:
     bpy.ops.kiriko.remove_calibration()
 
 
-@pytest.mark.parametrize(("name", "flip"), [("mirrored", np.fliplr), ("upside down", lambda a: a[::-1, ::-1])])
+@pytest.mark.parametrize(
+    ("name", "flip"), [("mirrored", np.fliplr), ("upside down", lambda a: a[::-1, ::-1])]
+)
 @pytest.mark.parametrize("own", [False, True])
-def test_a_photograph_held_another_way_is_refused(bench: Bench, tmp_path: Path, name: str, flip, own: bool) -> None:
+def test_a_photograph_held_another_way_is_refused(
+    bench: Bench, tmp_path: Path, name: str, flip, own: bool
+) -> None:
     """Of coloured dots, and of the lattice with its two larger dots."""
     if own:
         bpy.ops.kiriko.lattice_picture()
@@ -146,7 +165,9 @@ def test_a_photograph_held_another_way_is_refused(bench: Bench, tmp_path: Path, 
 
 
 def test_what_the_display_does_not_show_is_not_missed(bench: Bench, tmp_path: Path) -> None:
-    """A column beside the display is not in the photograph, and the others are told apart all the same."""
+    """A column beside the display is not in the photograph, and
+    the others are told apart all the same.
+    """
     display = bench.parts["DISPLAY"]
     display.location += display.matrix_world.to_3x3().col[0].normalized() * 0.004
     bpy.context.view_layer.update()
@@ -164,8 +185,14 @@ def test_a_border_that_is_missing_without_names_is_refused(bench: Bench, tmp_pat
     seen = bench.seen(bench.drawn)
     seen[6::7] = np.nan
     path = bench.csv(tmp_path / "points.csv", seen, names=False)
-    path.write_text("".join(line + "\n" for line in path.read_text().splitlines() if "nan" not in line))
-    with pytest.raises(RuntimeError, match=r"which is which cannot be told|Too few of the 7 columns"):
+    path.write_text(
+        "".join(line + "\n" for line in path.read_text().splitlines() if "nan" not in line)
+    )
+    with pytest.raises(
+        RuntimeError,
+        match=r"which is which cannot be told|Too few of the 7"
+        r" columns",
+    ):
         bpy.ops.kiriko.calibrate(filepath=str(path))
 
 
@@ -187,28 +214,38 @@ def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -
         bpy.ops.kiriko.calibrate(filepath=path)
 
 
-@pytest.mark.newest_only(reason="both fits and their sum are core's; that an offset is kept is told in each version")
+@pytest.mark.newest_only(
+    reason="both fits and their sum are core's; that an offset is kept is told in each version"
+)
 def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
     """A second photograph is of what the first calibration made: its amounts come on top."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))
     once = bench.off(bench.rig())
-    bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "second.csv", bench.seen(bench.rig()))))
+    bpy.ops.kiriko.calibrate(
+        filepath=str(bench.csv(tmp_path / "second.csv", bench.seen(bench.rig())))
+    )
     assert len(json.loads(bench.scene.kiriko.calibration.offset)) == 2
     assert bench.off(bench.rig()) < once + 0.05
 
 
 def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
-    """The same rig to single precision, by objects that were moved, one of them with a parent, and settings."""
+    """The same rig to single precision, by objects that were
+    moved, one of them with a parent, and settings.
+    """
     holder = bpy.data.objects.new("Holder", None)
     bench.scene.collection.objects.link(holder)
     holder.location = (0.1, 0.2, 0.3)
     holder.rotation_euler = (0.3, 0.2, 0.1)
     bpy.context.view_layer.update()
     plate = bench.parts["PLATE"]
-    plate.parent, plate.matrix_parent_inverse = holder, holder.matrix_world.inverted()
+    plate.parent = holder
+    plate.matrix_parent_inverse = holder.matrix_world.inverted()
     display = bench.parts["DISPLAY"]
-    display.parent, display.matrix_parent_inverse = plate, plate.matrix_world.inverted()
-    bench.scene.kiriko.calibration.offset = json.dumps([HIDDEN, {"Kiriko Viewer: focal length": 0.2}])
+    display.parent = plate
+    display.matrix_parent_inverse = plate.matrix_world.inverted()
+    bench.scene.kiriko.calibration.offset = json.dumps(
+        [HIDDEN, {"Kiriko Viewer: focal length": 0.2}]
+    )
     wanted = bench.rig()
     assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
     assert bench.scene.kiriko.calibration.offset == ""
@@ -220,18 +257,30 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     assert found.glasses[0].ior(0) == pytest.approx(wanted.glasses[0].ior(0), abs=1e-6)
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
     seen = bench.picture.view_of_picture(found.picture, found.viewer, corners)
-    assert np.abs(seen - bench.picture.view_of_picture(bench.drawn.picture, bench.drawn.viewer, corners)).max() < 0.01
+    assert (
+        np.abs(
+            seen - bench.picture.view_of_picture(bench.drawn.picture, bench.drawn.viewer, corners)
+        ).max()
+        < 0.01
+    )
 
 
 def test_a_tilted_picture_goes_along(bench: Bench) -> None:
-    """Seen at an angle it cannot keep its pixels exactly when the camera zooms: to a tenth of one it does."""
+    """Seen at an angle it cannot keep its pixels exactly when
+    the camera zooms: to a tenth of one it does.
+    """
     bench.parts["PICTURE"].rotation_euler[0] += 0.3
     bpy.context.view_layer.update()
-    bench.scene.kiriko.calibration.offset = json.dumps([{**HIDDEN, "Kiriko Viewer: focal length": 0.2}])
+    bench.scene.kiriko.calibration.offset = json.dumps(
+        [{**HIDDEN, "Kiriko Viewer: focal length": 0.2}]
+    )
     wanted = bench.rig()
     assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
-    found, corners = bench.rig(), bench.lattice.Lattice(2, 2, 0.0).uv
-    seen, right = (bench.picture.view_of_picture(r.picture, r.viewer, corners) for r in (found, wanted))
+    found = bench.rig()
+    corners = bench.lattice.Lattice(2, 2, 0.0).uv
+    seen, right = (
+        bench.picture.view_of_picture(r.picture, r.viewer, corners) for r in (found, wanted)
+    )
     assert np.abs(seen - right).max() < 0.1
 
 
@@ -263,12 +312,15 @@ def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
 
     def state() -> dict:
         return {
-            o.name: (o.matrix_world.copy(), o.location[:], o.rotation_euler[:], o.scale[:]) for o in bpy.data.objects
+            o.name: (o.matrix_world.copy(), o.location[:], o.rotation_euler[:], o.scale[:])
+            for o in bpy.data.objects
         }
 
     places = state()
     offset = bench.scene.kiriko.calibration.offset
-    with pytest.raises(RuntimeError, match="of which this rig has none" if holds == "name" else "keep the offset"):
+    with pytest.raises(
+        RuntimeError, match="of which this rig has none" if holds == "name" else "keep the offset"
+    ):
         bpy.ops.kiriko.apply_calibration()
     bpy.context.view_layer.update()
     assert state() == places
@@ -290,18 +342,24 @@ def test_kept_in_the_scene_or_not_at_all(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
-    """Cycles sees the lattice where it is wanted, though the objects stand elsewhere; not so without the offset."""
+    """Cycles sees the lattice where it is wanted, though the objects stand elsewhere.
+
+    Not so without the offset.
+    """
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv")))
     preview, seen_image, ideal_image = (
         importlib.import_module(f"{bench.kiriko.__name__}.core.{name}")
         for name in ("blender.preview", "image.seen_image", "image.ideal_image")
     )
     ideal = ideal_image.ideal_image(bench.drawn.picture, bench.drawn.viewer)
-    reading, source = bench.work.read(bpy.context), bench.scene.kiriko.result.source
+    reading = bench.work.read(bpy.context)
+    source = bench.scene.kiriko.result.source
     render = preview.render_preview(bench.scene, reading, source, samples=4, fresnel=False)
     assert seen_image.lattice_shift(render, ideal).mean < 0.1
     bpy.ops.kiriko.remove_calibration()
-    render = preview.render_preview(bench.scene, bench.work.read(bpy.context), source, samples=4, fresnel=False)
+    render = preview.render_preview(
+        bench.scene, bench.work.read(bpy.context), source, samples=4, fresnel=False
+    )
     assert seen_image.lattice_shift(render, ideal).mean > 3
 
 
@@ -342,7 +400,8 @@ def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> N
         (image_io.write(tmp_path / "black.png", np.zeros((512, 512, 3)), "PNG8"), "No lattice"),
         (image_io.write(tmp_path / "wide.png", np.ones((512, 700, 3)), "PNG8"), "700 x 512"),
     ]
-    before, ours = inventory(), bench.scene.kiriko.calibration
+    before = inventory()
+    ours = bench.scene.kiriko.calibration
     for path, words in cases:
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.kiriko.calibrate(filepath=str(path))
@@ -364,17 +423,26 @@ STAGES = (
 
 def state(scene: bpy.types.Scene) -> tuple:
     """All that a calibration writes to."""
-    result, ours = scene.kiriko.result, scene.kiriko.calibration
+    result = scene.kiriko.result
+    ours = scene.kiriko.calibration
     places = {thing.name: tuple(map(tuple, thing.matrix_world)) for thing in bpy.data.objects}
     told = ours.found, ours.offset, result.summary, result.details, result.notes
-    return inventory(), places, told, pixels(result.source).tobytes(), [g.kiriko.ior for g in scene.objects]
+    return (
+        inventory(),
+        places,
+        told,
+        pixels(result.source).tobytes(),
+        [g.kiriko.ior for g in scene.objects],
+    )
 
 
 @pytest.mark.parametrize("keep", ["OFFSET", "SCENE"])
 def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: str
 ) -> None:
-    """At every stage; and by Esc, which ends the work between two steps. Then it is done as if nothing had been."""
+    """At every stage; and by Esc, which ends the work between two
+    steps. Then it is done as if nothing had been.
+    """
     scene, work = bench.scene, bench.work
     scene.kiriko.tolerance = 1.0
     points = bench.csv(tmp_path / "points.csv")
@@ -386,12 +454,17 @@ def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
     def fail(*_: object, **__: object) -> None:
         raise ValueError("an odd\nnumber")
 
-    for stage in STAGES if keep == "SCENE" else STAGES[-2:]:  # before those two nothing is kept either way
+    # before those two nothing is kept either way
+    for stage in STAGES if keep == "SCENE" else STAGES[-2:]:
         owner, name = stage.rsplit(".", 1)
         work.forget()
         with monkeypatch.context() as broken:
             broken.setattr(importlib.import_module(f"{bench.kiriko.__name__}.{owner}"), name, fail)
-            with pytest.raises(RuntimeError, match=r"Calibrate failed \(ValueError: an odd number\).*\.$"):
+            with pytest.raises(
+                RuntimeError,
+                match=r"Calibrate failed \(ValueError: an odd"
+                r" number\).*\.$",
+            ):
                 bpy.ops.kiriko.calibrate(filepath=str(points))
         assert state(scene) == before, stage
     module = importlib.import_module(f"{bench.kiriko.__name__}.operators.calibrate")
@@ -414,7 +487,10 @@ def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
 
 def test_the_lattice_becomes_the_picture(bench: Bench) -> None:
     ours = bench.scene.kiriko.calibration
-    ours.columns, ours.rows, ours.margin, ours.style = 9, 6, 0.1, "GRID"
+    ours.columns = 9
+    ours.rows = 6
+    ours.margin = 0.1
+    ours.style = "GRID"
     assert bpy.ops.kiriko.lattice_picture() == {"FINISHED"}
     shown = bench.parts["PICTURE"].kiriko.image
     assert bench.rig().picture.image.shape[:2] == tuple(shown.size)
@@ -423,20 +499,31 @@ def test_the_lattice_becomes_the_picture(bench: Bench) -> None:
     assert not np.allclose(lattice[:1024, :1024], linear_lattice()[..., 0][:1024, :1024], atol=0.1)
 
 
-def test_the_command_line_calibrates(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_the_command_line_calibrates(
+    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     """Fit, source image and a .blend that has the offset; the file that was given stays."""
     run = importlib.import_module(f"{bench.kiriko.__name__}.operators.command_line").run
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     before = (tmp_path / "rig.blend").read_bytes()
     points = bench.csv(tmp_path / "points.csv")
     out = tmp_path / "out"
-    assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 0, capsys.readouterr().err
+    assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 0, (
+        capsys.readouterr().err
+    )
     assert (tmp_path / "rig.blend").read_bytes() == before
-    assert {"calibration.json", "calibrated.blend", "source.png", "report.json"} <= {p.name for p in out.iterdir()}
+    assert {"calibration.json", "calibrated.blend", "source.png", "report.json"} <= {
+        p.name for p in out.iterdir()
+    }
     assert json.loads((out / "calibration.json").read_text())["points"] == 49
     assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 1
     assert "already" in capsys.readouterr().err
-    assert run(["calibrate", "--out", str(tmp_path / "none"), "--measured", str(tmp_path / "none.csv")]) == 1
+    assert (
+        run(
+            ["calibrate", "--out", str(tmp_path / "none"), "--measured", str(tmp_path / "none.csv")]
+        )
+        == 1
+    )
     assert not (tmp_path / "none").exists()
     bpy.ops.wm.open_mainfile(filepath=str(out / "calibrated.blend"))
     assert json.loads(bpy.context.scene.kiriko.calibration.offset)

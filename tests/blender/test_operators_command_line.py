@@ -28,12 +28,23 @@ def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
 def test_solve_writes_everything_and_tells_its_progress(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """Exit code 0, progress on stdout, nothing on stderr; all files are there and the report is that of this rig."""
+    """Exit code 0, progress on stdout, nothing on stderr.
+
+    All files are there and the report is that of this rig.
+    """
     assert run("solve", "--out", saved, "--preview", "--samples", 1) == 0
     told = capsys.readouterr()
     assert told.err == ""
     assert "%" in told.out
-    names = {"source.png", "source.exr", "ideal.png", "seen.png", "coverage.png", "preview.png", "report.json"}
+    names = {
+        "source.png",
+        "source.exr",
+        "ideal.png",
+        "seen.png",
+        "coverage.png",
+        "preview.png",
+        "report.json",
+    }
     assert {path.name for path in saved.iterdir()} == names
     report = json.loads((saved / "report.json").read_text())
     assert report["file"] == "rig.blend"
@@ -49,7 +60,9 @@ def refusal(capsys: pytest.CaptureFixture) -> str:
     return line
 
 
-def test_missing_file_is_refused(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_missing_file_is_refused(
+    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     """With no .blend loaded, as when its name was wrong, nothing is solved or written."""
     small_rig()
     assert run("solve", "--out", tmp_path / "out") == 1
@@ -70,7 +83,9 @@ def test_results_are_replaced_only_when_told(
     assert (saved / "ideal.png").read_bytes() != b"mine"
 
 
-def test_broken_rig_is_one_sentence(run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture) -> None:
+def test_broken_rig_is_one_sentence(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
     """A rig without a plate fails with the sentence of the panel, not with a traceback."""
     bpy.data.objects["Kiriko Plate"].kiriko.role = "NONE"
     assert run("solve", "--out", saved) == 1
@@ -87,8 +102,12 @@ def test_folder_that_cannot_be_written_is_one_sentence(
     assert f"'{saved / 'below'}' cannot be written" in refusal(capsys)
 
 
-@pytest.mark.parametrize("argv", [(), ("dance",), ("solve",), ("solve", "--out", "x", "--format", "GIF")])
-def test_mistyped_command_is_one_sentence(run: Callable[..., int], argv: tuple, capsys: pytest.CaptureFixture) -> None:
+@pytest.mark.parametrize(
+    "argv", [(), ("dance",), ("solve",), ("solve", "--out", "x", "--format", "GIF")]
+)
+def test_mistyped_command_is_one_sentence(
+    run: Callable[..., int], argv: tuple, capsys: pytest.CaptureFixture
+) -> None:
     """A command line that cannot be understood gives exit code 2."""
     assert run(*argv) == 2
     assert "--help" in refusal(capsys)
@@ -100,8 +119,12 @@ def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixtu
     assert "--out DIR" in capsys.readouterr().out
 
 
-def test_solve_simulates_when_asked(run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture) -> None:
-    """One picture more, and its numbers: light by path, with standard errors, is what the picture shows in the mean."""
+def test_solve_simulates_when_asked(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """One picture more, and its numbers: light by path, with
+    standard errors, is what the picture shows in the mean.
+    """
     bpy.data.objects["Kiriko Plate"].kiriko.plate.model = "CROSSED"
     bpy.ops.wm.save_mainfile()
     assert run("solve", "--out", saved, "--simulate", 4) == 0
@@ -118,6 +141,8 @@ def test_solve_simulates_when_asked(run: Callable[..., int], saved: Path, capsys
     encoded = pixels(image)[..., :3]
     assert encoded.shape == (64, 64, 3)
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    assert (linear @ [0.2126, 0.7152, 0.0722]).mean() == pytest.approx(sum(found["luminance"].values()), rel=0.02)
+    assert (linear @ [0.2126, 0.7152, 0.0722]).mean() == pytest.approx(
+        sum(found["luminance"].values()), rel=0.02
+    )
     assert run("solve", "--out", saved, "--simulate", 4) == 1
     assert "simulated.png" in refusal(capsys)

@@ -10,7 +10,13 @@ import pytest
 from small_rigs import inventory, pixels, small_rig
 
 # half of the steps a format has between 0 and 1; half floats have 11 bits
-STEP = {"PNG8": 0.5 / 255, "PNG16": 0.5 / 65535, "TIFF16": 0.5 / 65535, "EXR_HALF": 2.0**-11, "EXR_FLOAT": 0.0}
+STEP = {
+    "PNG8": 0.5 / 255,
+    "PNG16": 0.5 / 65535,
+    "TIFF16": 0.5 / 65535,
+    "EXR_HALF": 2.0**-11,
+    "EXR_FLOAT": 0.0,
+}
 
 
 @pytest.fixture
@@ -30,7 +36,9 @@ def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
 def test_file_holds_the_source_at_the_displays_resolution(
     solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str
 ) -> None:
-    """What is read back is the source image to half a step of the format, as sRGB unless the format is linear."""
+    """What is read back is the source image to half a step of
+    the format, as sRGB unless the format is linear.
+    """
     solved.kiriko.export_format = form
     solved.kiriko.export_path = str(tmp_path / "source")
     assert bpy.ops.kiriko.export() == {"FINISHED"}
@@ -42,14 +50,18 @@ def test_file_holds_the_source_at_the_displays_resolution(
     assert numbers.shape == (32, 64, 3)
     assert np.abs(numbers - expected).max() <= STEP[form] + 1e-7
     assert "kiriko:width_mm=40; kiriko:height_mm=20" in about["ImageDescription"]
-    # pixels per inch; PNG keeps whole pixels a metre, and OpenImageIO reads them to a tenth of a pixel an inch
+    # pixels per inch; PNG keeps whole pixels a metre, and
+    # OpenImageIO reads them to a tenth of a pixel an inch
     assert about["XResolution"] == pytest.approx(64 / (40 / 25.4), abs=0.05)
     space = str(about["oiio:ColorSpace"]).lower()
     assert ("lin" in space) if form.startswith("EXR") else ("srgb" in space)
 
 
 def test_existing_file_is_replaced_only_when_told(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    """Without overwrite the file stays as it is and the sentence says so; with it the new one stands there."""
+    """Without overwrite the file stays as it is and the sentence says so.
+
+    With it the new one stands there.
+    """
     path = tmp_path / "source.png"
     path.write_bytes(b"mine")
     solved.kiriko.export_path = str(path)
@@ -61,7 +73,9 @@ def test_existing_file_is_replaced_only_when_told(solved: bpy.types.Scene, tmp_p
     assert [p.name for p in tmp_path.iterdir()] == ["source.png"]
 
 
-def test_folder_that_cannot_be_written_is_one_sentence(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_folder_that_cannot_be_written_is_one_sentence(
+    solved: bpy.types.Scene, tmp_path: Path
+) -> None:
     """A path below a file, or in no folder, is refused with its name, and nothing is left there."""
     (tmp_path / "file").write_bytes(b"")
     for folder in (tmp_path / "file", tmp_path / "nowhere"):
@@ -72,7 +86,9 @@ def test_folder_that_cannot_be_written_is_one_sentence(solved: bpy.types.Scene, 
 
 
 def test_relative_path_needs_a_saved_file(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    """A path that begins with // is refused in a file never saved, and is beside the .blend in a saved one."""
+    """A path that begins with // is refused in a file never
+    saved, and is beside the .blend in a saved one.
+    """
     solved.kiriko.export_path = "//out.png"
     with pytest.raises(RuntimeError, match="never saved"):
         bpy.ops.kiriko.export()
@@ -87,7 +103,9 @@ def test_export_without_a_source_says_to_solve_first(scene: bpy.types.Scene) -> 
         bpy.ops.kiriko.export()
 
 
-def test_broken_image_file_is_one_sentence(io: ModuleType, tmp_path: Path, kiriko: ModuleType) -> None:
+def test_broken_image_file_is_one_sentence(
+    io: ModuleType, tmp_path: Path, kiriko: ModuleType
+) -> None:
     """Reading a file that is missing, or is no image, names it."""
     errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
     (tmp_path / "broken.png").write_bytes(b"no image")
@@ -96,17 +114,23 @@ def test_broken_image_file_is_one_sentence(io: ModuleType, tmp_path: Path, kirik
             io.read(tmp_path / name)
 
 
-def test_a_name_that_no_file_can_have_is_one_sentence(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_a_name_that_no_file_can_have_is_one_sentence(
+    solved: bpy.types.Scene, tmp_path: Path
+) -> None:
     """A name that is too long is refused, not raised through."""
     with pytest.raises(RuntimeError, match="choose another") as caught:
         bpy.ops.kiriko.export(filepath=str(tmp_path / ("x" * 300 + ".png")))
     assert "Traceback" not in str(caught.value)
 
 
-def test_the_suffix_of_an_explicit_path_chooses_the_format(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    """With PNG in the panel, source.exr is written as EXR, all else as the panel says, under the name Blender gives it.
+def test_the_suffix_of_an_explicit_path_chooses_the_format(
+    solved: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """With PNG in the panel, source.exr is written as EXR, all else
+    as the panel says, under the name Blender gives it.
 
-    Where the suffix is that of an image of another kind it is replaced, and any other stays, with the right one after.
+    Where the suffix is that of an image of another kind it is
+    replaced, and any other stays, with the right one after.
     """
     solved.kiriko.export_format = "PNG16"
     for name in ("a.exr", "b", "c.tif", "d.png", "e.JPG", "f.1", "g.png.webp"):
@@ -118,13 +142,22 @@ def test_the_suffix_of_an_explicit_path_chooses_the_format(solved: bpy.types.Sce
 
 @pytest.mark.parametrize("form", ["PNG8", "PNG16"])
 def test_png_is_written_without_openimageio(
-    solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+    solved: bpy.types.Scene,
+    io: ModuleType,
+    tmp_path: Path,
+    form: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """By Blender: every pixel is the same as by OpenImageIO, the number of channels too; no datablock is left over."""
+    """By Blender: every pixel is the same as by OpenImageIO, the number of channels too.
+
+    No datablock is left over.
+    """
     numbers = np.random.default_rng(2).uniform(-0.1, 1.1, (32, 64, 3)).astype(np.float32)
     # every number of 8 bit, and the halves between two, where ways of rounding differ
     numbers[:4].reshape(-1)[:511] = ((np.arange(511) / 510 + 0.055) / 1.055) ** 2.4
-    importlib.import_module(f"{io.__package__}.blender.image").set_pixels(solved.kiriko.result.source, numbers)
+    importlib.import_module(f"{io.__package__}.blender.image").set_pixels(
+        solved.kiriko.result.source, numbers
+    )
     solved.kiriko.export_format = form
     before = inventory()
     bpy.ops.kiriko.export(filepath=str(tmp_path / "with.png"))
@@ -142,7 +175,10 @@ def test_png_is_written_without_openimageio(
 def test_what_cannot_be_written_is_grey_with_the_reason(
     solved: bpy.types.Scene, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without OpenImageIO the button says what is missing before anything is done; with PNG it can be pressed."""
+    """Without OpenImageIO the button says what is missing before anything is done.
+
+    With PNG it can be pressed.
+    """
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
     solved.kiriko.export_format = form
     assert not bpy.ops.kiriko.export.poll()
@@ -170,7 +206,9 @@ def test_a_png_that_cannot_be_saved_is_one_sentence(
 
 
 def test_paths_beside_the_blend_bring_no_warning(solved: bpy.types.Scene, tmp_path: Path) -> None:
-    """The README's example, and the paths of the other operators, may begin with // in every version."""
+    """The README's example, and the paths of the other
+    operators, may begin with // in every version.
+    """
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -187,7 +225,11 @@ def test_paths_beside_the_blend_bring_no_warning(solved: bpy.types.Scene, tmp_pa
 class Chosen(SimpleNamespace):
     """Stands for the operator within the file dialogue, which needs a window."""
 
-    bl_label, is_in_dialogue, is_to_ask, overwrite, allow_stale = "Export", True, False, False, False
+    bl_label = "Export"
+    is_in_dialogue = True
+    is_to_ask = False
+    overwrite = False
+    allow_stale = False
 
     def __init__(self, cls: type, filepath: str) -> None:
         super().__init__(filepath=filepath, told=[])
@@ -198,9 +240,17 @@ class Chosen(SimpleNamespace):
 def test_the_dialogue_completes_the_name_and_the_panel_follows(
     solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType
 ) -> None:
-    """So a name that is taken is red before it is chosen, and then replaced; a name that was not shown is not."""
+    """So a name that is taken is red before it is chosen, and then replaced.
+
+    A name that was not shown is not.
+    """
     cls = importlib.import_module(f"{kiriko.__name__}.operators.export").KIRIKO_OT_export
-    for typed, named in (("a", "a.png"), ("a.jpg", "a.png"), ("a.exr", "a.exr"), ("a.b", "a.b.png")):
+    for typed, named in (
+        ("a", "a.png"),
+        ("a.jpg", "a.png"),
+        ("a.exr", "a.exr"),
+        ("a.b", "a.b.png"),
+    ):
         chosen = Chosen(cls, str(tmp_path / typed))
         assert cls.check(chosen, bpy.context) == (typed != named)
         assert chosen.filepath == str(tmp_path / named)
@@ -212,13 +262,20 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(
     assert solved.kiriko.export_path == "//source.png"
     for name, form in (("a.png", "PNG8"), ("a.exr", "EXR_FLOAT")):
         assert cls.execute(Chosen(cls, str(tmp_path / name)), bpy.context) == {"FINISHED"}
-        assert (solved.kiriko.export_path, solved.kiriko.export_format) == (str(tmp_path / name), form)
+        assert (solved.kiriko.export_path, solved.kiriko.export_format) == (
+            str(tmp_path / name),
+            form,
+        )
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_the_dialogue_asks_nothing_beside_the_panel(blender: ModuleType) -> None:
-    """Names that are taken are red, others than images are not listed, and there is no second Overwrite."""
+    """Names that are taken are red, others than images are
+    not listed, and there is no second Overwrite.
+    """
     properties = bpy.ops.kiriko.export.get_rna_type().properties
-    assert [p.identifier for p in properties if not p.is_hidden and p.identifier != "rna_type"] == ["filepath"]
+    assert [p.identifier for p in properties if not p.is_hidden and p.identifier != "rna_type"] == [
+        "filepath"
+    ]
     assert properties["check_existing"].default is True
     assert properties["filter_glob"].default == "*.exr;*.png;*.tif;*.tiff"

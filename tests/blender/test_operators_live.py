@@ -31,7 +31,9 @@ def shown() -> np.ndarray:
 
 
 def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
-    """Turn an object about z by an angle in rad. A cube that is only moved bends light as it did before."""
+    """Turn an object about z by an angle in rad. A cube that
+    is only moved bends light as it did before.
+    """
     thing.rotation_euler.rotate_axis("Z", angle)
     bpy.context.view_layer.update()
 
@@ -39,7 +41,9 @@ def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
 def plain(live: ModuleType) -> np.ndarray:
     """The source image of the scene as it is, by a session that has never solved anything."""
     work = live.work
-    session, steps = (importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("solve.session", "steps"))
+    session, steps = (
+        importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("solve.session", "steps")
+    )
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
     return steps.finish(solve).source
 
@@ -56,7 +60,9 @@ def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     calls = []
     for name in ("update_source", "update_solution"):
         own = getattr(live, name)
-        monkeypatch.setattr(live, name, lambda *a, own=own, name=name: (calls.append(name), own(*a))[1])
+        monkeypatch.setattr(
+            live, name, lambda *a, own=own, name=name: (calls.append(name), own(*a))[1]
+        )
     return calls
 
 
@@ -69,12 +75,16 @@ def follow(live: ModuleType, **options: object) -> dict[str, bpy.types.Object]:
 
 
 def is_rounding(difference: np.ndarray) -> bool:
-    """Glass that was moved or turned keeps its engine: its places are right to rounding, not to the bit."""
+    """Glass that was moved or turned keeps its engine: its
+    places are right to rounding, not to the bit.
+    """
     return float(np.abs(difference).max()) < 1e-6
 
 
 def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> None:
-    """After glass, camera, plate or picture were turned, the source image is that of a plain solve, to rounding."""
+    """After glass, camera, plate or picture were turned, the
+    source image is that of a plain solve, to rounding.
+    """
     rig = follow(live)
     before = shown()
     assert is_rounding(before - plain(live))
@@ -87,8 +97,12 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
-def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A viewer of 192 pixels is solved with 64 first, into an image of full size that is near the final one."""
+def test_a_coarse_picture_comes_first(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A viewer of 192 pixels is solved with 64 first, into an
+    image of full size that is near the final one.
+    """
     monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     assert written == ["update_source", "update_solution"]
@@ -100,14 +114,18 @@ def test_a_coarse_picture_comes_first(live: ModuleType, written: list[str], monk
     settle(live)
     assert written == ["update_source", "update_solution"]
     assert coarse.shape == shown().shape
-    off, moved = np.abs(coarse - shown()).mean(), np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
-    assert 0 < off < 0.1 * moved  # the first picture shows where things are: a shift by 4 pixels is far more
+    off = np.abs(coarse - shown()).mean()
+    moved = np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
+    # the first picture shows where things are: a shift by 4 pixels is far more
+    assert 0 < off < 0.1 * moved
 
 
 def test_what_was_quick_gets_no_coarse_picture(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """How long a rig takes is known from its last solve: the final picture alone comes where that was soon there."""
+    """How long a rig takes is known from its last solve: the
+    final picture alone comes where that was soon there.
+    """
     monkeypatch.setattr(live, "QUICK", np.inf)
     rig = follow(live, viewer_resolution=192)
     assert written == ["update_source", "update_solution"]
@@ -133,7 +151,9 @@ def test_what_was_quick_gets_no_coarse_picture(
 def test_a_coarse_picture_is_not_exported(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path
 ) -> None:
-    """Where Live is turned off before the final picture, that is said, until a solve has made it."""
+    """Where Live is turned off before the final picture, that is said, until a solve has
+    made it.
+    """
     monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
@@ -150,7 +170,9 @@ def test_a_coarse_picture_is_not_exported(
 
 
 def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[str]) -> None:
-    """Once up to date nothing more is written, whatever Blender tells of our own writing and of what does not count."""
+    """Once up to date nothing more is written, whatever Blender tells
+    of our own writing and of what does not count.
+    """
     rig = follow(live)
     turn(rig["GLASS"])
     settle(live)
@@ -179,11 +201,16 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
         ("VIEWER", "use_resolution", False),
     ],
 )
-def test_settings_count_without_an_event(live: ModuleType, owner: str, name: str, value: object) -> None:
-    """A script that changes one of Kiriko's settings wakes no handler, and is followed all the same."""
+def test_settings_count_without_an_event(
+    live: ModuleType, owner: str, name: str, value: object
+) -> None:
+    """A script that changes one of Kiriko's settings wakes
+    no handler, and is followed all the same.
+    """
     rig = follow(live)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 50
-    before, scene = shown(), bpy.context.scene
+    before = shown()
+    scene = bpy.context.scene
     setattr({**rig, "SCENE": scene, "VIEWER": scene.kiriko.viewer}[owner].kiriko, name, value)
     settle(live)
     assert not np.array_equal(shown(), before)
@@ -191,7 +218,9 @@ def test_settings_count_without_an_event(live: ModuleType, owner: str, name: str
 
 
 def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> None:
-    """New pixels in the picture's image, or a margin, are painted at once, with the rays of before."""
+    """New pixels in the picture's image, or a margin, are painted at once, with the rays
+    of before.
+    """
     rig = follow(live, viewer_resolution=192)
     image = rig["PICTURE"].kiriko.image = bpy.data.images.new("mine", 8, 8)
     settle(live)
@@ -229,7 +258,10 @@ def test_frames_are_followed(live: ModuleType) -> None:
 def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While something is dragged, first pictures follow each other; the final one comes when it stands still."""
+    """While something is dragged, first pictures follow each other.
+
+    The final one comes when it stands still.
+    """
     monkeypatch.setattr(live, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
@@ -245,7 +277,9 @@ def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
 
 @pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
 def test_deleted_object_is_one_sentence_and_the_image_stays(live: ModuleType, role: str) -> None:
-    """A rig without one of its parts is named; the last image stays, in the middle of a solve, too; live goes on."""
+    """A rig without one of its parts is named; the last image
+    stays, in the middle of a solve, too; live goes on.
+    """
     rig = follow(live)
     before = shown()
     turn(rig["GLASS"])
@@ -311,7 +345,9 @@ def test_undo_is_followed(live: ModuleType) -> None:
 
 
 def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
-    """Undo that takes the image away, while the rig stays as it is, leads to the same image again."""
+    """Undo that takes the image away, while the rig stays as it is, leads to the same
+    image again.
+    """
     small_rig()
     bpy.ops.ed.undo_push(message="rig")
     bpy.ops.kiriko.live()
@@ -326,7 +362,10 @@ def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
 
 @pytest.mark.parametrize("n_turns", [0, 1, 3, MANY])
 def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
-    """A switch to another scene, at any moment, ends it; nothing of it is left, and the panel says why."""
+    """A switch to another scene, at any moment, ends it.
+
+    Nothing of it is left, and the panel says why.
+    """
     rig = follow(live)
     turn(rig["GLASS"])
     for _ in range(n_turns):
@@ -426,7 +465,10 @@ def test_disabling_the_extension_ends_it(live: ModuleType) -> None:
 def test_unforeseen_error_ends_it(
     live: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """An error that nobody foresaw is one sentence, its traceback in the console; handlers and timer are gone."""
+    """An error that nobody foresaw is one sentence, its traceback in the console.
+
+    Handlers and timer are gone.
+    """
     rig = follow(live)
     monkeypatch.setattr(live.work, "read", lambda *_: 1 / 0)
     turn(rig["GLASS"])
@@ -437,16 +479,28 @@ def test_unforeseen_error_ends_it(
     assert not live.is_on()
 
 
-def test_long_step_is_announced_before_it_begins(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The status bar speaks, and is given time to be drawn, before a step that took, or may take, over 0.1 s."""
+def test_long_step_is_announced_before_it_begins(
+    live: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The status bar speaks, and is given time to be drawn,
+    before a step that took, or may take, over 0.1 s.
+    """
     rig = follow(live)
-    texts, begun = [], []
-    monkeypatch.setattr(live.Live, "_say", lambda self, text: (texts.append(text), bool(text) and len(texts) == 1)[1])
+    texts = []
+    begun = []
+    monkeypatch.setattr(
+        live.Live,
+        "_say",
+        lambda self, text: (texts.append(text), bool(text) and len(texts) == 1)[1],
+    )
     followed = live.followed()
     do = followed._do
-    monkeypatch.setattr(followed, "_do", lambda step, context: (begun.append(step), do(step, context)))
+    monkeypatch.setattr(
+        followed, "_do", lambda step, context: (begun.append(step), do(step, context))
+    )
     turn(rig["GLASS"])
-    followed._lasted = {step: 0.0 for step in followed._lasted}  # as if everything so far had been short
+    # as if everything so far had been short
+    followed._lasted = {step: 0.0 for step in followed._lasted}
     known = live.Step(live.READING, (True,))
     followed._lasted[known] = 2 * live.LONG
     assert live.tick() == live.NOTICE
@@ -485,7 +539,10 @@ def test_button_says_what_is_missing(live: ModuleType) -> None:
 
 
 def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
-    """A mesh that stays is the same object; moved, mirrored or edited it is, to the bit, what a new reading finds."""
+    """A mesh that stays is the same object.
+
+    Moved, mirrored or edited it is, to the bit, what a new reading finds.
+    """
     shapes = importlib.import_module(f"{EXTENSION}.core.blender.shapes")
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:

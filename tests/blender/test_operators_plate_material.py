@@ -25,7 +25,9 @@ def group_of(material: bpy.types.Material) -> bpy.types.Node:
 
 
 def test_assets_open_with_pictures(scene: bpy.types.Scene) -> None:
-    """Every Blender finds three materials marked as assets, each described, in the catalogue, with a picture."""
+    """Every Blender finds three materials marked as assets, each
+    described, in the catalogue, with a picture.
+    """
     with bpy.data.libraries.load(str(BLEND), assets_only=True) as (found, wanted):
         assert set(found.materials) == set(NAMES.values())
         wanted.materials = list(found.materials)
@@ -49,15 +51,22 @@ def test_assets_are_what_the_code_makes(scene: bpy.types.Scene, kiriko: object) 
     with bpy.data.libraries.load(str(BLEND)) as (_, wanted):
         wanted.materials = list(NAMES.values())
     for layout, material in zip(NAMES, wanted.materials, strict=True):
-        stored, made = group_of(material).node_tree, plate_group(layout)
+        stored = group_of(material).node_tree
+        made = plate_group(layout)
         for tree in (stored, made):
             tree.name = layout  # Blender adds a number to one of them
         assert described(stored) == described(made)
 
 
 def described(tree: bpy.types.NodeTree) -> tuple[list[object], ...]:
-    """What a node group is made of: inputs with their ranges and words, nodes with their numbers, links."""
-    sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET" and item.in_out == "INPUT"]
+    """What a node group is made of: inputs with their
+    ranges and words, nodes with their numbers, links.
+    """
+    sockets = [
+        item
+        for item in tree.interface.items_tree
+        if item.item_type == "SOCKET" and item.in_out == "INPUT"
+    ]
     order = {node: n for n, node in enumerate(tree.nodes)}
     numbers = [
         (
@@ -67,9 +76,15 @@ def described(tree: bpy.types.NodeTree) -> tuple[list[object], ...]:
         )
         for node in tree.nodes
     ]
-    links = [(order[x.from_node], x.from_socket.name, order[x.to_node], x.to_socket.identifier) for x in tree.links]
+    links = [
+        (order[x.from_node], x.from_socket.name, order[x.to_node], x.to_socket.identifier)
+        for x in tree.links
+    ]
     return (
-        [(s.name, s.subtype, s.default_value, s.min_value, s.max_value, s.description) for s in sockets],
+        [
+            (s.name, s.subtype, s.default_value, s.min_value, s.max_value, s.description)
+            for s in sockets
+        ],
         numbers,
         sorted(links),
     )
@@ -84,8 +99,11 @@ def plain(value: object) -> object:
 
 @pytest.mark.parametrize("layout", NAMES)
 def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> None:
-    """It takes the active slot of the selected mesh, once appended is used again, and is no asset of this file."""
-    first, second = plane("First"), plane("Second")
+    """It takes the active slot of the selected mesh, once
+    appended is used again, and is no asset of this file.
+    """
+    first = plane("First")
+    second = plane("Second")
     other = bpy.data.materials.new("Other")
     second.data.materials.append(other)
     second.data.materials.append(other)
@@ -104,7 +122,10 @@ def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> N
 
 
 def test_own_changes_and_namesakes_are_left_alone(scene: bpy.types.Scene) -> None:
-    """A renamed, edited plate material is used again as it is; another material of its first name is not taken."""
+    """A renamed, edited plate material is used again as it is.
+
+    Another material of its first name is not taken.
+    """
     namesake = bpy.data.materials.new("Kiriko Plate")
     bpy.ops.kiriko.add_plate_material()
     material = bpy.context.object.active_material
@@ -119,7 +140,9 @@ def test_own_changes_and_namesakes_are_left_alone(scene: bpy.types.Scene) -> Non
 
 @pytest.mark.parametrize("metres", [1.0, 0.001])
 def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres: float) -> None:
-    """A plane of 488 mm at the cursor, selected; its pitch is 0.5 mm whatever the unit; an unselected mesh stays."""
+    """A plane of 488 mm at the cursor, selected; its pitch is
+    0.5 mm whatever the unit; an unselected mesh stays.
+    """
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
     mine = plane()
     mine.select_set(False)
@@ -131,8 +154,12 @@ def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres:
     assert made.select_get()
     assert tuple(made.location) == (1, 2, 3)
     assert made.dimensions.x * metres == pytest.approx(0.488, rel=1e-6)
-    assert group_of(made.active_material).inputs["Pitch"].default_value * metres == pytest.approx(0.5e-3, rel=1e-6)
-    assert group_of(made.active_material).inputs["Height"].default_value * metres == pytest.approx(1.25e-3, rel=1e-6)
+    assert group_of(made.active_material).inputs["Pitch"].default_value * metres == pytest.approx(
+        0.5e-3, rel=1e-6
+    )
+    assert group_of(made.active_material).inputs["Height"].default_value * metres == pytest.approx(
+        1.25e-3, rel=1e-6
+    )
 
 
 def test_undo_takes_it_back(scene: bpy.types.Scene) -> None:
@@ -153,7 +180,10 @@ def test_undo_takes_it_back(scene: bpy.types.Scene) -> None:
 
 def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
     """A cube and a mesh without faces: one sentence each, and nothing is appended or changed."""
-    for thing, words in ((cube(), "is not flat"), (new_object(bpy.data.meshes.new("Empty")), "has no faces")):
+    for thing, words in (
+        (cube(), "is not flat"),
+        (new_object(bpy.data.meshes.new("Empty")), "has no faces"),
+    ):
         thing.select_set(True)
         bpy.context.view_layer.objects.active = thing
         before = inventory()
@@ -178,7 +208,9 @@ def test_linked_mesh_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert "Kiriko Plate" not in bpy.data.materials
 
 
-def test_missing_file_is_told(scene: bpy.types.Scene, kiriko: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_file_is_told(
+    scene: bpy.types.Scene, kiriko: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without the extension's own file both buttons say so in one sentence, and nothing is made."""
     monkeypatch.setattr(kiriko.operators.plate_material, "FILE", Path("/nowhere/plate.blend"))
     before = inventory()
@@ -192,7 +224,9 @@ def test_missing_file_is_told(scene: bpy.types.Scene, kiriko: object, monkeypatc
 def test_asset_library_is_added_once_and_only_when_asked(
     scene: bpy.types.Scene, kiriko: object, capfd: pytest.CaptureFixture
 ) -> None:
-    """It is not there before; the button adds the folder and is grey from then on; the folder has the materials."""
+    """It is not there before; the button adds the folder and is
+    grey from then on; the folder has the materials.
+    """
     libraries = bpy.context.preferences.filepaths.asset_libraries
     assert kiriko.operators.plate_material.library_path() == ""
     n_before = len(libraries)
@@ -209,20 +243,29 @@ def test_asset_library_is_added_once_and_only_when_asked(
 
 
 def test_a_scene_of_another_unit_has_a_material_of_its_own(scene: bpy.types.Scene) -> None:
-    """Lengths in a material are in Blender units: that of metres stays, and is used again in metres."""
+    """Lengths in a material are in Blender units: that of
+    metres stays, and is used again in metres.
+    """
     made = []
     for metres in (1.0, 0.001, 1.0, 0.001):
         scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
         thing = plane(f"Plane {len(made)}")
         assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
         made.append(thing.active_material)
-        assert group_of(made[-1]).inputs["Pitch"].default_value * metres == pytest.approx(0.5e-3, rel=1e-6)
-        assert group_of(made[-1]).inputs["Height"].default_value * metres == pytest.approx(1.25e-3, rel=1e-6)
+        assert group_of(made[-1]).inputs["Pitch"].default_value * metres == pytest.approx(
+            0.5e-3, rel=1e-6
+        )
+        assert group_of(made[-1]).inputs["Height"].default_value * metres == pytest.approx(
+            1.25e-3, rel=1e-6
+        )
     assert made[0] == made[2] != made[1] == made[3]
 
 
 def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scene) -> None:
-    """Its model, pitch and the rest in a material of its own; an ideal plate gets that of the file."""
+    """Its model, pitch and the rest in a material of its own.
+
+    An ideal plate gets that of the file.
+    """
     thing = small_rig()["PLATE"]
     bpy.ops.object.select_all(action="DESELECT")
     thing.select_set(True)
@@ -230,10 +273,19 @@ def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scen
     bpy.ops.kiriko.add_plate_material()
     assert thing.active_material.name == "Kiriko Plate"
     ours = thing.kiriko.plate
-    ours.model, ours.pitch, ours.height, ours.phase, ours.fresnel = "CROSSED", 2.0, 3.0, (0.25, -0.5), False
+    ours.model = "CROSSED"
+    ours.pitch = 2.0
+    ours.height = 3.0
+    ours.phase = (0.25, -0.5)
+    ours.fresnel = False
     bpy.ops.kiriko.add_plate_material(layout="holes")
     assert thing.active_material != bpy.data.materials["Kiriko Plate"]
     inputs = group_of(thing.active_material).inputs
-    found = {name: inputs[name].default_value for name in ("Pitch", "Height", "Phase 1", "Phase 2", "Fresnel")}
-    assert found == pytest.approx({"Pitch": 0.002, "Height": 0.006, "Phase 1": 0.25, "Phase 2": -0.5, "Fresnel": 0.0})
+    found = {
+        name: inputs[name].default_value
+        for name in ("Pitch", "Height", "Phase 1", "Phase 2", "Fresnel")
+    }
+    assert found == pytest.approx(
+        {"Pitch": 0.002, "Height": 0.006, "Phase 1": 0.25, "Phase 2": -0.5, "Fresnel": 0.0}
+    )
     assert "Crossing Error" in inputs  # of crossed layers, whatever the button would have made

@@ -12,7 +12,8 @@ SINGLE = 1e-6  # of a metre: what float32 leaves of places and sizes
 def plane(size: float = 0.3, **options: object) -> bpy.types.Object:
     """The active object: a plane of the user's own with the role Plate, somewhere."""
     thing = new_object(primitive("grid", x_segments=2, y_segments=2, size=size / 2), "PLATE")
-    thing.location, thing.rotation_euler = (0.1, 0.2, -0.3), (0.7, 0.1, 0.2)
+    thing.location = (0.1, 0.2, -0.3)
+    thing.rotation_euler = (0.7, 0.1, 0.2)
     for name, value in options.items():
         setattr(thing, name, value)
     return activate(thing)
@@ -58,12 +59,15 @@ def test_a_plate_gets_the_size_of_the_product(
     assert frame(plate) == pytest.approx(before, abs=SINGLE)
     assert plate.kiriko.plate.model == "CROSSED"
     assert re.search(
-        rf"Info: 'Kiriko Plate' has the mirrors of {preset} now, and its size: {side:g} m", capfd.readouterr().out
+        rf"Info: 'Kiriko Plate' has the mirrors of {preset} now, and its size: {side:g}"
+        rf" m",
+        capfd.readouterr().out,
     )
 
 
 @pytest.mark.parametrize(
-    "way", ["scaled", "parent", "delta", "off centre", "upright", "askew", "modifier", "millimetres"]
+    "way",
+    ["scaled", "parent", "delta", "off centre", "upright", "askew", "modifier", "millimetres"],
 )
 def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) -> None:
     """However it came to its size: place of its middle, rotation and mesh stay."""
@@ -73,10 +77,14 @@ def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) 
         thing.scale = (0.7, 1.9, 0.0)
     elif way == "parent":
         parent = new_object(None)
-        parent.scale, parent.rotation_euler, parent.location = (2.0, 2.0, 2.0), (0.3, 0.2, 0.1), (1.0, 0.0, 0.5)
-        thing.parent, thing.matrix_parent_inverse = parent, Matrix.Translation((0.1, 0.0, 0.0))
+        parent.scale = (2.0, 2.0, 2.0)
+        parent.rotation_euler = (0.3, 0.2, 0.1)
+        parent.location = (1.0, 0.0, 0.5)
+        thing.parent = parent
+        thing.matrix_parent_inverse = Matrix.Translation((0.1, 0.0, 0.0))
     elif way == "delta":
-        thing.delta_scale, thing.delta_location = (1.5, 0.5, 1.0), (0.0, 0.1, 0.0)
+        thing.delta_scale = (1.5, 0.5, 1.0)
+        thing.delta_location = (0.0, 0.1, 0.0)
     elif way == "off centre":
         thing.data.transform(Matrix.Translation((0.15, 0.05, 0.0)))
     elif way == "upright":
@@ -89,7 +97,8 @@ def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) 
         unit = 1000.0
         scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     vertices = np.array([vertex.co for vertex in thing.data.vertices])
-    before, turned = frame(thing), np.array(thing.rotation_euler)
+    before = frame(thing)
+    turned = np.array(thing.rotation_euler)
     assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
     assert sides(thing) == pytest.approx([0.2 * unit] * 2, rel=1e-5)
     assert frame(thing) == pytest.approx(before, abs=2 * SINGLE)
@@ -98,13 +107,21 @@ def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) 
 
 
 def test_others_of_the_mesh_and_children_stay(scene: bpy.types.Scene) -> None:
-    """An object of the same mesh keeps its size, a child its place and shape; the plate's grandchild, too."""
-    thing, other = plane(), new_object(None)
+    """An object of the same mesh keeps its size, a child its place and shape.
+
+    The plate's grandchild, too.
+    """
+    thing = plane()
+    other = new_object(None)
     other = bpy.data.objects.new("other", thing.data)
     scene.collection.objects.link(other)
-    child, grandchild = new_object(primitive("cube", size=0.1)), new_object(primitive("cube", size=0.1))
-    child.parent, child.location, child.rotation_euler = thing, (0.3, 0.2, 0.1), (0.4, 0.5, 0.6)
-    grandchild.parent, grandchild.location = child, (0.1, 0.0, 0.0)
+    child = new_object(primitive("cube", size=0.1))
+    grandchild = new_object(primitive("cube", size=0.1))
+    child.parent = thing
+    child.location = (0.3, 0.2, 0.1)
+    child.rotation_euler = (0.4, 0.5, 0.6)
+    grandchild.parent = child
+    grandchild.location = (0.1, 0.0, 0.0)
     before = [world(part) for part in (other, child, grandchild)]
     bpy.ops.kiriko.plate_preset(preset="ASKA3D-200")
     for part, points in zip((other, child, grandchild), before, strict=True):
@@ -147,7 +164,9 @@ def test_what_holds_its_size_keeps_it_and_says_why(
         thing.driver_add("scale", 0).driver.expression = "1.0"
     elif way == "constraint":
         limit = thing.constraints.new("LIMIT_SCALE")
-        limit.use_min_x, limit.min_x, limit.use_transform_limit = True, 1.0, False
+        limit.use_min_x = True
+        limit.min_x = 1.0
+        limit.use_transform_limit = False
     elif way == "locked":
         thing.lock_scale[0] = True
     elif way == "no width":
@@ -165,8 +184,15 @@ def test_what_holds_its_size_keeps_it_and_says_why(
     before = (tuple(thing.scale), tuple(thing.location), tuple(map(tuple, thing.matrix_world)))
     assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
     bpy.context.view_layer.update()
-    assert (tuple(thing.scale), tuple(thing.location), tuple(map(tuple, thing.matrix_world))) == before
-    assert f"has the mirrors of ASKA3D-200 now, but not its size of 0.2 m: {why}." in capfd.readouterr().out
+    assert (
+        tuple(thing.scale),
+        tuple(thing.location),
+        tuple(map(tuple, thing.matrix_world)),
+    ) == before
+    assert (
+        f"has the mirrors of ASKA3D-200 now, but not its size of 0.2 m: {why}."
+        in capfd.readouterr().out
+    )
     assert thing.kiriko.plate.pitch == pytest.approx(0.3)
 
 

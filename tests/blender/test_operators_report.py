@@ -45,10 +45,16 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_report_writes_its_files_and_leaves_the_scene(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """Three files that agree on the rungs; result, image and objects stay as they were, but for the costs."""
+def test_report_writes_its_files_and_leaves_the_scene(
+    rig: dict, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Three files that agree on the rungs.
+
+    Result, image and objects stay as they were, but for the costs.
+    """
     bpy.ops.kiriko.solve()
-    before, shown = inventory(), pixels(scene.kiriko.result.source).copy()
+    before = inventory()
+    shown = pixels(scene.kiriko.result.source).copy()
     numbers = json.loads(scene.kiriko.result.details)
     assert not numbers["cost"]["is_measured"]
     assert bpy.ops.kiriko.report(directory=str(tmp_path / "new"), seconds=SECONDS) == {"FINISHED"}
@@ -60,20 +66,27 @@ def test_report_writes_its_files_and_leaves_the_scene(rig: dict, scene: bpy.type
     assert report["display_px"] == [64, 64]
     assert report["tolerance_display_px"] == 0.1
     assert report["about"]["blender"] == bpy.app.version_string
-    assert {"reading the scene", "plan", "tracing", "shares", "painting", "writing"} <= set(report["seconds_by_part"])
+    assert {"reading the scene", "plan", "tracing", "shares", "painting", "writing"} <= set(
+        report["seconds_by_part"]
+    )
     assert all(seconds is not None for seconds in report["seconds_by_part"].values())
     assert inventory() == before
     assert np.array_equal(shown, pixels(scene.kiriko.result.source))
     after = json.loads(scene.kiriko.result.details)
     assert after["cost"]["is_measured"]
     assert after["cost"]["half"]["tolerance"] == pytest.approx(0.05)
-    assert {k: v for k, v in after.items() if k != "cost"} == {k: v for k, v in numbers.items() if k != "cost"}
+    assert {k: v for k, v in after.items() if k != "cost"} == {
+        k: v for k, v in numbers.items() if k != "cost"
+    }
 
 
 def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(
     rig: dict, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
-    """The measured ladder is kept with the scene: the next solve tells its costs by it; a re-paint keeps them."""
+    """The measured ladder is kept with the scene: the next solve tells its costs by it.
+
+    A re-paint keeps them.
+    """
     assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS) == {"FINISHED"}
     assert not scene.kiriko.result.details
     bpy.ops.kiriko.solve()
@@ -86,7 +99,10 @@ def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(
 
 
 def test_unsolvable_rig_writes_nothing(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """A plate that no ray reaches is one sentence; not even the folder is left, and the last result stays."""
+    """A plate that no ray reaches is one sentence.
+
+    Not even the folder is left, and the last result stays.
+    """
     bpy.ops.kiriko.solve()
     before = scene.kiriko.result.details
     rig["PLATE"].location.x += 10
@@ -105,13 +121,18 @@ def test_button_is_grey_and_says_what_is_missing(rig: dict, role: str) -> None:
 
 
 def test_existing_report_is_replaced_only_when_told(rig: dict, tmp_path: Path) -> None:
-    """One of the files is enough to refuse, before any work; the others are not written beside it."""
+    """One of the files is enough to refuse, before any work.
+
+    The others are not written beside it.
+    """
     (tmp_path / "report.svg").write_bytes(b"mine")
     with pytest.raises(RuntimeError, match=r"has report\.svg already"):
         bpy.ops.kiriko.report(directory=str(tmp_path))
     assert names(tmp_path) == ["report.svg"]
     assert (tmp_path / "report.svg").read_bytes() == b"mine"
-    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS, overwrite=True) == {"FINISHED"}
+    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS, overwrite=True) == {
+        "FINISHED"
+    }
     assert names(tmp_path) == NAMES
     assert (tmp_path / "report.svg").read_bytes().startswith(b"<svg")
 
@@ -129,14 +150,21 @@ def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path
     assert names(tmp_path) == ["file"]
 
 
-def test_stopped_halfway_nothing_is_left(kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """What Esc does: the work is closed at any of its steps; no folder, no file, no change of the scene."""
+def test_stopped_halfway_nothing_is_left(
+    kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """What Esc does: the work is closed at any of its steps.
+
+    No folder, no file, no change of the scene.
+    """
     operators = importlib.import_module(f"{kiriko.__name__}.operators.report")
     before = inventory()
     scene.kiriko.report_folder = str(tmp_path / "new")
 
     class Asked:
-        directory, overwrite, seconds = "", False, SECONDS
+        directory = ""
+        overwrite = False
+        seconds = SECONDS
 
     for n_steps in (1, 8, 20):
         work = operators.KIRIKO_OT_report.steps(Asked(), bpy.context)
@@ -189,10 +217,16 @@ def test_a_budget_that_is_no_time_is_refused(
     assert "--seconds" in capsys.readouterr().err
 
 
-def test_a_plate_with_mirrors_is_told_by_its_angle(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """Two more files: light by angle and path, as docs' table of the plate has it, and a diagram."""
+def test_a_plate_with_mirrors_is_told_by_its_angle(
+    rig: dict, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Two more files: light by angle and path, as docs' table of the plate has it, and a
+    diagram.
+    """
     plate = rig["PLATE"].kiriko.plate
-    plate.model, plate.reflectance, plate.fresnel = "CROSSED", 1.0, False
+    plate.model = "CROSSED"
+    plate.reflectance = 1.0
+    plate.fresnel = False
     assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=0.0) == {"FINISHED"}
     assert names(tmp_path) == sorted([*NAMES, "plate.csv", "plate.svg"])
     ET.parse(tmp_path / "plate.svg")

@@ -50,7 +50,10 @@ def test_another_display_wants_another_solve(scene):
 
 
 def test_stray_light_and_noise_are_told(scene, kiriko):
-    """In words with their standard errors, added as those of independent numbers; none of what there is none of."""
+    """In words with their standard errors, added as those of independent numbers.
+
+    None of what there is none of.
+    """
     simulate, plate, core = (
         importlib.import_module(f"{kiriko.__name__}.{name}")
         for name in ("operators.simulate", "core.light.plate", "core.image.simulation")
@@ -58,18 +61,33 @@ def test_stray_light_and_noise_are_told(scene, kiriko):
     path = plate.PlatePath
     light = dict.fromkeys(path, 0.0)
     error = light | {path.STRAY_1: 0.024, path.THROUGH: 0.032, path.NONE: 0.01}
-    light |= {path.IMAGED: 1.2, path.STRAY_1: 0.4, path.THROUGH: 0.1, path.REFLECTED: 0.1, path.NONE: 0.2}
+    light |= {
+        path.IMAGED: 1.2,
+        path.STRAY_1: 0.4,
+        path.THROUGH: 0.1,
+        path.REFLECTED: 0.1,
+        path.NONE: 0.2,
+    }
     found = core.Simulation(np.zeros((1, 1, 3)), 0.0123, light, error, 4)
     assert simulate.told(found) == (
-        ", 30 % (+- 2 %) of it stray light of the plate, 10 % (+- 0.5 %) of it past the plate, noise 0.012 of white"
+        ", 30 % (+- 2 %) of it stray light of the plate, 10 % (+- 0.5 %) of it past the plate,"
+        " noise 0.012 of white"
     )
     only = dict.fromkeys(path, 0.0) | {path.IMAGED: 1.0}
-    assert simulate.told(core.Simulation(found.image, 0.5, only, error, 4)) == ", noise 0.5 of white"
-    assert simulate.told(core.Simulation(found.image, 0.0, dict.fromkeys(path, 0.0), error, 4)) == ": nothing"
+    assert (
+        simulate.told(core.Simulation(found.image, 0.5, only, error, 4)) == ", noise 0.5 of white"
+    )
+    assert (
+        simulate.told(core.Simulation(found.image, 0.0, dict.fromkeys(path, 0.0), error, 4))
+        == ": nothing"
+    )
 
 
 def test_the_operator_says_how_much_is_stray(scene, kiriko):
-    """A white display so wide that light of one layer alone comes from it; more samples, less noise."""
+    """A white display so wide that light of one layer alone comes from it.
+
+    More samples, less noise.
+    """
     small_rig(display_size=0.6)["PLATE"].kiriko.plate.model = "CROSSED"
     bpy.ops.kiriko.solve()
     source = scene.kiriko.result.source
@@ -77,11 +95,17 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
     module = importlib.import_module(f"{kiriko.__name__}.operators.simulate")
     finish = importlib.import_module(f"{kiriko.__name__}.core.steps").finish
     noises = []
-    words = re.compile(r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise ([\d.]+) of white")
+    words = re.compile(
+        r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise"
+        r" ([\d.]+) of white"
+    )
     for samples in (4, 64):
-        text = finish(module.KIRIKO_OT_simulate.steps(SimpleNamespace(samples=samples), bpy.context))
+        text = finish(
+            module.KIRIKO_OT_simulate.steps(SimpleNamespace(samples=samples), bpy.context)
+        )
         stray, error, noise = map(float, words.search(text).groups())
-        assert 5 < stray < 25  # of docs' table .132 beside .863, with fewer reflections, and one more face
+        # of docs' table .132 beside .863, with fewer reflections, and one more face
+        assert 5 < stray < 25
         assert 0 < error < 1
         noises.append(noise)
     assert noises[0] > 1.5 * noises[1] > 0

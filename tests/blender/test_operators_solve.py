@@ -11,14 +11,19 @@ def numbers(scene: bpy.types.Scene) -> dict:
     return json.loads(scene.kiriko.result.details)
 
 
-def test_source_is_the_picture_when_nothing_refracts(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """With an index of 1 a display as large as the picture shows the picture itself, upright and unmirrored."""
+def test_source_is_the_picture_when_nothing_refracts(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """With an index of 1 a display as large as the picture shows
+    the picture itself, upright and unmirrored.
+    """
     small_rig(ior=1.0, picture_size=0.03, display_size=0.03, field=0.03)
     bpy.ops.kiriko.solve()
     shown = pixels(scene.kiriko.result.source)[..., :3]
     picture = linear_lattice()
     expected = picture.reshape(64, 16, 64, 16, 3).mean(axis=(1, 3))
-    # dots are 4 px wide and lose some sharpness at their edges; a mirrored one has another colour all over
+    # dots are 4 px wide and lose some sharpness at their
+    # edges; a mirrored one has another colour all over
     error = np.abs(shown - expected).mean()
     assert error < 0.004
     for turned in (expected[::-1], expected[:, ::-1]):
@@ -26,7 +31,9 @@ def test_source_is_the_picture_when_nothing_refracts(scene: bpy.types.Scene, kir
 
 
 def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
-    """After a solve the scene holds image, coverage, a sentence, and the index with the place it comes from."""
+    """After a solve the scene holds image, coverage, a
+    sentence, and the index with the place it comes from.
+    """
     small_rig()
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
@@ -36,10 +43,16 @@ def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
     assert 0.99 < result.coverage <= 1
     assert result.summary.startswith("The display shows")
     read = numbers(scene)["materials"][0]
-    assert (read["object_name"], read["source"], round(read["ior"], 4)) == ("Cube", "override", 1.49)
+    assert (read["object_name"], read["source"], round(read["ior"], 4)) == (
+        "Cube",
+        "override",
+        1.49,
+    )
 
 
-def test_the_kernel_has_as_many_threads_as_a_render(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+def test_the_kernel_has_as_many_threads_as_a_render(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
     """What is set for renders holds for solves, whose source image is the same for any number."""
     small_rig()
     sources = []
@@ -63,7 +76,10 @@ def test_source_is_saved_with_the_file(scene: bpy.types.Scene, tmp_path) -> None
 
 
 def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> None:
-    """The display emits the source; the user's own material stays in the mesh and the file, and the notes name it."""
+    """The display emits the source.
+
+    The user's own material stays in the mesh and the file, and the notes name it.
+    """
     display = small_rig()["DISPLAY"]
     mine = bpy.data.materials.new("Mine")
     display.data.materials.append(mine)
@@ -72,12 +88,16 @@ def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> N
     assert mine.use_fake_user
     assert display.material_slots[0].material != mine
     assert "'Mine'" in scene.kiriko.result.notes
-    images = {n.image for n in display.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"}
+    images = {
+        n.image for n in display.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"
+    }
     assert images == {scene.kiriko.result.source}
 
 
 def test_solving_again_leaves_no_litter(scene: bpy.types.Scene) -> None:
-    """A second solve replaces image and material of the first, also when the display's resolution changes."""
+    """A second solve replaces image and material of the
+    first, also when the display's resolution changes.
+    """
     display = small_rig()["DISPLAY"]
     bpy.ops.kiriko.solve()
     before = inventory()
@@ -115,7 +135,9 @@ def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> Non
     """A plate that no ray reaches is one sentence; the earlier result and its image stay."""
     rig = small_rig()
     bpy.ops.kiriko.solve()
-    before, shown, summary = inventory(), pixels(scene.kiriko.result.source).copy(), scene.kiriko.result.summary
+    before = inventory()
+    shown = pixels(scene.kiriko.result.source).copy()
+    summary = scene.kiriko.result.summary
     rig["PLATE"].location.x += 10
     with pytest.raises(RuntimeError, match="no ray reaches the plate: move or enlarge it"):
         bpy.ops.kiriko.solve()
@@ -124,7 +146,9 @@ def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> Non
     assert scene.kiriko.result.summary == summary
 
 
-def test_what_of_the_material_is_not_followed_is_named_in_the_result(scene: bpy.types.Scene) -> None:
+def test_what_of_the_material_is_not_followed_is_named_in_the_result(
+    scene: bpy.types.Scene,
+) -> None:
     """A rough glass solves as clear glass, and the result's notes say so."""
     glass = small_rig()["GLASS"]
     material = bpy.data.materials.new("Frosted")

@@ -27,7 +27,15 @@ def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], m
     plate = small_rig()["PLATE"]
     plate.kiriko.plate.model = model
     shown = drawn("rig", "VIEW3D_PT_kiriko_rig", plate)
-    assert shown.props == ["role", "model", *OWN[model], "viewer", "use_resolution", "resolution", "picture_source"]
+    assert shown.props == [
+        "role",
+        "model",
+        *OWN[model],
+        "viewer",
+        "use_resolution",
+        "resolution",
+        "picture_source",
+    ]
     assert "kiriko.plate_preset" in shown.operators
     assert f"Plate: {plate.name}" in shown.texts
 
@@ -35,19 +43,30 @@ def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], m
 def test_other_roles_show_nothing_of_a_plate(drawn: Callable[..., Layout]) -> None:
     """Glass, display and picture have settings of their own, and no preset."""
     parts = small_rig()
-    for role, own in {"GLASS": "priority", "DISPLAY": "resolution", "PICTURE": "Kiriko Lattice"}.items():
+    for role, own in {
+        "GLASS": "priority",
+        "DISPLAY": "resolution",
+        "PICTURE": "Kiriko Lattice",
+    }.items():
         shown = drawn("rig", "VIEW3D_PT_kiriko_rig", parts[role])
         assert own in shown.props + shown.texts
         assert "model" not in shown.props
         assert "kiriko.plate_preset" not in shown.operators
 
 
-def test_a_picture_shows_what_is_solved(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
-    """The name of the image, wherever it was chosen, beside buttons; the menu offers images, but not Kiriko's own."""
+def test_a_picture_shows_what_is_solved(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """The name of the image, wherever it was chosen, beside buttons.
+
+    The menu offers images, but not Kiriko's own.
+    """
     picture = small_rig()["PICTURE"]
     shown = drawn("rig", "VIEW3D_PT_kiriko_rig", picture)
     assert {"kiriko.open_picture", "kiriko.fit_picture"} <= set(shown.operators)
-    texture = next(n for n in picture.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE")
+    texture = next(
+        n for n in picture.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"
+    )
     texture.image = bpy.data.images.new("mine", 8, 8)
     assert "mine" in drawn("rig", "VIEW3D_PT_kiriko_rig", picture).texts
     texture.image = None
@@ -62,7 +81,9 @@ def test_a_picture_shows_what_is_solved(drawn: Callable[..., Layout], scene: bpy
 def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
-    """The list has no picture plane then, the reason stands below it, and Solve and Live are grey with that reason."""
+    """The list has no picture plane then, the reason stands below
+    it, and Solve and Live are grey with that reason.
+    """
     small_rig()
     assert "Picture: Kiriko Picture" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
     scene.kiriko.picture_source = "IMAGE"
@@ -70,7 +91,9 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     assert "Picture: Kiriko Picture" not in shown
     assert "No picture: choose an image, or set Picture to Plane." in " ".join(shown)
     for operator in (bpy.ops.kiriko.solve, bpy.ops.kiriko.live):
-        with pytest.raises(RuntimeError, match="No picture: choose an image, or set Picture to Plane"):
+        with pytest.raises(
+            RuntimeError, match="No picture: choose an image, or set Picture to Plane"
+        ):
             operator()
     scene.kiriko.picture_image = bpy.data.images.new("mine", 8, 8)
     assert "No picture" not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
@@ -85,10 +108,13 @@ def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) ->
 
 
 def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
-    """With numbers of a result before, and with none: then there is no share of the picture either."""
+    """With numbers of a result before, and with none: then there is no share of the
+    picture either.
+    """
     small_rig()
     bpy.ops.kiriko.solve()
-    result, words = scene.kiriko.result, "The source image is a coarse one: solve, or let Live finish."
+    result = scene.kiriko.result
+    words = "The source image is a coarse one: solve, or let Live finish."
     assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
     result.is_coarse = True
     text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
@@ -98,8 +124,13 @@ def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.t
     assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
 
 
-def test_the_result_tells_brightness_and_blur_of_mirrors(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
-    """The numbers of the solve in one sentence, with their standard errors; nothing of it with an ideal plate."""
+def test_the_result_tells_brightness_and_blur_of_mirrors(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """The numbers of the solve in one sentence, with their standard errors.
+
+    Nothing of it with an ideal plate.
+    """
     assert drawn("result", "VIEW3D_PT_kiriko_result").texts == ["Not solved yet."]
     plate = small_rig()["PLATE"].kiriko.plate
     bpy.ops.kiriko.solve()
@@ -111,9 +142,9 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(drawn: Callable[..., La
     text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
     assert scene.kiriko.result.summary in text
     assert (
-        f"Plate: {percent(found['brightness'])} (+- {percent(found['brightness_error'])}) of the light,"
-        f" {percent(found['least'])} to {percent(found['most'])};"
-        f" blur {found['blur']:.2g} (+- {found['blur_error']:.1g}) viewer px"
+        f"Plate: {percent(found['brightness'])} (+- {percent(found['brightness_error'])}) of the"
+        f" light, {percent(found['least'])} to {percent(found['most'])}; blur {found['blur']:.2g}"
+        f" (+- {found['blur_error']:.1g}) viewer px"
     ) in text
     assert "Rays: " in " ".join(drawn("result", "VIEW3D_PT_kiriko_details").texts)
 
@@ -121,40 +152,60 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(drawn: Callable[..., La
 def test_a_blur_that_is_not_known_is_not_told(kiriko: ModuleType) -> None:
     """Brightness alone; and a blur of nothing has no standard error."""
     words = importlib.import_module(f"{kiriko.__name__}.panels.result").plate_words
-    found = {"brightness": 0.5, "brightness_error": 0.01, "least": 0.25, "most": 0.75, "blur": None, "blur_error": None}
+    found = {
+        "brightness": 0.5,
+        "brightness_error": 0.01,
+        "least": 0.25,
+        "most": 0.75,
+        "blur": None,
+        "blur_error": None,
+    }
     assert words(found) == "Plate: 50 % (+- 1 %) of the light, 25 % to 75 %"
     assert words({**found, "blur": 0.0}).endswith("; blur 0 (+- 0) viewer px")
 
 
-def test_the_bar_and_the_sentence_above_it_agree(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
+def test_the_bar_and_the_sentence_above_it_agree(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
     """A coverage that is not all does not read as all, in neither of them."""
     small_rig()
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     details = json.loads(result.details)
-    result.details = json.dumps({**details, "tessellation_error": 2e-4, "picture_coverage": 1 - 2e-5})
+    result.details = json.dumps(
+        {**details, "tessellation_error": 2e-4, "picture_coverage": 1 - 2e-5}
+    )
     assert "over 99.99 % of the picture" in drawn("result", "VIEW3D_PT_kiriko_result").texts
     assert "Tessellation: under 0.001 px" in drawn("result", "VIEW3D_PT_kiriko_details").texts
 
 
-def test_the_same_number_stands_above_and_in_the_bar(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
+def test_the_same_number_stands_above_and_in_the_bar(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
     """Also where float32, in which Blender keeps a property, would round it to another one."""
     small_rig()
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     details = json.loads(result.details)
     for share in (0.9958, 1 - 5.1e-7, 1 - 4.9e-7, 0.125000499, 5.2e-7, 0.0):
-        result.coverage, result.summary = share, summary(share, {})
+        result.coverage = share
+        result.summary = summary(share, {})
         result.details = json.dumps({**details, "picture_coverage": share})
         texts = drawn("result", "VIEW3D_PT_kiriko_result").texts
         assert f"{percent(share)} of the picture" in texts
         assert f"The display shows {percent(share)} of the picture." in " ".join(texts)
 
 
-def test_lost_light_and_open_glass_are_warned_of(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
-    """With the sign for errors, which other notes do not have; a result of an earlier version has no warnings."""
+def test_lost_light_and_open_glass_are_warned_of(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """With the sign for errors, which other notes do not have.
+
+    A result of an earlier version has no warnings.
+    """
     rig = small_rig()
-    glass, towards = rig["GLASS"], rig["PLATE"].matrix_world.translation
+    glass = rig["GLASS"]
+    towards = rig["PLATE"].matrix_world.translation
     faces = sorted((f for f in glass.data.polygons), key=lambda f: f.normal.dot(towards))
     faces = [tuple(face.vertices) for face in faces]
     corners = [tuple(vertex.co) for vertex in glass.data.vertices]
@@ -180,7 +231,9 @@ def test_lost_light_and_open_glass_are_warned_of(drawn: Callable[..., Layout], s
 def test_what_was_simulated_is_told_until_the_next_result(
     drawn: Callable[..., Layout], scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
-    """The numbers of Simulate stay in the panel and in the file, and go with the source image they are of."""
+    """The numbers of Simulate stay in the panel and in the
+    file, and go with the source image they are of.
+    """
     small_rig()["PLATE"].kiriko.plate.model = "CROSSED"
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=4)
@@ -197,8 +250,13 @@ def test_what_was_simulated_is_told_until_the_next_result(
     assert "Kiriko Seen" not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result", of=scene).texts)
 
 
-def test_a_camera_shows_the_pixels_it_is_solved_with(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
-    """Its own, or those of the render, as the viewer and as the active object; it is offered no role."""
+def test_a_camera_shows_the_pixels_it_is_solved_with(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """Its own, or those of the render, as the viewer and as the active object.
+
+    It is offered no role.
+    """
     small_rig()
     viewer = scene.kiriko.viewer
     for active in (viewer, None):
@@ -213,7 +271,10 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(drawn: Callable[..., Layout
 def test_the_camera_that_blender_shows_is_named_where_it_is_another(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
-    """With a button that makes the viewer the scene's camera; then only its frame is told, where that is another."""
+    """With a button that makes the viewer the scene's camera.
+
+    Then only its frame is told, where that is another.
+    """
     mine = new_object(bpy.data.cameras.new("mine"))
     scene.camera = mine
     small_rig()
@@ -229,8 +290,16 @@ def test_the_camera_that_blender_shows_is_named_where_it_is_another(
 
 
 def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) -> None:
-    """Light, armature, lattice and empty say why; one that has a role all the same can be set back."""
-    data = (bpy.data.lights.new("l", "POINT"), bpy.data.armatures.new("a"), bpy.data.lattices.new("g"), None)
+    """Light, armature, lattice and empty say why.
+
+    One that has a role all the same can be set back.
+    """
+    data = (
+        bpy.data.lights.new("l", "POINT"),
+        bpy.data.armatures.new("a"),
+        bpy.data.lattices.new("g"),
+        None,
+    )
     for block, word in zip(data, ("A light", "An armature", "A lattice", "An empty"), strict=True):
         thing = new_object(block)
         shown = drawn("rig", "VIEW3D_PT_kiriko_rig", thing)
@@ -245,7 +314,8 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
 def test_an_instance_may_have_a_role(drawn: Callable[..., Layout]) -> None:
     """An empty that shows a collection is as good as what it shows."""
     thing = new_object(None)
-    thing.instance_type, thing.instance_collection = "COLLECTION", bpy.data.collections.new("glasses")
+    thing.instance_type = "COLLECTION"
+    thing.instance_collection = bpy.data.collections.new("glasses")
     assert "role" in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).props
 
 

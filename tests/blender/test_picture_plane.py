@@ -21,7 +21,9 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
     return lambda: module.read(bpy.context, bpy.context.scene)
 
 
-def image(width: int, height: int, colour: tuple[float, ...] = (1.0, 0.0, 0.0, 1.0), name: str = "art") -> Any:
+def image(
+    width: int, height: int, colour: tuple[float, ...] = (1.0, 0.0, 0.0, 1.0), name: str = "art"
+) -> Any:
     """A float image of one colour."""
     made = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True)
     made.pixels.foreach_set(np.tile(np.array(colour, np.float32), width * height))
@@ -30,7 +32,8 @@ def image(width: int, height: int, colour: tuple[float, ...] = (1.0, 0.0, 0.0, 1
 
 def file(folder: Path, width: int, height: int, name: str = "art.png") -> str:
     made = bpy.data.images.new("writing", width, height)
-    made.filepath_raw, made.file_format = str(folder / name), "PNG"
+    made.filepath_raw = str(folder / name)
+    made.file_format = "PNG"
     made.save()
     bpy.data.images.remove(made)
     return str(folder / name)
@@ -56,7 +59,8 @@ def picture_plane(width: float = 0.03, height: float = 0.03, **options: object) 
         x, y, _ = mesh.vertices[loop.vertex_index].co
         layer.uv[loop.index].vector = (0.5 + x / width, 0.5 + y / height)
     thing = new_object(mesh, "PICTURE")
-    thing.location, thing.rotation_euler = (0.1, 0.2, -0.3), (0.7, 0.1, 0.2)
+    thing.location = (0.1, 0.2, -0.3)
+    thing.rotation_euler = (0.7, 0.1, 0.2)
     for name, value in options.items():
         setattr(thing, name, value)
     return activate(thing)
@@ -66,9 +70,12 @@ def placed(thing: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
     """World corners (n, 3) and UV (n, 2) of a plane as shown."""
     bpy.context.view_layer.update()
     shown = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh, layer = shown.data, shown.data.uv_layers.active
+    mesh = shown.data
+    layer = shown.data.uv_layers.active
     corners = [shown.matrix_world @ mesh.vertices[loop.vertex_index].co for loop in mesh.loops]
-    return np.array(corners, float), np.array([layer.uv[k].vector for k in range(len(mesh.loops))], float)
+    return np.array(corners, float), np.array(
+        [layer.uv[k].vector for k in range(len(mesh.loops))], float
+    )
 
 
 def aspect(thing: bpy.types.Object) -> float:
@@ -88,23 +95,35 @@ def extent(thing: bpy.types.Object) -> tuple[float, np.ndarray, np.ndarray]:
     triangles = [[places[k] for k in t.vertices] for t in shown.data.loop_triangles]
     across = np.array([np.cross(b - a, c - a) for a, b, c in np.array(triangles, float)])
     normal = across.sum(axis=0)
-    return np.linalg.norm(across, axis=1).sum() / 2, points.mean(axis=0), normal / np.linalg.norm(normal)
+    return (
+        np.linalg.norm(across, axis=1).sum() / 2,
+        points.mean(axis=0),
+        normal / np.linalg.norm(normal),
+    )
 
 
 def texture_of(thing: bpy.types.Object) -> Any:
     """The image texture node of a plane's material."""
-    return next(n for n in thing.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE")
+    return next(
+        n for n in thing.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"
+    )
 
 
 def is_solved(read: Callable[[], Any], chosen: bpy.types.Image) -> bool:
     """Is what is read the image of one colour?"""
     found = read().rig.picture.image
-    return found.shape[1::-1] == tuple(chosen.size) and bool((found == np.array(chosen.pixels[:4], np.float32)).all())
+    return found.shape[1::-1] == tuple(chosen.size) and bool(
+        (found == np.array(chosen.pixels[:4], np.float32)).all()
+    )
 
 
 @pytest.mark.parametrize("size", [(900, 600), (90, 30), (30, 90), (64, 64)])
-def test_the_plane_gets_the_shape_of_a_chosen_image(scene: bpy.types.Scene, size: tuple[int, int]) -> None:
-    """Its area, middle and direction stay; nothing is noted; undo and redo bring shape and image back and again."""
+def test_the_plane_gets_the_shape_of_a_chosen_image(
+    scene: bpy.types.Scene, size: tuple[int, int]
+) -> None:
+    """Its area, middle and direction stay; nothing is noted; undo
+    and redo bring shape and image back and again.
+    """
     picture = activate(small_rig()["PICTURE"])
     chosen = image(*size)
     bpy.ops.ed.undo_push(message="rig")
@@ -143,7 +162,9 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(scene: bpy.types.Scene, size
     ],
 )
 def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
-    """However it came to its shape: of what it shows the proportions are the image's, its area and middle stay."""
+    """However it came to its shape: of what it shows the
+    proportions are the image's, its area and middle stay.
+    """
     thing = picture_plane()
     other = None
     if way == "scaled":
@@ -152,8 +173,11 @@ def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
         thing.scale = (-2.0, 1.0, 1.0)
     elif way == "parent":
         parent = new_object(None)
-        parent.scale, parent.rotation_euler, parent.location = (2.0, 2.0, 2.0), (0.3, 0.2, 0.1), (1.0, 0.0, 0.5)
-        thing.parent, thing.matrix_parent_inverse = parent, Matrix.Translation((0.1, 0.0, 0.0))
+        parent.scale = (2.0, 2.0, 2.0)
+        parent.rotation_euler = (0.3, 0.2, 0.1)
+        parent.location = (1.0, 0.0, 0.5)
+        thing.parent = parent
+        thing.matrix_parent_inverse = Matrix.Translation((0.1, 0.0, 0.0))
     elif way == "modifier":
         thing.modifiers.new("more", "SUBSURF").subdivision_type = "SIMPLE"
     elif way == "part":
@@ -172,7 +196,8 @@ def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
         other = new_object(thing.data)
     elif way == "no z":
         thing.scale.z = 0.0
-    before, beside = extent(thing), None if other is None else placed(other)[0]
+    before = extent(thing)
+    beside = None if other is None else placed(other)[0]
     chosen = image(90, 30)
     choose(chosen)
     assert aspect(thing) == pytest.approx(3, rel=1e-5)
@@ -208,7 +233,9 @@ def test_what_hangs_on_the_plane_stays(scene: bpy.types.Scene) -> None:
 def test_a_plane_that_cannot_be_fitted_says_why(
     scene: bpy.types.Scene, capfd: pytest.CaptureFixture, way: str, reason: str
 ) -> None:
-    """The image is chosen all the same, the plane is as it was, and Fit to Image is refused with the same reason."""
+    """The image is chosen all the same, the plane is as it was,
+    and Fit to Image is refused with the same reason.
+    """
     thing = picture_plane()
     if way == "animated":
         thing.keyframe_insert("scale", frame=1)
@@ -234,18 +261,23 @@ def test_a_plane_that_cannot_be_fitted_says_why(
         bpy.ops.kiriko.fit_picture()
 
 
-@pytest.mark.parametrize(("size", "words"), [((90, 30), "33 % of its width"), ((60, 90), "67 % of its height")])
+@pytest.mark.parametrize(
+    ("size", "words"), [((90, 30), "33 % of its width"), ((60, 90), "67 % of its height")]
+)
 def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
     scene: bpy.types.Scene, size: tuple[int, int], words: str
 ) -> None:
-    """An image that a script sets leaves the plane alone; Solve names it, and Fit to Image puts it right."""
+    """An image that a script sets leaves the plane alone; Solve
+    names it, and Fit to Image puts it right.
+    """
     picture = activate(small_rig()["PICTURE"])
     before = np.array(picture.matrix_world)
     picture.kiriko.image = image(*size)
     assert np.array_equal(np.array(picture.matrix_world), before)
     bpy.ops.kiriko.solve()
     note = (
-        f"The image 'art' is squeezed to {words} on the picture 'Kiriko Picture': press Fit to Image in the Kiriko tab."
+        f"The image 'art' is squeezed to {words} on the picture 'Kiriko Picture': press Fit to"
+        f" Image in the Kiriko tab."
     )
     assert note in scene.kiriko.result.notes.splitlines()
     assert np.array_equal(np.array(picture.matrix_world), before)
@@ -256,8 +288,12 @@ def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
     assert not bpy.ops.kiriko.fit_picture.poll()
 
 
-def test_the_shape_may_be_left_when_an_image_is_chosen(scene: bpy.types.Scene, capfd: pytest.CaptureFixture) -> None:
-    """With Fit to Image off the plane stays, and the report says by how much the image is squeezed."""
+def test_the_shape_may_be_left_when_an_image_is_chosen(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture
+) -> None:
+    """With Fit to Image off the plane stays, and the report says by how much the image
+    is squeezed.
+    """
     picture = activate(small_rig()["PICTURE"])
     choose(image(90, 30), fit=False)
     assert aspect(picture) == pytest.approx(1, rel=SINGLE)
@@ -265,7 +301,9 @@ def test_the_shape_may_be_left_when_an_image_is_chosen(scene: bpy.types.Scene, c
 
 
 def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """It is chosen, shown and fitted; opened again it is the same image; what is no image leaves nothing behind."""
+    """It is chosen, shown and fitted; opened again it is the
+    same image; what is no image leaves nothing behind.
+    """
     picture = activate(small_rig()["PICTURE"])
     path = file(tmp_path, 90, 30)
     assert bpy.ops.kiriko.open_picture(filepath=path) == {"FINISHED"}
@@ -287,7 +325,10 @@ def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path
 
 
 def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
-    """The active picture, or the only one; with none, or two of which none is active, they are grey."""
+    """The active picture, or the only one.
+
+    With none, or two of which none is active, they are grey.
+    """
     chosen = image(90, 30)
     with pytest.raises(RuntimeError, match="Select the picture"):
         choose(chosen)
@@ -310,9 +351,15 @@ def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
 
 
 def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
-    """An image that is chosen, by an artist or a script, is in the material; one chosen in the material is solved."""
+    """An image that is chosen, by an artist or a script, is in the material.
+
+    One chosen in the material is solved.
+    """
     picture = activate(small_rig()["PICTURE"])
-    red, green, blue = (image(8, 8, c, n) for c, n in (((1, 0, 0, 1), "r"), ((0, 1, 0, 1), "g"), ((0, 0, 1, 1), "b")))
+    red, green, blue = (
+        image(8, 8, c, n)
+        for c, n in (((1, 0, 0, 1), "r"), ((0, 1, 0, 1), "g"), ((0, 0, 1, 1), "b"))
+    )
     choose(red)
     assert texture_of(picture).image == red
     assert is_solved(read, red)
@@ -327,8 +374,13 @@ def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
     assert len([m for m in bpy.data.materials if m.name.startswith("Kiriko Picture")]) == 1
 
 
-def test_an_image_of_no_file_stays_when_another_takes_its_place(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """The lattice and painted images are kept for the artist to choose again; images of files are in their files."""
+def test_an_image_of_no_file_stays_when_another_takes_its_place(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """The lattice and painted images are kept for the artist to choose again.
+
+    Images of files are in their files.
+    """
     picture = activate(small_rig()["PICTURE"])
     bpy.ops.kiriko.open_picture(filepath=file(tmp_path, 9, 3))
     assert bpy.data.images["Kiriko Lattice"].use_fake_user
@@ -339,10 +391,13 @@ def test_an_image_of_no_file_stays_when_another_takes_its_place(scene: bpy.types
 
 
 @pytest.mark.parametrize("way", ["slot", "mesh", "group", "fake user"])
-def test_what_others_show_is_not_changed(read: Callable[[], Any], capfd: pytest.CaptureFixture, way: str) -> None:
+def test_what_others_show_is_not_changed(
+    read: Callable[[], Any], capfd: pytest.CaptureFixture, way: str
+) -> None:
     """A material, or node group, that others use is copied first, and the report names the copy."""
     picture = activate(small_rig()["PICTURE"])
-    lattice, material = bpy.data.images["Kiriko Lattice"], picture.material_slots[0].material
+    lattice = bpy.data.images["Kiriko Lattice"]
+    material = picture.material_slots[0].material
     other = new_object(picture.data if way == "mesh" else primitive("cube", size=1.0))
     if way == "slot":
         other.data.materials.append(material)
@@ -364,7 +419,10 @@ def test_what_others_show_is_not_changed(read: Callable[[], Any], capfd: pytest.
     assert shared.image == lattice
     if way != "group":
         assert picture.material_slots[0].material != material
-        assert f"by the new material '{picture.material_slots[0].material.name}'" in capfd.readouterr().out
+        assert (
+            f"by the new material '{picture.material_slots[0].material.name}'"
+            in capfd.readouterr().out
+        )
         assert other.material_slots[0].material == material
     else:
         assert picture.material_slots[0].material == material
@@ -395,7 +453,8 @@ def grouped(thing: bpy.types.Object, shown: bpy.types.Image, slot: int = 0) -> b
     material = bpy.data.materials.new("mine")
     tree = nodes_of(material)
     tree.nodes.clear()
-    used, shader = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeEmission")
+    used = tree.nodes.new("ShaderNodeGroup")
+    shader = tree.nodes.new("ShaderNodeEmission")
     used.name, used.node_tree = "group", group
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(used.outputs["Color"], shader.inputs["Color"])
@@ -406,7 +465,10 @@ def grouped(thing: bpy.types.Object, shown: bpy.types.Image, slot: int = 0) -> b
 
 @pytest.mark.parametrize("way", ["none", "plain", "empty"])
 def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str) -> None:
-    """Without material, or with one that has no image, it gets one; an empty image texture is filled."""
+    """Without material, or with one that has no image, it gets one.
+
+    An empty image texture is filled.
+    """
     thing = picture_plane()
     mine = None
     if way != "none":
@@ -414,7 +476,9 @@ def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str)
         tree = nodes_of(mine)
         if way == "empty":
             shader = next(n for n in tree.nodes if n.type == "BSDF_PRINCIPLED")
-            tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"])
+            tree.links.new(
+                tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"]
+            )
         thing.data.materials.append(mine)
     chosen = image(8, 8)
     thing.kiriko.image = chosen
@@ -437,7 +501,10 @@ def test_of_several_materials_the_one_on_most_faces_shows_it(read: Callable[[], 
         face.material_index = 1 if k == 0 else 2
     chosen = image(8, 8, (0, 1, 0, 1), "chosen")
     choose(chosen)
-    assert [texture_in(slot.material).image for slot in thing.material_slots] == [*shown[:2], chosen]
+    assert [texture_in(slot.material).image for slot in thing.material_slots] == [
+        *shown[:2],
+        chosen,
+    ]
     assert is_solved(read, chosen)
 
 
@@ -450,7 +517,9 @@ def test_only_pictures_change_their_material(scene: bpy.types.Scene) -> None:
 
 
 def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
-    """As in files of old, whose material shows another image than is chosen: both are named, with what to do."""
+    """As in files of old, whose material shows another image
+    than is chosen: both are named, with what to do.
+    """
     picture = activate(small_rig()["PICTURE"])
     chosen = image(8, 8)
     picture.kiriko.role = "NONE"
@@ -458,7 +527,10 @@ def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
     picture.kiriko.role = "PICTURE"
     assert texture_of(picture).image.name == "Kiriko Lattice"
     assert is_solved(read, chosen)
-    note = "The picture 'Kiriko Picture' shows 'Kiriko Lattice', but 'art' is chosen and solved: choose it again"
+    note = (
+        "The picture 'Kiriko Picture' shows 'Kiriko Lattice', but 'art' is chosen and solved:"
+        " choose it again"
+    )
     assert any(text.startswith(note) for text in read().notes)
     choose(chosen)
     assert not any("chosen and solved" in text for text in read().notes)
@@ -477,14 +549,17 @@ def test_a_linked_plane_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> No
     chosen = image(90, 30)
     with pytest.raises(RuntimeError, match="linked from another file: choose its image there"):
         choose(chosen)
-    mine = new_object(linked.data, "PICTURE")  # a linked mesh without material, on an object of this file
+    # a linked mesh without material, on an object of this file
+    mine = new_object(linked.data, "PICTURE")
     activate(mine)
     assert choose(chosen) == {"FINISHED"}
     assert aspect(mine) == pytest.approx(3, rel=SINGLE)
 
 
 def test_live_follows_the_material(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """With Live running an image chosen by the button or in the material is solved, with the plane's new shape."""
+    """With Live running an image chosen by the button or in the
+    material is solved, with the plane's new shape.
+    """
     live = kiriko.operators.live
     picture = activate(small_rig()["PICTURE"])
     bpy.ops.kiriko.live()

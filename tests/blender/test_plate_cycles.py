@@ -16,18 +16,37 @@ PIXELS = 192
 POSES = {  # of the plate, and the side of it that the viewer is on
     "front": (Matrix.LocRotScale(None, None, (0.5 * SIDE, 0.5 * SIDE, 1.0)), 1),
     "back": (Matrix.LocRotScale(None, None, (0.5 * SIDE, 0.45 * SIDE, 1.0)), -1),
-    "turned": (Matrix.LocRotScale((0.3, -0.2, 0.4), Euler((0.5, -0.7, 2.0)), (0.45 * SIDE, 0.5 * SIDE, 2.0)), 1),
-    "mirrored": (Matrix.LocRotScale((-0.2, 0.1, 0.2), Euler((0.3, 0.4, 0.5)), (-0.5 * SIDE, 0.5 * SIDE, 1.0)), -1),
+    "turned": (
+        Matrix.LocRotScale(
+            (0.3, -0.2, 0.4), Euler((0.5, -0.7, 2.0)), (0.45 * SIDE, 0.5 * SIDE, 2.0)
+        ),
+        1,
+    ),
+    "mirrored": (
+        Matrix.LocRotScale(
+            (-0.2, 0.1, 0.2), Euler((0.3, 0.4, 0.5)), (-0.5 * SIDE, 0.5 * SIDE, 1.0)
+        ),
+        -1,
+    ),
 }
-LIGHT = {"IMAGED": "Image", "STRAY_1": "Stray 1", "STRAY_2": "Stray 2", "THROUGH": "Through", "REFLECTED": "Reflected"}
+LIGHT = {
+    "IMAGED": "Image",
+    "STRAY_1": "Stray 1",
+    "STRAY_2": "Stray 2",
+    "THROUGH": "Through",
+    "REFLECTED": "Reflected",
+}
 LAYOUTS = {  # values that differ from the defaults, and from one another
     "crossed": {"phase": (0.3, -1.2), "crossing_error": 0.01, "reflectance": 0.8, "ior": 1.6},
     "holes": {"phase": (0.1, 0.2), "pitch": 0.4e-3, "height": 0.9e-3},
     "radial": {"phase": (-0.4, 0.7), "has_fresnel": False},
 }
-# float32: u and v, 0..1 over 4 m, are off by 0.24 um, directions by a few times 2^-24 over up to 2 m
+# float32: u and v, 0..1 over 4 m, are off by 0.24 um,
+# directions by a few times 2^-24 over up to 2 m
 SINGLE = 3e-6  # m
-AGREE = 0.999  # a place rounded to float32 may be on the other side of a mirror: 3e-8 m of 5e-4 m, four times a ray
+# a place rounded to float32 may be on the other side of a
+# mirror: 3e-8 m of 5e-4 m, four times a ray
+AGREE = 0.999
 
 
 def plane(role: str, matrix: Matrix) -> bpy.types.Object:
@@ -45,7 +64,9 @@ def facing(position: Vector, target: Vector, half: float = 1.0) -> Matrix:
 
 
 def bench(pose: str, display_is_behind: bool = True) -> bpy.types.Object:
-    """A plate, a viewer that looks at it askew, and a display that faces it from behind or in front."""
+    """A plate, a viewer that looks at it askew, and a
+    display that faces it from behind or in front.
+    """
     matrix, side = POSES[pose]
     scene = bpy.context.scene
     plate = plane("PLATE", matrix)
@@ -63,14 +84,24 @@ def bench(pose: str, display_is_behind: bool = True) -> bpy.types.Object:
 
 
 def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -> Any:
-    """The scene's rig, with an array of mirrors that stands by one of the plate object's own axes."""
+    """The scene's rig, with an array of mirrors that stands by one of the plate object's
+    own axes.
+    """
     bpy.context.view_layer.update()
     reading = core.blender.scene.read(bpy.context)
-    side, centre = (np.array(v, float) for v in (plate.matrix_world.col[axis].xyz, plate.matrix_world.translation))
+    side, centre = (
+        np.array(v, float)
+        for v in (plate.matrix_world.col[axis].xyz, plate.matrix_world.translation)
+    )
     own = replace(reading.rig.plates[0], array=array, side=side, centre=centre)
     # a rig needs glass and a picture: here far away, and no object of the scene
-    shard = core.rig.Mesh(100.0 + np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]]))
-    needed = {"glasses": (core.rig.Glass("Shard", shard),), "pictures": (core.rig.Picture("", np.ones((1, 1, 4))),)}
+    shard = core.rig.Mesh(
+        100.0 + np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]])
+    )
+    needed = {
+        "glasses": (core.rig.Glass("Shard", shard),),
+        "pictures": (core.rig.Picture("", np.ones((1, 1, 4))),),
+    }
     rig = replace(reading.rig, plates=(own,), **needed)
     return replace(reading, rig=rig, drawn=rig)
 
@@ -84,7 +115,9 @@ def preview(core: ModuleType, reading: Any, **options: Any) -> Any:
 def plate_group(scene: bpy.types.Scene) -> Any:
     """The one node of the scene's materials that is a mirror array."""
     materials = {slot.material for thing in scene.objects for slot in thing.material_slots}
-    (found,) = (node for material in materials for node in material.node_tree.nodes if node.type == "GROUP")
+    (found,) = (
+        node for material in materials for node in material.node_tree.nodes if node.type == "GROUP"
+    )
     return found
 
 
@@ -95,14 +128,17 @@ def show_only(scene: bpy.types.Scene, *light: str) -> None:
 
 
 def rays(shown: Any, viewer: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions (n, 3) of the rays of its pixels, by where Cycles says that they meet the plate.
+    """Origins and directions (n, 3) of the rays of its pixels,
+    by where Cycles says that they meet the plate.
 
-    Cycles jitters them within 0.01 px, which is more than float32 blurs: the tracer has to take the same rays.
+    Cycles jitters them within 0.01 px, which is more than
+    float32 blurs: the tracer has to take the same rays.
     """
     group = plate_group(shown.scene)
     tree = group.id_data
     (output,) = (node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
-    geometry, emission = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeEmission")
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    emission = tree.nodes.new("ShaderNodeEmission")
     tree.links.new(geometry.outputs["Position"], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     met = shown.render()[..., :3].reshape(-1, 3).astype(float)
@@ -113,11 +149,15 @@ def rays(shown: Any, viewer: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
-    """Each ray is of the same class, lands at the same point and is as bright in Cycles as it is for the tracer."""
+    """Each ray is of the same class, lands at the same point and
+    is as bright in Cycles as it is for the tracer.
+    """
     rig = reading.rig
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
-        plan = core.light.planning.make_plan(rig, core.settings.Settings(only_through_glass=False, brightness=True))
+        plan = core.light.planning.make_plan(
+            rig, core.settings.Settings(only_through_glass=False, brightness=True)
+        )
         landings = core.light.trace.trace_all(plan, origins, directions, light=light)
         u, v = (landings.xy / [rig.display.width, rig.display.height]).T
         ours = np.stack([u, 1 - v], axis=1)
@@ -128,14 +168,19 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
             show_only(shown.scene, name)
             carried = shown.render()[..., :3].reshape(-1, 3).astype(float)
             is_seen = carried[:, 2] > 0
-            is_ours = landings.has_arrived & (landings.plate_path == core.light.plate.PlatePath[path])
+            is_ours = landings.has_arrived & (
+                landings.plate_path == core.light.plate.PlatePath[path]
+            )
             assert (is_seen == is_ours).mean() > AGREE
             both = is_seen & is_ours
             n_arrived += both.sum()
             throughput = carried[both, 2:]
             apart = WIDE * np.abs(carried[both, :2] / throughput - ours[both]).max(axis=1)
-            # between two rings the place of the mirrors jumps, near the centre their direction turns fast
-            assert (np.quantile(apart, 0.998) if rig.plates[0].array.layout == "radial" else apart.max()) < SINGLE
+            # between two rings the place of the mirrors jumps, near
+            # the centre their direction turns fast
+            assert (
+                np.quantile(apart, 0.998) if rig.plates[0].array.layout == "radial" else apart.max()
+            ) < SINGLE
             assert np.abs(throughput[:, 0] / landings.throughput[both] - 1).max() < 1e-5
         assert n_arrived > AGREE * len(origins)
 
@@ -143,20 +188,26 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, pose: str) -> None:
-    """Image, stray light and what goes through: class, landing and throughput, on both sides, wherever it stands."""
+    """Image, stray light and what goes through: class, landing and
+    throughput, on both sides, wherever it stands.
+    """
     plate = bench(pose)
     assert_agree(core, read(core, plate, core.rig.MirrorArray(layout, **LAYOUTS[layout])), "folded")
 
 
 @pytest.mark.parametrize("pose", POSES)
 def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
-    """What the face reflects comes from the face, half the thickness before the plane, with Fresnel's share."""
+    """What the face reflects comes from the face, half the
+    thickness before the plane, with Fresnel's share.
+    """
     plate = bench(pose, display_is_behind=False)
     assert_agree(core, read(core, plate, core.rig.MirrorArray()), "reflected")
 
 
 def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
-    """Where the object's x axis stands upright on the plate, mirrors stand at 45 degrees to its y axis."""
+    """Where the object's x axis stands upright on the
+    plate, mirrors stand at 45 degrees to its y axis.
+    """
     plate = bench("front")
     turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
     plate.data.transform(turn.inverted())
@@ -165,10 +216,13 @@ def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
 
 
 def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
-    """With everything on, Cycles' mean over 64 samples is the classes' sum, to four times its standard error."""
+    """With everything on, Cycles' mean over 64 samples is the
+    classes' sum, to four times its standard error.
+    """
     plate = bench("front")
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 64
-    reading = read(core, plate, core.rig.MirrorArray(ior=2.5))  # a third is reflected, and leaves no light here
+    # a third is reflected, and leaves no light here
+    reading = read(core, plate, core.rig.MirrorArray(ior=2.5))
     with preview(core, reading, samples=64) as shown:
         everything = shown.render()[..., 2]
         each = []
@@ -185,16 +239,25 @@ def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
 
 
 def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: ModuleType) -> None:
-    """render_map divides by the throughput: its third channel is 1 where light arrives, and u, v are within 0..1."""
+    """render_map divides by the throughput: its third channel is 1
+    where light arrives, and u, v are within 0..1.
+    """
     plate = bench("front")
-    found = core.blender.preview.render_map(bpy.context.scene, read(core, plate, core.rig.MirrorArray()))
+    found = core.blender.preview.render_map(
+        bpy.context.scene, read(core, plate, core.rig.MirrorArray())
+    )
     assert np.abs(found[..., 2] - 1).max() < 1e-6
     assert found[..., :2].min() > 0
     assert np.ptp(found[..., 0]) > 0.1
 
 
-def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """The plate's numbers are in the group's inputs, in Blender units; afterwards the file is as before."""
+def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(
+    core: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """The plate's numbers are in the group's inputs, in Blender units.
+
+    Afterwards the file is as before.
+    """
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     plate = small_rig()["PLATE"]
     before = inventory()
@@ -203,7 +266,14 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: ModuleTyp
         found = {socket.name: socket.default_value for socket in plate_group(shown.scene).inputs}
     assert found == pytest.approx(
         {
-            **{"Pitch": 0.5, "Height": 1.25, "IOR": 1.6, "Reflectance": 0.8, "Crossing Error": 0.01, "Fresnel": 1.0},
+            **{
+                "Pitch": 0.5,
+                "Height": 1.25,
+                "IOR": 1.6,
+                "Reflectance": 0.8,
+                "Crossing Error": 0.01,
+                "Fresnel": 1.0,
+            },
             **{"Phase 1": 0.3, "Phase 2": -0.2},
             **dict.fromkeys(LIGHT.values(), 1.0),
         }
@@ -212,10 +282,16 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core: ModuleTyp
 
 
 def test_inputs_say_what_they_are(core: ModuleType) -> None:
-    """Each input of each group has a tooltip, a range that holds its default, and the unit it is in."""
+    """Each input of each group has a tooltip, a range that
+    holds its default, and the unit it is in.
+    """
     for layout in LAYOUTS:
         tree = core.blender.plate.plate_group(layout)
-        inputs = [item for item in tree.interface.items_tree if item.item_type == "SOCKET" and item.in_out == "INPUT"]
+        inputs = [
+            item
+            for item in tree.interface.items_tree
+            if item.item_type == "SOCKET" and item.in_out == "INPUT"
+        ]
         assert len(inputs) == (13 if layout == "crossed" else 12)
         for item in inputs:
             assert item.description

@@ -9,14 +9,19 @@ import pytest
 from mathutils import Matrix, Quaternion
 from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
 
-# Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over a display of 0.05 m, times the lever of the bending
+# Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over
+# a display of 0.05 m, times the lever of the bending
 SINGLE = 2e-5  # of the display's width: 0.01 px of 512
 
 
-def solid(make: str, name: str = "Solid", at: tuple[float, ...] = (0, 0, 0), **sizes: float) -> bpy.types.Object:
+def solid(
+    make: str, name: str = "Solid", at: tuple[float, ...] = (0, 0, 0), **sizes: float
+) -> bpy.types.Object:
     """A selected glass object of a bmesh primitive, with a role and an index."""
     thing = new_object(primitive(make, **sizes), "GLASS")
-    thing.name, thing.location, thing.kiriko.use_ior = name, at, True
+    thing.name = name
+    thing.location = at
+    thing.kiriko.use_ior = True
     thing.select_set(True)
     return thing
 
@@ -29,21 +34,32 @@ def coarse_ball(radius: float = 0.025) -> bpy.types.Object:
 
 
 def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
-    """Where each viewer pixel lands, u and v (h, w, 2): by Cycles, and by Kiriko; NaN where it does not."""
+    """Where each viewer pixel lands, u and v (h, w, 2): by
+    Cycles, and by Kiriko; NaN where it does not.
+    """
     scene = bpy.context.scene
     reading = core.blender.scene.read(bpy.context)
     by_cycles = core.blender.preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
-    plan = core.light.planning.make_plan(reading.rig, core.settings.Settings(only_through_glass=False))
-    viewer, display = reading.rig.viewer, reading.rig.display
+    plan = core.light.planning.make_plan(
+        reading.rig, core.settings.Settings(only_through_glass=False)
+    )
+    viewer = reading.rig.viewer
+    display = reading.rig.display
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
-    landings = core.light.trace.trace_all(plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+    landings = core.light.trace.trace_all(
+        plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+    )
     xy = landings.xy.reshape(viewer.height, viewer.width, 2) / (display.width, display.height)
     return cycles, np.stack([xy[..., 0], 1 - xy[..., 1]], axis=2)
 
 
-def assert_agree(core: ModuleType, share: float = 0.5, tolerance: float = SINGLE, quantile: float = 0.995) -> None:
-    """Where a path arrives in Cycles (there those with total reflection do not), Kiriko lands on the same point."""
+def assert_agree(
+    core: ModuleType, share: float = 0.5, tolerance: float = SINGLE, quantile: float = 0.995
+) -> None:
+    """Where a path arrives in Cycles (there those with total
+    reflection do not), Kiriko lands on the same point.
+    """
     cycles, ours = maps(core)
     both = np.isfinite(cycles).all(axis=2) & np.isfinite(ours).all(axis=2)
     assert both.mean() > share
@@ -54,18 +70,23 @@ def assert_agree(core: ModuleType, share: float = 0.5, tolerance: float = SINGLE
 
 
 def test_plain_picture_appears_in_mid_air(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """With no glass at all the viewer sees the display's pixels in the picture's place, upright and unmirrored."""
+    """With no glass at all the viewer sees the display's pixels
+    in the picture's place, upright and unmirrored.
+    """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
     reading = core.blender.scene.read(bpy.context)
     source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
     seen = core.blender.preview.render_preview(scene, reading, source, samples=4)[..., :3]
-    # viewer and display pixels coincide, so only samples on their edges may take the neighbour's colour
+    # viewer and display pixels coincide, so only samples on
+    # their edges may take the neighbour's colour
     assert np.abs(seen - source).mean() < 1e-3
 
 
 def test_map_without_glass_is_the_mirror_image(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Cycles lands at the mirror image of the point on the aerial plane: u, v run with the viewer's image."""
+    """Cycles lands at the mirror image of the point on the
+    aerial plane: u, v run with the viewer's image.
+    """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
     found = core.blender.preview.render_map(scene, core.blender.scene.read(bpy.context))
@@ -82,12 +103,15 @@ def test_cycles_agrees_on_a_turned_cube(core: ModuleType) -> None:
 
 
 def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Cycles renders the frame that is solved, and a percentage of it, whatever shape the scene's render has."""
+    """Cycles renders the frame that is solved, and a percentage
+    of it, whatever shape the scene's render has.
+    """
     small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
     scene.render.resolution_percentage, scene.render.pixel_aspect_x = 50, 2.0
     scene.kiriko.viewer.kiriko.resolution = (48, 32)
     assert_agree(core, share=0.4)
-    reading, source = core.blender.scene.read(bpy.context), np.ones((64, 64, 3), np.float32)
+    reading = core.blender.scene.read(bpy.context)
+    source = np.ones((64, 64, 3), np.float32)
     assert maps(core)[0].shape[:2] == (32, 48)
     half = core.blender.preview.render_preview(scene, reading, source, percentage=50, samples=1)
     assert half.shape[:2] == (16, 24)
@@ -98,16 +122,26 @@ def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.typ
 
 
 def test_cycles_agrees_on_a_smooth_ball(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Through smooth-shaded faces, too; towards its rim a ball's lever on a normal's error grows without bound."""
+    """Through smooth-shaded faces, too.
+
+    Towards its rim a ball's lever on a normal's error grows without bound.
+    """
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3)
     assert_agree(core, share=0.4, tolerance=10 * SINGLE, quantile=0.99)
 
 
-def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Cycles lands where the analytic ball does, to 0.01 display px; as drawn the same faces miss by ten times that."""
+def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
+    core: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Cycles lands where the analytic ball does, to 0.01 display px.
+
+    As drawn the same faces miss by ten times that.
+    """
     ball = coarse_ball()
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3, field=0.05)
-    viewer, display = (getattr(core.blender.scene.read(bpy.context).rig, part) for part in ("viewer", "display"))
+    viewer, display = (
+        getattr(core.blender.scene.read(bpy.context).rig, part) for part in ("viewer", "display")
+    )
     x, y = np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5)
     o, d = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     missed = {}
@@ -124,13 +158,17 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core: ModuleType, sc
 
 
 @pytest.mark.parametrize("way", ["inside out", "mirrored", "instance", "millimetres"])
-def test_cycles_agrees_on_a_curved_surface(core: ModuleType, scene: bpy.types.Scene, way: str) -> None:
+def test_cycles_agrees_on_a_curved_surface(
+    core: ModuleType, scene: bpy.types.Scene, way: str
+) -> None:
     """The fine triangles stand where the coarse ball stands and face out, however it was drawn."""
     millimetres = 1000 if way == "millimetres" else 1
     if way == "millimetres":
         scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     ball = coarse_ball(0.025 * millimetres)
-    bpy.ops.kiriko.add_rig(viewer_resolution=48, display_size=0.3 * millimetres, field=0.05 * millimetres)
+    bpy.ops.kiriko.add_rig(
+        viewer_resolution=48, display_size=0.3 * millimetres, field=0.05 * millimetres
+    )
     if way == "inside out":
         ball.data.flip_normals()
     elif way == "mirrored":
@@ -144,59 +182,81 @@ def test_cycles_agrees_on_a_curved_surface(core: ModuleType, scene: bpy.types.Sc
                 collection.objects.unlink(ball)
         maker = new_object(None)
         maker.instance_type, maker.instance_collection = "COLLECTION", box
-        maker.rotation_euler.z, maker.scale = 0.3, (0.9, 1.0, 1.1)
+        maker.rotation_euler.z = 0.3
+        maker.scale = (0.9, 1.0, 1.1)
     assert_agree(core, share=0.4, quantile=0.95)
 
 
 def test_cycles_agrees_on_full_creases(core: ModuleType) -> None:
-    """A cube whose edges are all creased stays a cube under a subdivision modifier, flat to its edges."""
+    """A cube whose edges are all creased stays a cube under
+    a subdivision modifier, flat to its edges.
+    """
     glass = small_rig(display_size=0.2)["GLASS"]
     glass.rotation_euler.z = np.radians(15.8)
     glass.data.shade_smooth()
-    glass.data.attributes.new("crease_edge", "FLOAT", "EDGE").data.foreach_set("value", np.ones(12, np.float32))
+    glass.data.attributes.new("crease_edge", "FLOAT", "EDGE").data.foreach_set(
+        "value", np.ones(12, np.float32)
+    )
     glass.modifiers.new("Fine", "SUBSURF").levels = 2
     assert_agree(core)
 
 
 def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Glass and mirrors are shown in fine triangles, what is as drawn or flat in its own; all in one material each."""
-    ball, cube = coarse_ball(), small_rig()["GLASS"]
+    """Glass and mirrors are shown in fine triangles, what is as drawn or flat in its own.
+
+    All in one material each.
+    """
+    ball = coarse_ball()
+    cube = small_rig()["GLASS"]
     ball.kiriko.role = "MIRROR"
     bpy.context.view_layer.update()
     counts = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
         reading = core.blender.scene.read(bpy.context)
         with core.blender.preview.Preview(scene, reading, None) as preview:
-            shown = {thing.name.removeprefix("Kiriko Preview "): thing for thing in preview.scene.objects}
+            shown = {
+                thing.name.removeprefix("Kiriko Preview "): thing for thing in preview.scene.objects
+            }
             counts[ball.kiriko.surface] = len(shown["Ball"].data.polygons)
             assert [m.name for m in shown["Ball"].data.materials] == ["Kiriko Preview Mirror"]
             assert len(shown[cube.name].data.polygons) == 6
             low, high = np.array(shown["Ball"].bound_box)[[0, 6]]
-            assert np.abs(np.array([low, high]) - [[-0.025], [0.025]]).max() < 3e-5  # a mesh's poles and equator
+            # a mesh's poles and equator
+            assert np.abs(np.array([low, high]) - [[-0.025], [0.025]]).max() < 3e-5
     assert counts["FACETS"] == 512
     assert counts["SMOOTH"] > 100_000
 
 
 def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
-    """A solid wholly inside another has the ratio of the two indices in Cycles, and the tracers agree."""
+    """A solid wholly inside another has the ratio of the
+    two indices in Cycles, and the tracers agree.
+    """
     small_rig(display_size=0.2)
     inner = solid("cube", size=0.02)
     inner.kiriko.ior = 1.8
     inner.rotation_euler = (0.2, 0.1, 0.4)
     bpy.context.view_layer.update()
-    found, notes = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
-    assert sorted(interface.index for interface in found) == pytest.approx([1.8 / 1.49, 1.49], rel=1e-6)
+    found, notes = core.blender.nested_glass.interfaces(
+        core.blender.scene.read(bpy.context).rig.glasses
+    )
+    assert sorted(interface.index for interface in found) == pytest.approx(
+        [1.8 / 1.49, 1.49], rel=1e-6
+    )
     assert notes == []
     assert_agree(core)
 
 
 def test_solid_hidden_by_priority_is_left_out(core: ModuleType) -> None:
-    """An inner solid of lower priority changes nothing: the outer one is the glass that is there."""
+    """An inner solid of lower priority changes nothing: the outer one is the glass that
+    is there.
+    """
     small_rig(display_size=0.2)
     inner = solid("cube", size=0.02)
     inner.kiriko.ior, inner.kiriko.priority = 1.8, -1
     bpy.context.view_layer.update()
-    found, _ = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
+    found, _ = core.blender.nested_glass.interfaces(
+        core.blender.scene.read(bpy.context).rig.glasses
+    )
     assert sorted(interface.index or 0 for interface in found) == pytest.approx([0, 1.49], rel=1e-6)
     assert_agree(core)
 
@@ -239,23 +299,33 @@ def test_instances_of_a_collection_are_there(core: ModuleType, scene: bpy.types.
 
 
 @pytest.mark.parametrize(("gap", "is_noted"), [(-0.01, True), (0.0, True), (0.001, False)])
-def test_touching_solids_are_said_to_be_not_comparable(core: ModuleType, gap: float, is_noted: bool) -> None:
-    """Solids that overlap or share a face make a note that names both; a gap of a millimetre makes none."""
+def test_touching_solids_are_said_to_be_not_comparable(
+    core: ModuleType, gap: float, is_noted: bool
+) -> None:
+    """Solids that overlap or share a face make a note that names both.
+
+    A gap of a millimetre makes none.
+    """
     small_rig()
     solid("cube", "Block", at=(0.05 + gap, 0, 0), size=0.05)
     bpy.context.view_layer.update()
-    _, notes = core.blender.nested_glass.interfaces(core.blender.scene.read(bpy.context).rig.glasses)
+    _, notes = core.blender.nested_glass.interfaces(
+        core.blender.scene.read(bpy.context).rig.glasses
+    )
     assert bool(notes) == is_noted
     assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
 
 
 def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> None:
-    """What Cycles shows of the source image is closer to the ideal image than what it shows of the plain picture."""
+    """What Cycles shows of the source image is closer to the
+    ideal image than what it shows of the plain picture.
+    """
     small_rig(display_resolution=(256, 256), viewer_resolution=128)
     bpy.ops.kiriko.solve()
     reading = core.blender.scene.read(bpy.context)
     lattice = linear_lattice()
-    width = 0.05 * 0.6 / 0.04 * 128  # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
+    # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
+    width = 0.05 * 0.6 / 0.04 * 128
     at = ((np.arange(128 * 8) + 0.5) / 8 - (128 - width) / 2) / width * 1024
     inside = (at >= 0) & (at < 1024)
     fine = np.zeros((128 * 8, 128 * 8, 3))
@@ -264,13 +334,18 @@ def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> 
     ideal = fine.reshape(128, 8, 128, 8, 3).mean(axis=(1, 3))
     errors = []
     for source in (scene.kiriko.result.source, lattice[2::4, 2::4]):
-        seen = core.blender.preview.render_preview(scene, reading, source, samples=16, fresnel=False)
+        seen = core.blender.preview.render_preview(
+            scene, reading, source, samples=16, fresnel=False
+        )
         errors.append(np.abs(seen[..., :3] - ideal).mean())
     assert errors[0] < errors[1] / 3
 
 
 def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
-    """After a preview the file holds one image more; engine, samples, colours, materials and scene are as before."""
+    """After a preview the file holds one image more.
+
+    Engine, samples, colours, materials and scene are as before.
+    """
     small_rig()
     bpy.ops.kiriko.solve()
     display = bpy.data.objects["Kiriko Display"]
@@ -278,12 +353,16 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
     def state() -> tuple:
         render, cycles = scene.render, scene.cycles
         return (
-            render.engine, render.filepath, render.use_border, render.image_settings.file_format, cycles.samples,
-            cycles.max_bounces, cycles.transparent_max_bounces, scene.view_settings.view_transform, scene.camera,
-            bpy.context.scene, bpy.context.window.scene, display.material_slots[0].material, display.users,
+            render.engine, render.filepath, render.use_border, render.image_settings.file_format,
+            cycles.samples,
+            cycles.max_bounces, cycles.transparent_max_bounces, scene.view_settings.view_transform,
+            scene.camera,
+            bpy.context.scene, bpy.context.window.scene, display.material_slots[0].material,
+            display.users,
         )  # fmt: skip
 
-    before, held = state(), inventory()
+    before = state()
+    held = inventory()
     assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
     assert state() == before
     held["images"] = sorted([*held["images"], "Kiriko Preview"])
@@ -294,7 +373,9 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
 
 
 def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_path) -> None:
-    """When its file cannot be written the preview is refused, and the temporary scene is gone all the same."""
+    """When its file cannot be written the preview is refused,
+    and the temporary scene is gone all the same.
+    """
     small_rig()
     bpy.ops.kiriko.solve()
     before = inventory()
@@ -303,7 +384,9 @@ def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_pa
     assert inventory() == before
 
 
-def test_preview_cut_short_is_cleaned_up_by_the_next(scene: bpy.types.Scene, core: ModuleType) -> None:
+def test_preview_cut_short_is_cleaned_up_by_the_next(
+    scene: bpy.types.Scene, core: ModuleType
+) -> None:
     """What a preview left that never came to its end goes with the next one."""
     small_rig()
     before = inventory()
@@ -314,8 +397,12 @@ def test_preview_cut_short_is_cleaned_up_by_the_next(scene: bpy.types.Scene, cor
     assert inventory() == before
 
 
-def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core: ModuleType) -> None:
-    """An object without a role hides the glass when the surroundings are shown; Kiriko's own view leaves it out."""
+def test_surroundings_are_there_only_when_asked_for(
+    scene: bpy.types.Scene, core: ModuleType
+) -> None:
+    """An object without a role hides the glass when the
+    surroundings are shown; Kiriko's own view leaves it out.
+    """
     small_rig(display_size=0.2)
     wall = bpy.data.objects.new("wall", cube(0.2).data)
     wall.location.y = -0.5
@@ -325,15 +412,21 @@ def test_surroundings_are_there_only_when_asked_for(scene: bpy.types.Scene, core
     white = np.ones((4, 4, 3))
     options = {"samples": 1, "fresnel": False}
     shown = [
-        core.blender.preview.render_preview(scene, reading, white, surroundings=s, **options)[..., :3].mean()
+        core.blender.preview.render_preview(scene, reading, white, surroundings=s, **options)[
+            ..., :3
+        ].mean()
         for s in (False, True)
     ]
     assert shown[0] > 0.4
     assert shown[1] == 0
 
 
-def test_a_preview_that_cannot_be_is_refused_before_the_render(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """An empty border, a path relative to no file, another suffix, a folder that is none: one sentence, no image."""
+def test_a_preview_that_cannot_be_is_refused_before_the_render(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """An empty border, a path relative to no file, another
+    suffix, a folder that is none: one sentence, no image.
+    """
     small_rig(display_size=0.2)
     bpy.ops.kiriko.solve()
     bad = {
@@ -352,11 +445,16 @@ def test_a_preview_that_cannot_be_is_refused_before_the_render(scene: bpy.types.
 def random_place(rng: np.random.Generator) -> Matrix:
     """A location, a rotation and an uneven scale, now and then a mirroring one."""
     scale = rng.uniform(0.3, 3, 3) * rng.choice([1, 1, -1], 3)
-    return Matrix.LocRotScale(rng.normal(size=3).tolist(), Quaternion(rng.normal(size=4).tolist()).normalized(), scale)
+    return Matrix.LocRotScale(
+        rng.normal(size=3).tolist(), Quaternion(rng.normal(size=4).tolist()).normalized(), scale
+    )
 
 
 def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleType) -> None:
-    """Place @ shear is the matrix; the place has the same x axis, and an object put there stands there to rounding."""
+    """Place @ shear is the matrix.
+
+    The place has the same x axis, and an object put there stands there to rounding.
+    """
     rng = np.random.default_rng(3)
     thing = new_object(None)
     n_mirrored = 0
@@ -366,7 +464,8 @@ def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleT
         scale = float(np.abs(np.array(matrix)).max())
         assert np.array(place @ Matrix(shear)) == pytest.approx(np.array(matrix), abs=3e-6 * scale)
         assert np.array(place.col[0]) == pytest.approx(np.array(matrix.col[0]), abs=3e-6 * scale)
-        assert np.diag(shear) == pytest.approx(np.ones(4), abs=1e-6)  # all of the size is the place's
+        # all of the size is the place's
+        assert np.diag(shear) == pytest.approx(np.ones(4), abs=1e-6)
         columns = np.array(place)[:3, :3]
         length = np.linalg.norm(columns, axis=0)
         assert columns.T @ columns == pytest.approx(np.diag(length**2), abs=3e-6 * scale**2)
@@ -374,12 +473,16 @@ def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleT
         n_mirrored += place.determinant() < 0
         thing.matrix_world = place
         bpy.context.view_layer.update()
-        assert np.array(thing.matrix_world) == pytest.approx(np.array(place), abs=1e-5 * max(1.0, scale))
+        assert np.array(thing.matrix_world) == pytest.approx(
+            np.array(place), abs=1e-5 * max(1.0, scale)
+        )
     assert 50 < n_mirrored < 150
 
 
 def test_without_shear_a_place_is_left_as_it_is(core: ModuleType) -> None:
-    """To the bit, mirrored or not: also a scale that is even, or uneven along the object's own axes."""
+    """To the bit, mirrored or not: also a scale that is
+    even, or uneven along the object's own axes.
+    """
     rng = np.random.default_rng(4)
     for _ in range(50):
         matrix = random_place(rng)
@@ -390,7 +493,9 @@ def test_without_shear_a_place_is_left_as_it_is(core: ModuleType) -> None:
 def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
     core: ModuleType, scene: bpy.types.Scene, is_upright: bool
 ) -> None:
-    """Its place is sheared; where its mesh stands upright on its own plane the mesh is. Mean luminance to 5 %."""
+    """Its place is sheared; where its mesh stands upright on
+    its own plane the mesh is. Mean luminance to 5 %.
+    """
     parts = small_rig(display_size=0.1)
     if is_upright:
         turn = Matrix.Rotation(np.pi / 2, 4, "X")
@@ -404,7 +509,9 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
     bpy.ops.kiriko.simulate(samples=16)
     seen = pixels(scene.kiriko.result.seen)[..., :3]
     reading = core.blender.scene.read(bpy.context)
-    shown = core.blender.preview.render_preview(scene, reading, scene.kiriko.result.source, samples=32)[..., :3]
+    shown = core.blender.preview.render_preview(
+        scene, reading, scene.kiriko.result.source, samples=32
+    )[..., :3]
     one, other = (image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] for image in (seen, shown))
     assert one > 0.02
     assert other == pytest.approx(one, rel=0.05)

@@ -8,14 +8,24 @@ EXTENSION = "bl_ext.user_default.kiriko"
 
 def kiriko_classes() -> set[str]:
     """Names of the registered Blender classes that Kiriko defines."""
-    kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.PropertyGroup, bpy.types.AddonPreferences)
+    kinds = (
+        bpy.types.Operator,
+        bpy.types.Panel,
+        bpy.types.PropertyGroup,
+        bpy.types.AddonPreferences,
+    )
     return {
-        c.__name__ for kind in kinds for c in kind.__subclasses__() if c.is_registered and EXTENSION in c.__module__
+        c.__name__
+        for kind in kinds
+        for c in kind.__subclasses__()
+        if c.is_registered and EXTENSION in c.__module__
     }
 
 
 def test_registration_is_undone(blender: ModuleType) -> None:
-    """Disabling takes back everything that enabling added, and enabling again brings all of it back."""
+    """Disabling takes back everything that enabling
+    added, and enabling again brings all of it back.
+    """
     before = kiriko_classes()
     bpy.ops.preferences.addon_disable(module=EXTENSION)
     assert not kiriko_classes()
@@ -26,7 +36,9 @@ def test_registration_is_undone(blender: ModuleType) -> None:
 
 
 def test_enabled_extension_breaks_no_policy(blender: ModuleType) -> None:
-    """Blender has no complaint about the enabled extension, such as a module outside its own package."""
+    """Blender has no complaint about the enabled extension,
+    such as a module outside its own package.
+    """
     assert addon_utils._extensions_warnings_get() == {}
 
 

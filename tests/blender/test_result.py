@@ -15,7 +15,9 @@ def result(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
 
 
 def test_image_keeps_every_number(result: ModuleType) -> None:
-    """Pixels written to a datablock come back bit for bit, row 0 at the top, also above 1 and below 0."""
+    """Pixels written to a datablock come back bit for bit,
+    row 0 at the top, also above 1 and below 0.
+    """
     numbers = np.random.default_rng(1).normal(0, 10, (5, 7, 3)).astype(np.float32)
     image = result.replace_image(None, "numbers", numbers)
     assert np.array_equal(pixels(image)[..., :3], numbers)
@@ -38,7 +40,9 @@ def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType)
     mine = bpy.data.materials.new("Mine")
     mesh.materials.append(mine)
     display, other = (bpy.data.objects.new(name, mesh) for name in ("display", "other"))
-    notes = result.put_on_display(display, result.replace_image(None, "source", np.zeros((2, 2, 3))))
+    notes = result.put_on_display(
+        display, result.replace_image(None, "source", np.zeros((2, 2, 3)))
+    )
     assert other.material_slots[0].material == mine
     assert display.material_slots[0].material != mine
     assert len(notes) == 1
@@ -46,7 +50,9 @@ def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType)
 
 
 def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> None:
-    """Nothing for a cube; for a smooth ball a number of display pixels, which falls as the ball gets finer."""
+    """Nothing for a cube; for a smooth ball a number of
+    display pixels, which falls as the ball gets finer.
+    """
     small_rig()
 
     def error() -> float:
@@ -74,6 +80,8 @@ def test_lengths_in_notes_are_in_the_scenes_unit(scene: bpy.types.Scene) -> None
         part.location.x += 1e4
     scene.unit_settings.system, scene.unit_settings.length_unit = "IMPERIAL", "INCHES"
     bpy.ops.kiriko.solve()
-    (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Blender rounds places" in note)
+    (note,) = (
+        note for note in scene.kiriko.result.notes.splitlines() if "Blender rounds places" in note
+    )
     (inches,) = re.findall(r"glass nearer than ([0-9.]+) in touches", note)
     assert 0.01 < float(inches) < 1

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-SINGLE = 2.0**-22  # Blender stores and composes matrices in float32: relative error of a few roundings
+# Blender stores and composes matrices in float32: relative error of a few roundings
+SINGLE = 2.0**-22
 
 
 @pytest.fixture
@@ -33,7 +34,8 @@ def add(data: bpy.types.ID | None, role: str = "NONE", name: str = "thing") -> b
 
 def shape(make: Callable[..., Any], **sizes: Any) -> bpy.types.Mesh:
     """A mesh of a bmesh primitive."""
-    mesh, built = bpy.data.meshes.new("mesh"), bmesh.new()
+    mesh = bpy.data.meshes.new("mesh")
+    built = bmesh.new()
     make(built, **sizes)
     built.to_mesh(mesh)
     built.free()
@@ -45,7 +47,9 @@ def cube(size: float = 2.0) -> bpy.types.Mesh:
 
 
 def ball(segments: int = 24) -> bpy.types.Mesh:
-    mesh = shape(bmesh.ops.create_uvsphere, u_segments=segments, v_segments=segments // 2, radius=1.0)
+    mesh = shape(
+        bmesh.ops.create_uvsphere, u_segments=segments, v_segments=segments // 2, radius=1.0
+    )
     mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
     return mesh
 
@@ -72,22 +76,34 @@ CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.asty
 
 
 def node_group(build: Callable[[Any, Any, Any], None]) -> bpy.types.NodeTree:
-    """A geometry node group; `build` gets the tree, the geometry that comes in and the socket that goes out."""
+    """A geometry node group; `build` gets the tree, the
+    geometry that comes in and the socket that goes out.
+    """
     tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    build(tree, tree.nodes.new("NodeGroupInput").outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    build(
+        tree,
+        tree.nodes.new("NodeGroupInput").outputs[0],
+        tree.nodes.new("NodeGroupOutput").inputs[0],
+    )
     return tree
 
 
 def test_modifier_and_mirroring_parent(read: Callable[[], Any]) -> None:
-    """Vertices of an arrayed cube under a parent of scale (2, -3, 0.5) are where the formulas put them."""
+    """Vertices of an arrayed cube under a parent of scale
+    (2, -3, 0.5) are where the formulas put them.
+    """
     parent = add(None, name="parent")
-    parent.scale, parent.location = (2.0, -3.0, 0.5), (10.0, 20.0, 30.0)
+    parent.scale = (2.0, -3.0, 0.5)
+    parent.location = (10.0, 20.0, 30.0)
     glass = add(cube(), "GLASS")
-    glass.parent, glass.location = parent, (1.0, 0.0, 0.0)
+    glass.parent = parent
+    glass.location = (1.0, 0.0, 0.0)
     array = glass.modifiers.new("array", "ARRAY")
-    array.count, array.use_relative_offset, array.use_constant_offset = 3, False, True
+    array.count = 3
+    array.use_relative_offset = False
+    array.use_constant_offset = True
     array.constant_offset_displace = (0.0, 4.0, 0.0)
     mesh = read().rig.glasses[0].mesh
     local = np.concatenate([CORNERS + np.array([1, 4 * k, 0]) for k in range(3)])
@@ -98,11 +114,16 @@ def test_modifier_and_mirroring_parent(read: Callable[[], Any]) -> None:
 
 @pytest.mark.parametrize("signs", CORNERS.astype(int).tolist())
 def test_outside_stays_outside(read: Callable[[], Any], signs: list[int]) -> None:
-    """Whatever axes are mirrored, triangles and corner normals face out; the volume is |det| times the local one."""
+    """Whatever axes are mirrored, triangles and corner normals face out.
+
+    The volume is |det| times the local one.
+    """
     glass = add(ball(), "GLASS")
     plain = volume(read().rig.glasses[0].mesh)
     scale = np.array([1.0, 2.0, 0.5]) * signs
-    glass.scale, glass.rotation_euler, glass.location = scale, (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)
+    glass.scale = scale
+    glass.rotation_euler = (0.3, 0.2, 0.1)
+    glass.location = (1.0, 2.0, 3.0)
     mesh = read().rig.glasses[0].mesh
     assert volume(mesh) == pytest.approx(plain, rel=1e-5)  # |1 x 2 x 0.5| = 1; float32 rotation
     assert (np.einsum("tcj,tj->tc", mesh.corner_normals, plane_normals(mesh)) > 0.8).all()
@@ -116,7 +137,8 @@ def test_normals_of_a_squeezed_ball(read: Callable[[], Any]) -> None:
     gradient = mesh.corners / radii**2
     gradient /= np.linalg.norm(gradient, axis=2, keepdims=True)
     local = mesh.corners / radii
-    # Blender's vertex normals of the coarse ball are off the radius by up to 1e-3; the squeeze magnifies that 6 times
+    # Blender's vertex normals of the coarse ball are off the radius
+    # by up to 1e-3; the squeeze magnifies that 6 times
     away_from_poles = (np.abs(local[..., 2]) < 0.9).all(axis=1)
     assert np.abs(mesh.corner_normals - gradient)[away_from_poles].max() < 6e-3
     assert np.allclose(np.linalg.norm(mesh.corner_normals, axis=2), 1.0, atol=1e-14)
@@ -124,7 +146,9 @@ def test_normals_of_a_squeezed_ball(read: Callable[[], Any]) -> None:
 
 @pytest.mark.parametrize("shading", ["smooth", "flat", "sharp edges", "mixed", "custom"])
 def test_shading(read: Callable[[], Any], shading: str) -> None:
-    """Normals on smooth triangles are Blender's own corner normals, carried over by the inverse transpose."""
+    """Normals on smooth triangles are Blender's own corner
+    normals, carried over by the inverse transpose.
+    """
     data = ball(12)
     if shading == "flat":
         data.polygons.foreach_set("use_smooth", np.zeros(len(data.polygons), bool))
@@ -134,19 +158,29 @@ def test_shading(read: Callable[[], Any], shading: str) -> None:
         data.polygons.foreach_set("use_smooth", np.arange(len(data.polygons)) % 2 == 0)
     elif shading == "custom":
         rng = np.random.default_rng(5)
-        tilted = np.array([v.normal for v in data.vertices]) + 0.2 * rng.standard_normal((len(data.vertices), 3))
-        data.normals_split_custom_set_from_vertices(tilted / np.linalg.norm(tilted, axis=1, keepdims=True))
+        tilted = np.array([v.normal for v in data.vertices]) + 0.2 * rng.standard_normal(
+            (len(data.vertices), 3)
+        )
+        data.normals_split_custom_set_from_vertices(
+            tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
+        )
     glass = add(data, "GLASS")
-    glass.scale, glass.rotation_euler = (1.0, 2.0, -3.0), (0.5, 0.6, 0.7)
+    glass.scale = (1.0, 2.0, -3.0)
+    glass.rotation_euler = (0.5, 0.6, 0.7)
     mesh = read().rig.glasses[0].mesh
 
     evaluated = glass.evaluated_get(bpy.context.evaluated_depsgraph_get())
     blender = evaluated.to_mesh()
     blender.calc_loop_triangles()
     carry = evaluated.matrix_world.to_3x3().inverted().transposed()
-    is_smooth = np.array([blender.polygons[t.polygon_index].use_smooth for t in blender.loop_triangles])
+    is_smooth = np.array(
+        [blender.polygons[t.polygon_index].use_smooth for t in blender.loop_triangles]
+    )
     normals = np.array(
-        [[(carry @ blender.corner_normals[k].vector).normalized() for k in t.loops] for t in blender.loop_triangles]
+        [
+            [(carry @ blender.corner_normals[k].vector).normalized() for k in t.loops]
+            for t in blender.loop_triangles
+        ]
     )
     if shading == "flat":
         assert mesh.is_smooth is None
@@ -154,43 +188,60 @@ def test_shading(read: Callable[[], Any], shading: str) -> None:
         return
     assert np.array_equal(mesh.is_smooth, is_smooth)
     # the scale is negative: corners run the other way round
-    assert np.abs(mesh.corner_normals - normals[:, ::-1])[is_smooth].max() < 2e-6  # mathutils works in float32
+    # mathutils works in float32
+    assert np.abs(mesh.corner_normals - normals[:, ::-1])[is_smooth].max() < 2e-6
 
 
 def test_collection_instances(read: Callable[[], Any]) -> None:
-    """Each instance of a collection is a part of its own, placed by empty, collection offset and member."""
+    """Each instance of a collection is a part of its own,
+    placed by empty, collection offset and member.
+    """
     collection = bpy.data.collections.new("set")
     member = bpy.data.objects.new("stone", cube())
-    member.location, member.kiriko.role, member.kiriko.priority = (0.0, 0.0, 5.0), "GLASS", 3
+    member.location = (0.0, 0.0, 5.0)
+    member.kiriko.role = "GLASS"
+    member.kiriko.priority = 3
     collection.objects.link(member)
     collection.instance_offset = (1.0, 0.0, 0.0)
     for k in range(2):
         empty = add(None, name=f"empty {k}")
         empty.instance_type, empty.instance_collection = "COLLECTION", collection
-        empty.location, empty.scale = (10.0 * k, 0.0, 0.0), (1.0, 1.0, -1.0)
+        empty.location = (10.0 * k, 0.0, 0.0)
+        empty.scale = (1.0, 1.0, -1.0)
     glasses = read().rig.glasses
     assert [g.name for g in glasses] == ["stone (instance 1)", "stone (instance 2)"]
     assert [g.priority for g in glasses] == [3, 3]
     for k, glass in enumerate(glasses):
-        assert_same_points(glass.mesh.vertices, CORNERS + np.array([10 * k - 1, 0, -5]), 64 * SINGLE)
+        assert_same_points(
+            glass.mesh.vertices, CORNERS + np.array([10 * k - 1, 0, -5]), 64 * SINGLE
+        )
         assert volume(glass.mesh) == pytest.approx(8.0)
 
 
 def test_role_of_an_instancing_empty(read: Callable[[], Any]) -> None:
-    """Members without a role take that of the empty that instances their collection, nested ones too."""
-    inner, outer = bpy.data.collections.new("inner"), bpy.data.collections.new("outer")
+    """Members without a role take that of the empty that
+    instances their collection, nested ones too.
+    """
+    inner = bpy.data.collections.new("inner")
+    outer = bpy.data.collections.new("outer")
     inner.objects.link(bpy.data.objects.new("stone", cube()))
     between = bpy.data.objects.new("between", None)
-    between.instance_type, between.instance_collection, between.location = "COLLECTION", inner, (1.0, 2.0, 3.0)
+    between.instance_type = "COLLECTION"
+    between.instance_collection = inner
+    between.location = (1.0, 2.0, 3.0)
     outer.objects.link(between)
     empty = add(None, "GLASS", "empty")
-    empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", outer, (0.0, 0.0, 4.0)
+    empty.instance_type = "COLLECTION"
+    empty.instance_collection = outer
+    empty.location = (0.0, 0.0, 4.0)
     (glass,) = read().rig.glasses
     assert_same_points(glass.mesh.vertices, CORNERS + np.array([1, 2, 7]), 64 * SINGLE)
 
 
 def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
-    """Cubes that nodes instance on the points of a glass are glass, and its own emptied mesh is no error."""
+    """Cubes that nodes instance on the points of a glass are
+    glass, and its own emptied mesh is no error.
+    """
 
     def build(tree: Any, geometry: Any, out: Any) -> None:
         points = tree.nodes.new("GeometryNodeInstanceOnPoints")
@@ -212,7 +263,9 @@ def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
 
 
 def test_instances_on_vertices(read: Callable[[], Any]) -> None:
-    """A child scattered over its parent's vertices is glass by its own role, not by that of its parent."""
+    """A child scattered over its parent's vertices is glass
+    by its own role, not by that of its parent.
+    """
     host = add(cube(), name="host")
     host.instance_type = "VERTS"
     child = add(cube(0.2), "GLASS", "child")
@@ -231,8 +284,13 @@ def test_particles(read: Callable[[], Any]) -> None:
     drop = add(cube(0.1), "GLASS", "drop")
     host = add(cube(), name="host")
     settings = host.modifiers.new("drops", "PARTICLE_SYSTEM").particle_system.settings
-    settings.count, settings.frame_start, settings.frame_end, settings.lifetime = 20, 0, 0, 100
-    settings.physics_type, settings.render_type, settings.instance_object = "NO", "OBJECT", drop
+    settings.count = 20
+    settings.frame_start = 0
+    settings.frame_end = 0
+    settings.lifetime = 100
+    settings.physics_type = "NO"
+    settings.render_type = "OBJECT"
+    settings.instance_object = drop
     bpy.context.scene.frame_set(2)
     glasses = read().rig.glasses
     assert len(glasses) == 21
@@ -240,13 +298,19 @@ def test_particles(read: Callable[[], Any]) -> None:
 
 
 def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
-    """A bevelled curve, a text and a family of metaballs are each read once, closed and facing out."""
+    """A bevelled curve, a text and a family of metaballs are each read once, closed and
+    facing out.
+    """
     ring = bpy.data.curves.new("ring", "CURVE")
-    ring.dimensions, ring.bevel_depth, ring.bevel_resolution = "3D", 0.1, 16
+    ring.dimensions = "3D"
+    ring.bevel_depth = 0.1
+    ring.bevel_resolution = 16
     spline = ring.splines.new("POLY")
     turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     spline.points.add(63)
-    spline.points.foreach_set("co", np.stack([np.cos(turn), np.sin(turn), 0 * turn, 0 * turn + 1], axis=1).ravel())
+    spline.points.foreach_set(
+        "co", np.stack([np.cos(turn), np.sin(turn), 0 * turn, 0 * turn + 1], axis=1).ravel()
+    )
     spline.use_cyclic_u = True
     add(ring, "GLASS", "ring")
     text = bpy.data.curves.new("text", "FONT")
@@ -260,23 +324,31 @@ def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     assert any("The metaball 'drop.001' is part of another" in note for note in reading.notes)
     glasses = {g.name: g.mesh for g in reading.rig.glasses}
     assert sorted(glasses) == ["drop", "ring", "text"]
-    assert volume(glasses["ring"]) == pytest.approx(2 * np.pi**2 * 0.01, rel=0.02)  # polygons of 64 and 34 corners
+    # polygons of 64 and 34 corners
+    assert volume(glasses["ring"]) == pytest.approx(2 * np.pi**2 * 0.01, rel=0.02)
     assert volume(glasses["text"]) > 0
     assert volume(glasses["drop"]) > 0
 
 
 def test_unit_scale(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """A file in millimetres is read in metres; without a unit system a unit is a metre, as in Blender."""
+    """A file in millimetres is read in metres.
+
+    Without a unit system a unit is a metre, as in Blender.
+    """
     add(cube(), "GLASS").location = (5.0, 0.0, 0.0)
     units = scene.unit_settings
     units.system, units.scale_length = "METRIC", 0.001
-    assert_same_points(read().rig.glasses[0].mesh.vertices, (CORNERS + np.array([5, 0, 0])) * 1e-3, 1e-9)
+    assert_same_points(
+        read().rig.glasses[0].mesh.vertices, (CORNERS + np.array([5, 0, 0])) * 1e-3, 1e-9
+    )
     units.system = "NONE"
     assert_same_points(read().rig.glasses[0].mesh.vertices, CORNERS + np.array([5, 0, 0]), 1e-6)
 
 
 def test_numbers_are_exact(read: Callable[[], Any]) -> None:
-    """Without a turn, world coordinates are the float32 numbers of mesh and matrix added in float64, bit for bit."""
+    """Without a turn, world coordinates are the float32 numbers of
+    mesh and matrix added in float64, bit for bit.
+    """
     data = ball()
     glass = add(data, "GLASS")
     glass.location = (1000.1, 0.1, -3.7)
@@ -298,7 +370,9 @@ def test_driver_and_animation(read: Callable[[], Any], scene: bpy.types.Scene) -
     for frame in (1, 11):
         scene.frame_set(frame)
         (found,) = read().rig.glasses
-        assert found.mesh.vertices.mean(axis=0) == pytest.approx([frame - 1, frame * 2, 0], abs=1e-5)
+        assert found.mesh.vertices.mean(axis=0) == pytest.approx(
+            [frame - 1, frame * 2, 0], abs=1e-5
+        )
         assert found.ior(5e-7) == pytest.approx(1.5 + frame / 100, rel=1e-6)
 
 
@@ -323,7 +397,8 @@ def test_triangles_without_area(read: Callable[[], Any]) -> None:
     data.from_pydata(points, [], [(0, 1, 2), (0, 1, 3), (2, 4, 1)])
     data.polygons.foreach_set("use_smooth", np.ones(3, bool))
     glass = add(data, "GLASS", "shard")
-    glass.rotation_euler, glass.scale = (0.1, 0.2, 0.3), (0.3, 0.7, 1.3)
+    glass.rotation_euler = (0.1, 0.2, 0.3)
+    glass.scale = (0.3, 0.7, 1.3)
     reading = read()
     mesh = reading.rig.glasses[0].mesh
     assert mesh.triangles.tolist() == [[0, 1, 2]]
@@ -345,7 +420,9 @@ def test_what_has_no_surface_is_no_glass(read: Callable[[], Any], errors: Module
     data = (None, bpy.data.lights.new("l", "POINT"), bpy.data.cameras.new("c"))
     for block, word in zip(data, ("an empty", "a light", "a camera"), strict=True):
         thing = add(block, "GLASS", "hollow")
-        with pytest.raises(errors.RigError, match=f"'hollow' has the role Glass, but {word} has no surface: set"):
+        with pytest.raises(
+            errors.RigError, match=f"'hollow' has the role Glass, but {word} has no surface: set"
+        ):
             read()
         bpy.data.objects.remove(thing)
 
@@ -365,7 +442,9 @@ def test_vertices_that_are_no_numbers(read: Callable[[], Any], errors: ModuleTyp
     """NaN and infinite vertices get through to the check, without a warning on the way."""
     for bad in (np.nan, np.inf):
         data = cube()
-        data.attributes["position"].data.foreach_set("vector", np.r_[np.full(3, bad), np.zeros(21)].astype(np.float32))
+        data.attributes["position"].data.foreach_set(
+            "vector", np.r_[np.full(3, bad), np.zeros(21)].astype(np.float32)
+        )
         thing = add(data, "GLASS", "broken")
         (glass,) = read().rig.glasses
         with pytest.raises(errors.MeshError, match="not finite"):
@@ -374,7 +453,9 @@ def test_vertices_that_are_no_numbers(read: Callable[[], Any], errors: ModuleTyp
 
 
 @pytest.mark.parametrize("way", ["viewport", "eye", "render", "collection", "excluded"])
-def test_hidden_parts_are_left_out(read: Callable[[], Any], scene: bpy.types.Scene, way: str) -> None:
+def test_hidden_parts_are_left_out(
+    read: Callable[[], Any], scene: bpy.types.Scene, way: str
+) -> None:
     """What is hidden in viewport or render is no part of the rig, and a note says so."""
     thing = add(cube(), "BLOCKER", "screen")
     add(cube(), "GLASS", "stone")
@@ -400,7 +481,9 @@ def test_hidden_parts_are_left_out(read: Callable[[], Any], scene: bpy.types.Sce
 
 
 def test_render_levels_are_noted(read: Callable[[], Any]) -> None:
-    """A glass that is finer in renders than in the viewport is read as in the viewport, with a note."""
+    """A glass that is finer in renders than in the
+    viewport is read as in the viewport, with a note.
+    """
     glass = add(cube(), "GLASS", "stone")
     modifier = glass.modifiers.new("fine", "SUBSURF")
     modifier.levels, modifier.render_levels = 1, 3
@@ -412,7 +495,9 @@ def test_render_levels_are_noted(read: Callable[[], Any]) -> None:
 
 
 def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """A turned, scaled rectangle has the size of its UV square, a skewed or bent one has none; UV keeps to corners."""
+    """A turned, scaled rectangle has the size of its UV square, a
+    skewed or bent one has none; UV keeps to corners.
+    """
     data = shape(bmesh.ops.create_grid, x_segments=2, y_segments=3, size=0.5)
     uv = data.uv_layers.new(name="map")
     for loop in data.loops:
@@ -422,13 +507,17 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
     data.uv_layers.active = data.uv_layers["other"]
     display = add(data, "DISPLAY")
     display.kiriko.resolution = (640, 480)
-    display.scale, display.rotation_euler, display.location = (0.3, -0.2, 1.0), (1.0, 0.5, 0.2), (4.0, 5.0, 6.0)
+    display.scale = (0.3, -0.2, 1.0)
+    display.rotation_euler = (1.0, 0.5, 0.2)
+    display.location = (4.0, 5.0, 6.0)
     reading = read()
     found = reading.rig.display
     assert (found.width, found.height) == (640, 480)
     assert reading.display_size == pytest.approx((0.6, 0.2), rel=1e-6)
     bpy.context.view_layer.update()
-    local = (np.linalg.inv(np.array(display.matrix_world)) @ np.c_[found.mesh.vertices, np.ones(12)].T).T[:, :2]
+    local = (
+        np.linalg.inv(np.array(display.matrix_world)) @ np.c_[found.mesh.vertices, np.ones(12)].T
+    ).T[:, :2]
     wanted = np.stack([0.25 + local[:, 0] / 2, 0.5 + local[:, 1]], axis=1)[found.mesh.triangles]
     assert np.abs(found.mesh.uv - wanted).max() < 1e-5
     data.vertices[0].co.z = 0.1
@@ -440,7 +529,10 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
 
 
 def test_roles_in_their_places(read: Callable[[], Any]) -> None:
-    """Each role fills its own tuple of the rig; only glass and mirrors carry normals, only displays carry UV."""
+    """Each role fills its own tuple of the rig.
+
+    Only glass and mirrors carry normals, only displays carry UV.
+    """
     for role in ("GLASS", "PLATE", "MIRROR", "DISPLAY", "BLOCKER", "NONE"):
         data = ball()
         data.uv_layers.new(name="map")
@@ -450,7 +542,13 @@ def test_roles_in_their_places(read: Callable[[], Any]) -> None:
     assert [[part.name for part in group] for group in groups] == [
         ["glass"], ["plate"], ["mirror"], ["display"], ["blocker"],
     ]  # fmt: skip
-    assert [group[0].mesh.corner_normals is not None for group in groups] == [True, False, True, False, False]
+    assert [group[0].mesh.corner_normals is not None for group in groups] == [
+        True,
+        False,
+        True,
+        False,
+        False,
+    ]
     assert [group[0].mesh.uv is not None for group in groups] == [False, False, False, True, False]
 
 
@@ -458,15 +556,21 @@ def test_reading_leaves_nothing_behind(read: Callable[[], Any]) -> None:
     """Reading makes no datablocks and gives the same numbers again."""
     add(ball(), "GLASS").matrix_world = Matrix.Rotation(0.3, 4, "X")
     first = read()
-    before = {name: len(getattr(bpy.data, name)) for name in ("meshes", "objects", "materials", "images")}
+    before = {
+        name: len(getattr(bpy.data, name)) for name in ("meshes", "objects", "materials", "images")
+    }
     second = read()
     assert before == {name: len(getattr(bpy.data, name)) for name in before}
     for name in ("vertices", "triangles", "corner_normals", "is_smooth"):
-        assert np.array_equal(getattr(first.rig.glasses[0].mesh, name), getattr(second.rig.glasses[0].mesh, name))
+        assert np.array_equal(
+            getattr(first.rig.glasses[0].mesh, name), getattr(second.rig.glasses[0].mesh, name)
+        )
 
 
 def test_a_million_triangles(read: Callable[[], Any]) -> None:
-    """A smooth mesh of a million triangles is read whole: every triangle, its normals unit, its vertices in place."""
+    """A smooth mesh of a million triangles is read whole: every
+    triangle, its normals unit, its vertices in place.
+    """
     wave = shape(bmesh.ops.create_grid, x_segments=1000, y_segments=500, size=0.025)
     points = np.empty(len(wave.vertices) * 3, np.float32)
     wave.vertices.foreach_get("co", points)

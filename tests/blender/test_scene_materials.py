@@ -28,7 +28,9 @@ def new_material(name: str = "stuff") -> tuple[bpy.types.Material, Any, Any]:
 
 def glass_shader(tree: Any, kind: str = "Glass", ior: float = 1.6) -> Any:
     """A perfectly clear refractive shader."""
-    node = tree.nodes.new({"Principled": "ShaderNodeBsdfPrincipled"}.get(kind, f"ShaderNodeBsdf{kind}"))
+    node = tree.nodes.new(
+        {"Principled": "ShaderNodeBsdfPrincipled"}.get(kind, f"ShaderNodeBsdf{kind}")
+    )
     node.inputs["IOR"].default_value, node.inputs["Roughness"].default_value = ior, 0.0
     node.inputs["Base Color" if kind == "Principled" else "Color"].default_value = WHITE
     if kind == "Principled":
@@ -44,13 +46,16 @@ def clear_material(ior: float = 1.6, name: str = "stuff") -> bpy.types.Material:
 
 def add_glass(*materials: bpy.types.Material) -> bpy.types.Object:
     """A cube whose faces take the materials in turn."""
-    mesh, built = bpy.data.meshes.new("cube"), bmesh.new()
+    mesh = bpy.data.meshes.new("cube")
+    built = bmesh.new()
     bmesh.ops.create_cube(built, size=1.0)
     built.to_mesh(mesh)
     built.free()
     for material in materials:
         mesh.materials.append(material)
-    mesh.polygons.foreach_set("material_index", np.arange(6, dtype=np.int32) % max(len(materials), 1))
+    mesh.polygons.foreach_set(
+        "material_index", np.arange(6, dtype=np.int32) % max(len(materials), 1)
+    )
     stone = bpy.data.objects.new("stone", mesh)
     stone.kiriko.role = "GLASS"
     bpy.context.scene.collection.objects.link(stone)
@@ -80,7 +85,9 @@ def test_index_of_a_shader(read: Callable[[], Any], kind: str, source: str) -> N
 
 
 def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
-    """Groups, reroutes, muted nodes and Value nodes are looked through, in and out of nested groups."""
+    """Groups, reroutes, muted nodes and Value nodes are
+    looked through, in and out of nested groups.
+    """
     inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
     inner.interface.new_socket("Index", in_out="INPUT", socket_type="NodeSocketFloat")
     inner.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
@@ -89,13 +96,18 @@ def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
     inner.links.new(shader.outputs[0], inner.nodes.new("NodeGroupOutput").inputs["Shader"])
     outer = bpy.data.node_groups.new("outer", "ShaderNodeTree")
     outer.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-    used, value, muted = (outer.nodes.new(f"ShaderNode{kind}") for kind in ("Group", "Value", "Math"))
-    used.node_tree, muted.mute, value.outputs[0].default_value = inner, True, 1.41
+    used, value, muted = (
+        outer.nodes.new(f"ShaderNode{kind}") for kind in ("Group", "Value", "Math")
+    )
+    used.node_tree = inner
+    muted.mute = True
+    value.outputs[0].default_value = 1.41
     outer.links.new(value.outputs[0], muted.inputs[0])
     outer.links.new(muted.outputs[0], used.inputs["Index"])
     outer.links.new(used.outputs["Shader"], outer.nodes.new("NodeGroupOutput").inputs["Shader"])
     material, tree, output = new_material()
-    group, reroute = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("NodeReroute")
+    group = tree.nodes.new("ShaderNodeGroup")
+    reroute = tree.nodes.new("NodeReroute")
     group.node_tree = outer
     tree.links.new(group.outputs["Shader"], reroute.inputs[0])
     tree.links.new(reroute.outputs[0], output.inputs["Surface"])
@@ -106,9 +118,13 @@ def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
 
 
 def test_index_set_on_a_group_node(read: Callable[[], Any]) -> None:
-    """An index that a group offers as an input is the value on the group node, not the group's default."""
+    """An index that a group offers as an input is the value
+    on the group node, not the group's default.
+    """
     group = bpy.data.node_groups.new("group", "ShaderNodeTree")
-    group.interface.new_socket("Index", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 9.0
+    group.interface.new_socket(
+        "Index", in_out="INPUT", socket_type="NodeSocketFloat"
+    ).default_value = 9.0
     group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
     shader = glass_shader(group)
     group.links.new(group.nodes.new("NodeGroupInput").outputs["Index"], shader.inputs["IOR"])
@@ -136,9 +152,13 @@ def test_index_driven_by_nodes(read: Callable[[], Any]) -> None:
 
 @pytest.mark.parametrize(("share", "ignored"), [(0.5, ("mixed with Transparent BSDF",)), (1.0, ())])
 def test_mixed_shaders(read: Callable[[], Any], share: float, ignored: tuple[str, ...]) -> None:
-    """The refractive one of mixed shaders counts; the other is named unless its share is nothing."""
+    """The refractive one of mixed shaders counts.
+
+    The other is named unless its share is nothing.
+    """
     material, tree, output = new_material()
-    mix, other = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    other = tree.nodes.new("ShaderNodeBsdfTransparent")
     mix.inputs[0].default_value = share
     tree.links.new(other.outputs[0], mix.inputs[1])
     tree.links.new(glass_shader(tree, "Refraction", 1.37).outputs[0], mix.inputs[2])
@@ -160,24 +180,32 @@ def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Coat Weight"])
     tree.links.new(tree.nodes.new("ShaderNodeBump").outputs[0], shader.inputs["Normal"])
     tree.links.new(tree.nodes.new("ShaderNodeVolumeAbsorption").outputs[0], output.inputs["Volume"])
-    tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"])
+    tree.links.new(
+        tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"]
+    )
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     add_glass(material)
     assert set(read().materials[0].ignored) == {
-        "roughness 0.2", "transmission weight 0.75", "thin film thickness 300", "coat weight from nodes",
+        "roughness 0.2", "transmission weight 0.75", "thin film thickness 300",
+        "coat weight from nodes",
         "colour tint", "normal map", "volume", "displacement",
     }  # fmt: skip
 
 
 def test_override_wins(read: Callable[[], Any]) -> None:
-    """The object's own index goes before the material's, and what the material asks for is still named."""
+    """The object's own index goes before the material's, and
+    what the material asks for is still named.
+    """
     material = clear_material(1.6)
     material.node_tree.nodes["Glass BSDF"].inputs["Roughness"].default_value = 0.3
     stone = add_glass(material)
     stone.kiriko.use_ior, stone.kiriko.ior = True, 1.333
     reading = read()
     assert index(reading) == pytest.approx(1.333)
-    assert (reading.materials[0].source, reading.materials[0].ignored) == ("override", ("roughness 0.3",))
+    assert (reading.materials[0].source, reading.materials[0].ignored) == (
+        "override",
+        ("roughness 0.3",),
+    )
 
 
 @pytest.mark.parametrize("kind", ["none", "opaque", "no nodes"])
@@ -194,34 +222,48 @@ def test_glass_without_refraction(read: Callable[[], Any], kind: str) -> None:
     reading = read()
     assert index(reading) == 1.49
     assert reading.materials[0].source == "default"
-    assert reading.notes == ("The glass 'stone' has no refractive material: using an index of refraction of 1.49.",)
+    assert reading.notes == (
+        "The glass 'stone' has no refractive material: using an index of refraction of 1.49.",
+    )
 
 
 def test_materials_of_different_index(read: Callable[[], Any]) -> None:
-    """The material on most faces counts for the whole glass; all are listed, and a note names the difference."""
-    stone = add_glass(clear_material(1.5, "few"), clear_material(1.7, "many"), clear_material(1.9, "unused"))
+    """The material on most faces counts for the whole glass.
+
+    All are listed, and a note names the difference.
+    """
+    stone = add_glass(
+        clear_material(1.5, "few"), clear_material(1.7, "many"), clear_material(1.9, "unused")
+    )
     stone.data.polygons.foreach_set("material_index", np.array([0, 0, 1, 1, 1, 1], np.int32))
     reading = read()
     assert index(reading) == pytest.approx(1.7)
     assert [m.material_name for m in reading.materials] == ["many", "few"]
     assert reading.notes == (
-        "The glass 'stone' has materials of different index: using 1.7 of 'many' for all of it, not 1.5.",
+        "The glass 'stone' has materials of different index: using 1.7 of 'many' for all of it,"
+        " not 1.5.",
     )
 
 
 def test_faces_that_do_not_refract(read: Callable[[], Any]) -> None:
-    """Faces of an opaque material on a glass are part of it, whatever their number, and a note names the material."""
+    """Faces of an opaque material on a glass are part of it,
+    whatever their number, and a note names the material.
+    """
     stone = add_glass(new_material("label")[0], clear_material(1.7, "clear"))
     stone.data.polygons.foreach_set("material_index", np.array([0, 0, 0, 0, 0, 1], np.int32))
     reading = read()
     assert index(reading) == pytest.approx(1.7)
     assert reading.notes == (
-        "The glass 'stone' has faces of 'label', which does not refract: taken as glass all the same.",
+        "The glass 'stone' has faces of 'label', which does not refract: taken as glass all the"
+        " same.",
     )
 
 
 def test_material_of_the_object(read: Callable[[], Any]) -> None:
-    """A slot that holds the object's own material goes before the mesh's; an index beyond the slots is the last one."""
+    """A slot that holds the object's own material goes before the mesh's.
+
+    An index beyond the slots is the last one.
+    """
     stone = add_glass(clear_material(1.5, "of the mesh"))
     stone.material_slots[0].link = "OBJECT"
     stone.material_slots[0].material = clear_material(1.8, "of the object")
@@ -251,7 +293,9 @@ def test_settings_from_a_script_count_at_once(read: Callable[[], Any]) -> None:
     """Override and priority set after the scene was evaluated are read as they are now."""
     stone = add_glass()
     read()
-    stone.kiriko.use_ior, stone.kiriko.ior, stone.kiriko.priority = True, 1.75, 3
+    stone.kiriko.use_ior = True
+    stone.kiriko.ior = 1.75
+    stone.kiriko.priority = 3
     reading = read()
     assert index(reading) == pytest.approx(1.75)
     assert reading.rig.glasses[0].priority == 3
@@ -269,7 +313,10 @@ def test_animated_index(read: Callable[[], Any], scene: bpy.types.Scene) -> None
 
 
 def test_settings_have_words_for_the_user(scene: bpy.types.Scene) -> None:
-    """Every setting has a label and one line without a full stop; what is out of range is brought back into it."""
+    """Every setting has a label and one line without a full stop.
+
+    What is out of range is brought back into it.
+    """
     stone = add_glass()
     for settings in (stone.kiriko, scene.kiriko, scene.kiriko.result):
         for prop in settings.bl_rna.properties:

@@ -34,7 +34,8 @@ def new_material(name: str = "paper") -> tuple[bpy.types.Material, Any, Any]:
 def texture_material(image: bpy.types.Image | None) -> bpy.types.Material:
     """A material that emits an image."""
     material, tree, output = new_material()
-    texture, emission = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    emission = tree.nodes.new("ShaderNodeEmission")
     texture.image, texture.interpolation = image, "Closest"
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
@@ -44,11 +45,16 @@ def texture_material(image: bpy.types.Image | None) -> bpy.types.Material:
 def add_plane(material: bpy.types.Material | None, name: str = "poster") -> bpy.types.Object:
     """A picture plane of the pictures' shape, in the xy plane, seen upright from above."""
     mesh = bpy.data.meshes.new("plane")
-    width, height = SIZE[0] / 2, SIZE[1] / 2
+    width = SIZE[0] / 2
+    height = SIZE[1] / 2
     mesh.from_pydata(
-        [(-width, -height, 0), (width, -height, 0), (width, height, 0), (-width, height, 0)], [], [range(4)]
+        [(-width, -height, 0), (width, -height, 0), (width, height, 0), (-width, height, 0)],
+        [],
+        [range(4)],
     )
-    mesh.uv_layers.new(name="first").uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
+    mesh.uv_layers.new(name="first").uv.foreach_set(
+        "vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32)
+    )
     if material is not None:
         mesh.materials.append(material)
     plane = bpy.data.objects.new(name, mesh)
@@ -85,15 +91,21 @@ def linear_from_srgb(encoded: np.ndarray) -> np.ndarray:
 
 
 def render(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
-    """Linear RGB (h, w, 3) of the plane in Cycles, one pixel for each of the picture's, row 0 at the top."""
+    """Linear RGB (h, w, 3) of the plane in Cycles, one pixel
+    for each of the picture's, row 0 at the top.
+    """
     camera = bpy.data.objects.new("eye", bpy.data.cameras.new("lens"))
-    camera.location, camera.data.type, camera.data.ortho_scale = (0.0, 0.0, 5.0), "ORTHO", float(SIZE[0])
+    camera.location = (0.0, 0.0, 5.0)
+    camera.data.type = "ORTHO"
+    camera.data.ortho_scale = float(SIZE[0])
     scene.collection.objects.link(camera)
     scene.camera = camera
     settings = scene.render
     settings.engine, scene.view_settings.view_transform = "CYCLES", "Raw"
     settings.resolution_x, settings.resolution_y = SIZE
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
+    scene.cycles.use_adaptive_sampling = False
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     settings.image_settings.file_format, settings.image_settings.color_depth = "OPEN_EXR", "32"
     settings.filepath = str(folder / "render.exr")
@@ -126,9 +138,16 @@ FILES = [
     ],
 )
 def test_opaque_pixels_are_the_light_that_cycles_sends(
-    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str, alpha: str
+    read: Callable[[], Any],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    ending: str,
+    space: str,
+    alpha: str,
 ) -> None:
-    """Where alpha is no coverage, colours are those that Cycles renders from the texture, and the picture is opaque."""
+    """Where alpha is no coverage, colours are those that Cycles
+    renders from the texture, and the picture is opaque.
+    """
     path = tmp_path / f"art{ending}"
     write(random_pixels(), path)
     add_plane(texture_material(load(path, space, alpha)))
@@ -136,14 +155,18 @@ def test_opaque_pixels_are_the_light_that_cycles_sends(
     assert found.dtype == np.float32
     assert found.shape == (SIZE[1], SIZE[0], 4)
     assert (found[..., 3] == 1).all()
-    # 16-bit files become half floats in Cycles and go through a table in Blender; the others agree to 1e-6
-    assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < (1e-4 if ending == ".tif" else 1e-6)
+    # 16-bit files become half floats in Cycles and go through a
+    # table in Blender; the others agree to 1e-6
+    assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < (
+        1e-4 if ending == ".tif" else 1e-6
+    )
 
 
 @pytest.mark.parametrize(
     ("ending", "space", "alpha", "tolerance"),
     [
-        # Cycles keeps the product of colour and alpha in 8 bits, of which the curve makes up to 2.3 as much
+        # Cycles keeps the product of colour and alpha in 8 bits,
+        # of which the curve makes up to 2.3 as much
         (".png", "sRGB", "STRAIGHT", 2.5 / 255),
         (".png", "Linear Rec.709", "STRAIGHT", 1.0 / 255),
         (".tif", "sRGB", "STRAIGHT", 1e-4),
@@ -151,15 +174,21 @@ def test_opaque_pixels_are_the_light_that_cycles_sends(
     ],
 )
 def test_transparent_pixels_are_the_light_that_cycles_sends(
-    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str, alpha: str,
+    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str,
+    alpha: str,
     tolerance: float,
 ) -> None:  # fmt: skip
-    """Premultiplied colours are those that Cycles renders over black where alpha makes the plane transparent."""
+    """Premultiplied colours are those that Cycles renders over
+    black where alpha makes the plane transparent.
+    """
     path = tmp_path / f"art{ending}"
     write(random_pixels(), path)
     material = texture_material(load(path, space, alpha))
     nodes = {node.type: node for node in material.node_tree.nodes}
-    mix, clear = (material.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("MixShader", "BsdfTransparent"))
+    mix, clear = (
+        material.node_tree.nodes.new(f"ShaderNode{kind}")
+        for kind in ("MixShader", "BsdfTransparent")
+    )
     for start, end in (
         (nodes["TEX_IMAGE"].outputs["Alpha"], mix.inputs[0]),
         (clear.outputs[0], mix.inputs[1]),
@@ -169,12 +198,16 @@ def test_transparent_pixels_are_the_light_that_cycles_sends(
         material.node_tree.links.new(start, end)
     add_plane(material)
     found = read().rig.picture.image
-    assert np.abs(found[..., 3] - random_pixels()[::-1, :, 3]).max() < (0.6 / 255 if ending == ".png" else 1e-4)
+    assert np.abs(found[..., 3] - random_pixels()[::-1, :, 3]).max() < (
+        0.6 / 255 if ending == ".png" else 1e-4
+    )
     assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < tolerance
 
 
 def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
-    """An 8-bit file of encoded colours times alpha gives linear colours times alpha, to the file's 8 bits."""
+    """An 8-bit file of encoded colours times alpha gives
+    linear colours times alpha, to the file's 8 bits.
+    """
     pixels = random_pixels().astype(float)
     pixels[..., 3] = 0.5 + 0.5 * pixels[..., 3]
     stored = pixels.copy()
@@ -182,7 +215,8 @@ def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
     write(stored.astype(np.float32), tmp_path / "art.png")
     add_plane(texture_material(load(tmp_path / "art.png", "sRGB", "PREMUL")))
     wanted = (linear_from_srgb(pixels[..., :3]) * pixels[..., 3:])[::-1]
-    # the file's half step doubles in the division by alpha, Blender rounds it to bytes again, and the slope is 2.3
+    # the file's half step doubles in the division by alpha,
+    # Blender rounds it to bytes again, and the slope is 2.3
     assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2.3 * 1.5 / 255
 
 
@@ -193,11 +227,14 @@ def test_srgb_bytes_are_decoded_by_the_formula(read: Callable[[], Any], tmp_path
     write(pixels.astype(np.float32), tmp_path / "art.png")
     add_plane(texture_material(bpy.data.images.load(str(tmp_path / "art.png"))))
     wanted = linear_from_srgb(np.rint(pixels[::-1, :, :3] * 255) / 255)
-    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 1e-7  # float32 of numbers up to 1
+    # float32 of numbers up to 1
+    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 1e-7
 
 
 @pytest.mark.parametrize("channels", [1, 3])
-def test_pictures_with_fewer_channels(read: Callable[[], Any], tmp_path: Path, channels: int) -> None:
+def test_pictures_with_fewer_channels(
+    read: Callable[[], Any], tmp_path: Path, channels: int
+) -> None:
     """A grey picture has three equal channels, one without alpha is opaque."""
     pixels = random_pixels()[..., :channels]
     write(pixels, tmp_path / "art.exr")
@@ -216,7 +253,8 @@ def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) 
     plane.kiriko.image = generated("bytes")
     bytes_ = np.rint(pixels.astype(float) * 255) / 255
     wanted = linear_from_srgb(bytes_[..., :3]) * bytes_[..., 3:]
-    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2e-7  # three roundings to float32
+    # three roundings to float32
+    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2e-7
     write(random_pixels(), tmp_path / "art.exr")
     packed = bpy.data.images.load(str(tmp_path / "art.exr"))
     packed.pack()
@@ -236,27 +274,37 @@ def test_image_of_the_object_goes_before_the_material(read: Callable[[], Any]) -
 
 
 def test_texture_behind_simple_nodes(read: Callable[[], Any]) -> None:
-    """The texture is found behind colour nodes, in a group, in a Principled shader; a note names the colour nodes."""
+    """The texture is found behind colour nodes, in a group, in a Principled shader.
+
+    A note names the colour nodes.
+    """
     group = bpy.data.node_groups.new("group", "ShaderNodeTree")
     group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
-    texture, gamma = group.nodes.new("ShaderNodeTexImage"), group.nodes.new("ShaderNodeGamma")
+    texture = group.nodes.new("ShaderNodeTexImage")
+    gamma = group.nodes.new("ShaderNodeGamma")
     texture.image = generated()
     group.links.new(texture.outputs["Color"], gamma.inputs["Color"])
     group.links.new(gamma.outputs[0], group.nodes.new("NodeGroupOutput").inputs["Color"])
     material, tree, output = new_material()
-    used, shader = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeBsdfPrincipled")
+    used = tree.nodes.new("ShaderNodeGroup")
+    shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
     used.node_tree = group
     tree.links.new(used.outputs["Color"], shader.inputs["Base Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     add_plane(material)
     reading = read()
     assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
-    assert reading.notes == ("The material 'paper' alters the colours of 'art': using the plain image.",)
+    assert reading.notes == (
+        "The material 'paper' alters the colours of 'art': using the plain image.",
+    )
 
 
 @pytest.mark.parametrize("way", ["named", "used in renders", "moved"])
 def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
-    """The picture's UV is the map its texture asks for, else the one used in renders; a Mapping node is noted."""
+    """The picture's UV is the map its texture asks for, else the one used in renders.
+
+    A Mapping node is noted.
+    """
     material = texture_material(generated())
     tree = material.node_tree
     texture = next(n for n in tree.nodes if n.type == "TEX_IMAGE")
@@ -277,16 +325,23 @@ def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
     plain = mesh.vertices[:, :2] / SIZE + 0.5
     if way == "moved":
         assert np.array_equal(mesh.uv, plain[mesh.triangles])
-        assert reading.notes == ("The material 'paper' places 'art' by nodes: using the plane's UV map.",)
+        assert reading.notes == (
+            "The material 'paper' places 'art' by nodes: using the plane's UV map.",
+        )
     else:
         corners = {(-1, -1): (1, 0), (1, -1): (1, 1), (1, 1): (0, 1), (-1, 1): (0, 0)}
-        wanted = np.array([corners[tuple(np.sign(v[:2]).astype(int))] for v in mesh.vertices], float)
+        wanted = np.array(
+            [corners[tuple(np.sign(v[:2]).astype(int))] for v in mesh.vertices], float
+        )
         assert np.array_equal(mesh.uv, wanted[mesh.triangles])
         assert ["squeezed to 44 % of its width" in note for note in reading.notes] == [True]
 
 
 def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """An image chosen for the scene is the picture, without a plane; an unused plane and another shape are noted."""
+    """An image chosen for the scene is the picture, without a plane.
+
+    An unused plane and another shape are noted.
+    """
     add_plane(texture_material(generated("unused")))
     camera = bpy.data.objects.new("eye", bpy.data.cameras.new("lens"))
     scene.collection.objects.link(camera)
@@ -304,13 +359,17 @@ def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types
 
 
 def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -> None:
-    """A plane without material, without texture or with an empty texture is named, with what to do."""
+    """A plane without material, without texture or with an empty texture is named, with
+    what to do.
+    """
     plane = add_plane(None)
     for material in (None, new_material()[0], texture_material(None)):
         plane.data.materials.clear()
         if material is not None:
             plane.data.materials.append(material)
-        with pytest.raises(errors.RigError, match="The picture 'poster' shows no image: give its material"):
+        with pytest.raises(
+            errors.RigError, match="The picture 'poster' shows no image: give its material"
+        ):
             read()
 
 
@@ -323,10 +382,13 @@ def test_picture_file_that_cannot_be_read(
     if how == "broken":
         path.write_bytes(b"\x89PNG\r\n\x1a\n and then nonsense")
     image = bpy.data.images.new("art", 1, 1)
-    image.source, image.filepath = "FILE", str(path)
+    image.source = "FILE"
+    image.filepath = str(path)
     add_plane(texture_material(image))
     with pytest.raises(
-        errors.ImageError, match=r"'art' of the picture 'poster' cannot be read from the file .*art\.png"
+        errors.ImageError,
+        match=r"'art' of the picture 'poster' cannot be read from the file"
+        r" .*art\.png",
     ):
         read()
 
@@ -334,15 +396,23 @@ def test_picture_file_that_cannot_be_read(
 def test_pictures_without_pixels(
     read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, tmp_path: Path
 ) -> None:
-    """A render result, an unknown colour space and numbers that are not finite are refused with what to do."""
+    """A render result, an unknown colour space and numbers that
+    are not finite are refused with what to do.
+    """
     plane = add_plane(None)
     render(scene, tmp_path)
     plane.kiriko.image = bpy.data.images["Render Result"]
-    words = r"'Render Result' cannot be the picture 'poster', for .* save it there \(Image > Save As\), and choose that"
+    words = (
+        r"'Render Result' cannot be the picture 'poster', for .* save it there \(Image > Save"
+        r" As\), and choose that"
+    )
     with pytest.raises(errors.ImageError, match=words):
         read()
-    scene.kiriko.picture_source, scene.kiriko.picture_image = "IMAGE", plane.kiriko.image
-    with pytest.raises(errors.ImageError, match="'Render Result' cannot be the scene's picture, for"):
+    scene.kiriko.picture_source = "IMAGE"
+    scene.kiriko.picture_image = plane.kiriko.image
+    with pytest.raises(
+        errors.ImageError, match="'Render Result' cannot be the scene's picture, for"
+    ):
         read()
     scene.kiriko.picture_source = "PLANE"
     plane.kiriko.image = log = generated("log")
@@ -353,20 +423,29 @@ def test_pictures_without_pixels(
     pixels = random_pixels()
     pixels[3, 4, 1] = np.nan
     hot.pixels.foreach_set(pixels.ravel())
-    with pytest.raises(errors.ImageError, match="'hot' of the picture 'poster' has pixels that are not finite"):
+    with pytest.raises(
+        errors.ImageError, match="'hot' of the picture 'poster' has pixels that are not finite"
+    ):
         read()
 
 
-@pytest.mark.parametrize(("source", "kind"), [("SEQUENCE", "an image sequence"), ("MOVIE", "a movie")])
+@pytest.mark.parametrize(
+    ("source", "kind"), [("SEQUENCE", "an image sequence"), ("MOVIE", "a movie")]
+)
 def test_moving_pictures_are_refused(
     read: Callable[[], Any], errors: ModuleType, tmp_path: Path, source: str, kind: str
 ) -> None:
-    """A sequence or movie whose file is there is not called missing: one frame's file is asked for."""
+    """A sequence or movie whose file is there is not called missing: one frame's file is
+    asked for.
+    """
     write(random_pixels(), tmp_path / "art001.png")
     image = bpy.data.images.load(str(tmp_path / "art001.png"))
     image.source = source
     add_plane(texture_material(image))
-    words = f"'art001.png' of the picture 'poster' is {kind}, and moving pictures are not read yet: choose one frame's"
+    words = (
+        f"'art001.png' of the picture 'poster' is {kind}, and moving pictures are not read yet:"
+        f" choose one frame's"
+    )
     with pytest.raises(errors.ImageError, match=words):
         read()
     image.source = "FILE"
@@ -376,12 +455,18 @@ def test_moving_pictures_are_refused(
 def test_a_picture_that_would_not_fit_is_refused(
     read: Callable[[], Any], kiriko: ModuleType, errors: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before its pixels are read, which take 16 bytes each; with what it takes, what is free, and what to do."""
+    """Before its pixels are read, which take 16 bytes each.
+
+    With what it takes, what is free, and what to do.
+    """
     free_memory = importlib.import_module(f"{kiriko.__name__}.core.free_memory")
     add_plane(None).kiriko.image = generated()
     needed = 16.0 * SIZE[0] * SIZE[1]
     monkeypatch.setattr(free_memory, "available", lambda: needed - 1)
-    words = r"of the picture 'poster' would take about 0\.0000061 GB .* are free: .* smaller one \(24 x 16 pixels"
+    words = (
+        r"of the picture 'poster' would take about 0\.0000061 GB .* are free: .* smaller one \(24"
+        r" x 16 pixels"
+    )
     with pytest.raises(errors.RigError, match=words):
         read()
     monkeypatch.setattr(free_memory, "available", lambda: needed)

@@ -36,8 +36,14 @@ def test_mirrors_go_with_the_object(read, scene, model):
     plate = small_rig()["PLATE"]
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.01
     ours = plate.kiriko.plate
-    ours.model, ours.pitch, ours.height, ours.phase, ours.crossing_error = model, 2.0, 3.0, (0.25, 0.5), 0.01
-    plate.matrix_world = Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.3, 4, "X") @ Matrix.Scale(2, 4)
+    ours.model = model
+    ours.pitch = 2.0
+    ours.height = 3.0
+    ours.phase = (0.25, 0.5)
+    ours.crossing_error = 0.01
+    plate.matrix_world = (
+        Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.3, 4, "X") @ Matrix.Scale(2, 4)
+    )
     (found,) = read()
     assert found.array.layout == model.lower()
     assert found.array.pitch == pytest.approx(2e-3, rel=1e-6)
@@ -45,7 +51,9 @@ def test_mirrors_go_with_the_object(read, scene, model):
     assert found.array.phase == (0.25, 0.5)
     assert found.array.crossing_error == (pytest.approx(0.01) if model == "CROSSED" else 0.0)
     assert found.centre == pytest.approx(np.array([0.01, 0.02, 0.03]), rel=1e-6)
-    assert np.cross(found.side, plate.matrix_world.col[0][:3]) == pytest.approx(np.zeros(3), abs=1e-7)
+    assert np.cross(found.side, plate.matrix_world.col[0][:3]) == pytest.approx(
+        np.zeros(3), abs=1e-7
+    )
 
 
 def test_only_a_plate_has_a_preset(scene):
@@ -57,26 +65,47 @@ def test_only_a_plate_has_a_preset(scene):
 
 @pytest.mark.parametrize("metres", [1.0, 0.001])
 def test_a_preset_sets_everything_whatever_the_unit(read, scene, metres):
-    """Nothing of what was set before is left; the pitch is in millimetres in a scene of any unit."""
+    """Nothing of what was set before is left.
+
+    The pitch is in millimetres in a scene of any unit.
+    """
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
-    plate = small_rig()["PLATE"] if metres == 1 else new_object(primitive("grid", size=100), "PLATE")
+    plate = (
+        small_rig()["PLATE"] if metres == 1 else new_object(primitive("grid", size=100), "PLATE")
+    )
     bpy.context.view_layer.objects.active = plate
     ours = plate.kiriko.plate
-    ours.model, ours.pitch, ours.height, ours.ior, ours.reflectance = "RADIAL", 3.0, 1.0, 1.7, 0.2
-    ours.crossing_error, ours.fresnel, ours.phase = 0.01, False, (0.3, -0.4)
+    ours.model = "RADIAL"
+    ours.pitch = 3.0
+    ours.height = 1.0
+    ours.ior = 1.7
+    ours.reflectance = 0.2
+    ours.crossing_error = 0.01
+    ours.fresnel = False
+    ours.phase = (0.3, -0.4)
     bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
     assert ours.pitch == pytest.approx(0.5, rel=1e-6)
     assert tuple(ours.phase) == (0.0, 0.0)
     if metres == 1:
         (found,) = read()
         array = found.array
-        assert (array.layout, array.crossing_error, array.has_fresnel, array.phase) == ("crossed", 0.0, True, (0, 0))
+        assert (array.layout, array.crossing_error, array.has_fresnel, array.phase) == (
+            "crossed",
+            0.0,
+            True,
+            (0, 0),
+        )
         assert array.pitch == pytest.approx(0.5e-3, rel=1e-6)
-        assert (array.height, array.ior, array.reflectance) == pytest.approx((1.25e-3, 1.52, 0.87), rel=1e-6)
+        assert (array.height, array.ior, array.reflectance) == pytest.approx(
+            (1.25e-3, 1.52, 0.87), rel=1e-6
+        )
 
 
 def test_a_plate_drawn_across_its_x_axis_has_its_mirrors_by_y(read):
-    """Where the object's x axis stands upright on its faces its y axis is the side; elsewhere x is."""
+    """Where the object's x axis stands upright on its faces its y axis is the side.
+
+    Elsewhere x is.
+    """
     plate = small_rig()["PLATE"]
     plate.kiriko.plate.model = "CROSSED"
     x, y = (np.array(plate.matrix_world.col[k][:3]) for k in (0, 1))
@@ -88,7 +117,8 @@ def test_a_plate_drawn_across_its_x_axis_has_its_mirrors_by_y(read):
     bpy.context.view_layer.update()
     (found,) = read()
     assert np.cross(found.side, y) == pytest.approx(np.zeros(3), abs=1e-6)
-    assert found.mesh.vertices == pytest.approx(before.mesh.vertices, abs=1e-6)  # it stands where it stood
+    # it stands where it stood
+    assert found.mesh.vertices == pytest.approx(before.mesh.vertices, abs=1e-6)
 
 
 @pytest.mark.parametrize("is_on", [True, False])

@@ -43,18 +43,24 @@ def add_camera(scene: bpy.types.Scene, kind: str = "perspective") -> bpy.types.O
     scene.camera = camera
     lens = camera.data
     lens.type, lens.sensor_fit, shift, aspect, size, percentage = CAMERAS[kind]
-    lens.lens, lens.sensor_width, lens.sensor_height, lens.ortho_scale = 70.0, 36.0, 20.0, 1.7
+    lens.lens = 70.0
+    lens.sensor_width = 36.0
+    lens.sensor_height = 20.0
+    lens.ortho_scale = 1.7
     lens.shift_x, lens.shift_y = shift
     render = scene.render
     render.pixel_aspect_x, render.pixel_aspect_y = aspect
     render.resolution_x, render.resolution_y = size
     render.resolution_percentage = percentage
-    camera.location, camera.rotation_euler = (3.0, 2.0, 4.0), (0.5, 0.1, 0.3)
+    camera.location = (3.0, 2.0, 4.0)
+    camera.rotation_euler = (0.5, 0.1, 0.3)
     return camera
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_window_is_the_view_frame(read: Callable[[], Any], scene: bpy.types.Scene, kind: str) -> None:
+def test_window_is_the_view_frame(
+    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
+) -> None:
     """The corners of the window are those of Blender's own view frame."""
     camera = add_camera(scene, kind)
     frame = np.array(camera.data.view_frame(scene=scene))
@@ -71,8 +77,12 @@ def test_window_is_the_view_frame(read: Callable[[], Any], scene: bpy.types.Scen
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_points_are_where_blender_sees_them(read: Callable[[], Any], scene: bpy.types.Scene, kind: str) -> None:
-    """Random points project to the viewer pixels that world_to_camera_view gives, and rays lead back through them."""
+def test_points_are_where_blender_sees_them(
+    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
+) -> None:
+    """Random points project to the viewer pixels that
+    world_to_camera_view gives, and rays lead back through them.
+    """
     camera = add_camera(scene, kind)
     viewer = read()
     rng = np.random.default_rng(7)
@@ -81,33 +91,45 @@ def test_points_are_where_blender_sees_them(read: Callable[[], Any], scene: bpy.
     seen = np.array([world_to_camera_view(scene, camera, Vector(p)) for p in points])
     wanted = np.stack([seen[:, 0] * viewer.width, (1 - seen[:, 1]) * viewer.height], axis=1)
     pixels = viewer.project(points)
-    assert np.abs(pixels - wanted).max() < 1e-3  # float32 numbers of some 100 pixels, in several steps
+    # float32 numbers of some 100 pixels, in several steps
+    assert np.abs(pixels - wanted).max() < 1e-3
     origins, directions = viewer.rays(pixels)
     along = np.einsum("ij,ij->i", points - origins, directions)
     assert np.abs(origins + along[:, None] * directions - points).max() < 1e-12
 
 
 def render_positions(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
-    """World position of what Cycles sees at each pixel's centre (h, w, 3), row 0 at the top: emitted by a big plane."""
+    """World position of what Cycles sees at each pixel's centre (h,
+    w, 3), row 0 at the top: emitted by a big plane.
+    """
     material = bpy.data.materials.new("position")
     if bpy.app.version < (5, 0, 0):
         material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
-    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], emission.inputs["Color"])
+    emission = tree.nodes.new("ShaderNodeEmission")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(
+        tree.nodes.new("ShaderNodeNewGeometry").outputs["Position"], emission.inputs["Color"]
+    )
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     plane = bpy.data.meshes.new("plane")
     # all coordinates positive, where light is; on x + y + z = 60, so that each of them tells
     plane.from_pydata(
-        [(20 + x, 20 + y, 20 - x - y) for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))], [], [(0, 1, 2, 3)]
+        [(20 + x, 20 + y, 20 - x - y) for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))],
+        [],
+        [(0, 1, 2, 3)],
     )
     plane.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("plane", plane))
     render = scene.render
     render.engine, render.film_transparent = "CYCLES", False
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
-    scene.cycles.pixel_filter_type, render.filter_size, scene.cycles.filter_width = "BOX", 0.01, 0.01
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.pixel_filter_type = "BOX"
+    render.filter_size = 0.01
+    scene.cycles.filter_width = 0.01
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
     render.image_settings.color_mode = "RGB"
     render.filepath = str(folder / "positions.exr")
@@ -121,16 +143,29 @@ def render_positions(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
 
 def aim(camera: bpy.types.Object) -> None:
     """Put a camera before the plane of positions, looking at its middle, rolled a little."""
-    place, target = Vector((30.0, 28.0, 31.0)), Vector((20.0, 20.0, 20.0))
-    turn = (target - place).to_track_quat("-Z", "Y").to_matrix() @ Euler((0.02, 0.03, 0.2)).to_matrix()
+    place = Vector((30.0, 28.0, 31.0))
+    target = Vector((20.0, 20.0, 20.0))
+    turn = (target - place).to_track_quat("-Z", "Y").to_matrix() @ Euler(
+        (0.02, 0.03, 0.2)
+    ).to_matrix()
     camera.matrix_world = Matrix.LocRotScale(place, turn, (1.0, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(
     "case",
-    ["perspective", "vertical fit", "tall pixels", "shifted orthographic", "odd percentage", "scaled", "mirrored"],
+    [
+        "perspective",
+        "vertical fit",
+        "tall pixels",
+        "shifted orthographic",
+        "odd percentage",
+        "scaled",
+        "mirrored",
+    ],
 )
-def test_pixel_grid_of_cycles(read: Callable[[], Any], scene: bpy.types.Scene, case: str, tmp_path: Path) -> None:
+def test_pixel_grid_of_cycles(
+    read: Callable[[], Any], scene: bpy.types.Scene, case: str, tmp_path: Path
+) -> None:
     """What Cycles sees at the centre of pixel (i, j) projects to (i + 0.5, j + 0.5), to 0.01 px."""
     camera = add_camera(scene, case if case in CAMERAS else "perspective")
     aim(camera)
@@ -146,18 +181,26 @@ def test_pixel_grid_of_cycles(read: Callable[[], Any], scene: bpy.types.Scene, c
     assert seen.min() > 1  # the plane fills the image
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
     off = viewer.project(seen.reshape(-1, 3)) - np.stack([x.ravel(), y.ravel()], axis=1)
-    # the filter spreads samples over 0.01 px, float32 positions and rays of Cycles add about as much
+    # the filter spreads samples over 0.01 px, float32
+    # positions and rays of Cycles add about as much
     assert np.abs(off).max() < 0.01
 
 
 def test_scaled_parent_and_constraint(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """Parents and constraints move the viewer, an even scale changes nothing; its axes are orthonormal to rounding."""
+    """Parents and constraints move the viewer, an even scale changes nothing.
+
+    Its axes are orthonormal to rounding.
+    """
     camera = add_camera(scene)
-    parent, target = bpy.data.objects.new("parent", None), bpy.data.objects.new("target", None)
+    parent = bpy.data.objects.new("parent", None)
+    target = bpy.data.objects.new("target", None)
     for thing in (parent, target):
         scene.collection.objects.link(thing)
-    parent.scale, parent.location, target.location = (2.0, 2.0, 2.0), (1.0, 0.0, 0.0), (1.0, 4.0, 8.0)
-    camera.parent, camera.location = parent, (0.0, 0.0, 4.0)
+    parent.scale = (2.0, 2.0, 2.0)
+    parent.location = (1.0, 0.0, 0.0)
+    target.location = (1.0, 4.0, 8.0)
+    camera.parent = parent
+    camera.location = (0.0, 0.0, 4.0)
     camera.constraints.new("TRACK_TO").target = target
     viewer = read()
     assert viewer.position == pytest.approx([1, 0, 8], abs=SINGLE)
@@ -166,7 +209,10 @@ def test_scaled_parent_and_constraint(read: Callable[[], Any], scene: bpy.types.
 
 
 def test_viewer_in_millimetres(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """Position and orthographic window are in metres, whatever the scene's unit; perspective tangents do not change."""
+    """Position and orthographic window are in metres, whatever the scene's unit.
+
+    Perspective tangents do not change.
+    """
     camera = add_camera(scene)
     plain = read()
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
@@ -177,7 +223,9 @@ def test_viewer_in_millimetres(read: Callable[[], Any], scene: bpy.types.Scene) 
     assert right - left == pytest.approx(1.7e-3)
 
 
-def test_chosen_viewer_goes_before_the_camera(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_chosen_viewer_goes_before_the_camera(
+    read: Callable[[], Any], scene: bpy.types.Scene
+) -> None:
     """The scene's camera is the viewer only where no other is chosen."""
     add_camera(scene)
     other = add_camera(scene)
@@ -206,8 +254,13 @@ def test_no_camera(scene: bpy.types.Scene, kiriko: ModuleType, errors: ModuleTyp
     assert module.read(bpy.context, scene).rig.viewers == ()
 
 
-def test_cameras_that_cannot_be_followed(read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType) -> None:
-    """A panoramic, a sheared and a vanished camera are refused by name, with the reason; so is what is no camera."""
+def test_cameras_that_cannot_be_followed(
+    read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType
+) -> None:
+    """A panoramic, a sheared and a vanished camera are refused by name, with the reason.
+
+    So is what is no camera.
+    """
     camera = add_camera(scene)
     camera.data.type = "PANO"
     with pytest.raises(errors.RigError, match=r"'eye' is a panoramic"):
@@ -215,7 +268,8 @@ def test_cameras_that_cannot_be_followed(read: Callable[[], Any], scene: bpy.typ
     camera.data.type = "PERSP"
     parent = bpy.data.objects.new("parent", None)
     scene.collection.objects.link(parent)
-    camera.parent, parent.scale = parent, (1.0, 3.0, 1.0)
+    camera.parent = parent
+    parent.scale = (1.0, 3.0, 1.0)
     with pytest.raises(errors.RigError, match="'eye' is sheared"):
         read()
     parent.scale = (0.0, 0.0, 0.0)
@@ -230,15 +284,19 @@ def test_cameras_that_cannot_be_followed(read: Callable[[], Any], scene: bpy.typ
 def test_viewer_whose_place_is_stale(
     read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, way: str
 ) -> None:
-    """A viewer that Blender does not keep in place is refused, but read where it is when it is the scene's camera."""
+    """A viewer that Blender does not keep in place is refused, but
+    read where it is when it is the scene's camera.
+    """
     camera = add_camera(scene)
     scene.camera, scene.kiriko.viewer = None, camera
-    parent, drawer = bpy.data.objects.new("parent", None), bpy.data.collections.new("drawer")
+    parent = bpy.data.objects.new("parent", None)
+    drawer = bpy.data.collections.new("drawer")
     scene.collection.objects.link(parent)
     scene.collection.children.link(drawer)
     scene.collection.objects.unlink(camera)
     drawer.objects.link(camera)
-    camera.parent, camera.location = parent, (0.0, 0.0, 0.0)
+    camera.parent = parent
+    camera.location = (0.0, 0.0, 0.0)
     read()
     if way == "disabled":
         camera.hide_viewport = True
@@ -269,26 +327,40 @@ def test_depth_of_field_is_noted(scene: bpy.types.Scene, kiriko: ModuleType) -> 
     """A camera with depth of field is solved as a pinhole, and a note says so."""
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
     add_camera(scene).data.dof.use_dof = True
-    assert "The viewer 'eye' has depth of field: solved as a pinhole." in module.read(bpy.context, scene).notes
+    assert (
+        "The viewer 'eye' has depth of field: solved as a pinhole."
+        in module.read(bpy.context, scene).notes
+    )
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_a_viewer_with_pixels_of_its_own(read: Callable[[], Any], scene: bpy.types.Scene, kind: str) -> None:
-    """Whatever the scene's render has, it is read as from a render of those pixels, which are square."""
+def test_a_viewer_with_pixels_of_its_own(
+    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
+) -> None:
+    """Whatever the scene's render has, it is read as from
+    a render of those pixels, which are square.
+    """
     camera = add_camera(scene, kind)
-    camera.kiriko.use_resolution, camera.kiriko.resolution = True, (50, 70)
+    camera.kiriko.use_resolution = True
+    camera.kiriko.resolution = (50, 70)
     viewer = read()
     camera.kiriko.use_resolution = False
     render = scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = 50, 70, 100
+    render.resolution_x = 50
+    render.resolution_y = 70
+    render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     plain = read()
     assert (viewer.width, viewer.height) == (plain.width, plain.height) == (50, 70)
     assert viewer.window == plain.window
 
 
-def test_without_pixels_of_its_own_the_render_counts(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """A file of version 0.1 knows of none: a resolution that is set but not used changes nothing."""
+def test_without_pixels_of_its_own_the_render_counts(
+    read: Callable[[], Any], scene: bpy.types.Scene
+) -> None:
+    """A file of version 0.1 knows of none: a resolution that is set but not used changes
+    nothing.
+    """
     camera = add_camera(scene)
     plain = read()
     assert not camera.kiriko.use_resolution

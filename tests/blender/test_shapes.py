@@ -1,4 +1,6 @@
-"""Glass that is neither ball nor cube: solved, and what Cycles shows is what core says the viewer sees."""
+"""Glass that is neither ball nor cube: solved, and what
+Cycles shows is what core says the viewer sees.
+"""
 
 import bpy
 import numpy as np
@@ -16,19 +18,28 @@ def add_suzanne():
 
 
 def add_solid_suzanne():
-    """Suzanne in one piece: as she comes, her eyes are open shells that cut her head, which Cycles cannot follow."""
+    """Suzanne in one piece: as she comes, her eyes are open
+    shells that cut her head, which Cycles cannot follow.
+    """
     suzanne = add_suzanne()
     suzanne.modifiers.clear()
     remesh = suzanne.modifiers.new("Remesh", "REMESH")
-    remesh.mode, remesh.voxel_size, remesh.use_smooth_shade = "VOXEL", 0.002, True
+    remesh.mode = "VOXEL"
+    remesh.voxel_size = 0.002
+    remesh.use_smooth_shade = True
     modifier = suzanne.modifiers.new("Subdivision", "SUBSURF")
     modifier.levels = modifier.render_levels = 1
     return suzanne
 
 
 def add_bottle():
-    """A hollow bottle: a profile, turned by a screw modifier, given walls of 3 mm by a solidify modifier."""
-    profile = np.array([(0, 0), (20, 0), (22, 2), (22, 40), (20, 46), (9, 56), (8, 60), (8, 72), (0, 72)]) * 1e-3
+    """A hollow bottle: a profile, turned by a screw modifier,
+    given walls of 3 mm by a solidify modifier.
+    """
+    profile = (
+        np.array([(0, 0), (20, 0), (22, 2), (22, 40), (20, 46), (9, 56), (8, 60), (8, 72), (0, 72)])
+        * 1e-3
+    )
     mesh = bpy.data.meshes.new("Bottle")
     n = len(profile)
     mesh.from_pydata([(x, 0, z - 0.03) for x, z in profile], [(k, k + 1) for k in range(n - 1)], [])
@@ -49,10 +60,12 @@ def add_bottle():
 
 @pytest.mark.parametrize("make", [add_solid_suzanne, add_bottle])
 def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
-    """Cycles as a map tracer lands each viewer pixel's middle where core does, to 0.1 display px for 99 % of them.
+    """Cycles as a map tracer lands each viewer pixel's middle where
+    core does, to 0.1 display px for 99 % of them.
 
-    On curved faces 90 %: there Cycles has flat triangles, as many as memory allows, and light meets up to a dozen of
-    them, each a lever for the last one's error. With four times as many triangles the error is a quarter.
+    On curved faces 90 %: there Cycles has flat triangles, as many as memory allows, and light meets
+    up to a dozen of them, each a lever for the last one's error. With four times as many triangles
+    the error is a quarter.
     """
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.blender.preview import render_map
@@ -101,15 +114,17 @@ def test_previews(kiriko, scene, make):
     seen = kiriko.core.steps.finish(steps).seen()[..., 0]
     dots = seen > 0.5
     assert dots.sum() > 20
-    assert np.median(shown[dots] / seen[dots]) > 0.6  # two to six surfaces, each takes 4 % of the light or more
+    # two to six surfaces, each takes 4 % of the light or more
+    assert np.median(shown[dots] / seen[dots]) > 0.6
 
 
 @pytest.mark.newest_only(reason="her mesh is the same in all, the map is core's")
 def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
-    """Held to a ray through each pixel's middle, where it is not sampled, as tests/core/test_view_map.py holds others.
+    """Held to a ray through each pixel's middle, where it is not
+    sampled, as tests/core/test_view_map.py holds others.
 
-    Light that was totally reflected again and again makes speckles there, smaller than a cut pixel tells: the covered
-    masks agree to 0.99, not to 0.999.
+    Light that was totally reflected again and again makes speckles there, smaller than
+    a cut pixel tells: the covered masks agree to 0.99, not to 0.999.
     """
     from work import is_sampled
 
@@ -121,14 +136,17 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     from kiriko.core.steps import finish
 
     add_suzanne().kiriko.use_ior = True
-    assert bpy.ops.kiriko.add_rig(viewer_resolution=80, display_resolution=(512, 512), display_size=0.1) == {"FINISHED"}
+    assert bpy.ops.kiriko.add_rig(
+        viewer_resolution=80, display_resolution=(512, 512), display_size=0.1
+    ) == {"FINISHED"}
     rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
     plan = make_plan(rig, Settings())
     found = finish(sample(plan))
     x, y = np.meshgrid(np.arange(80) + 0.5, np.arange(80) + 0.5)
     at = np.stack([x.ravel(), y.ravel()], axis=1)
     landings = trace_all(plan, *rig.viewer.rays(at))
-    exact, got = np.where((landings.branch != 0)[:, None], landings.xy, np.nan), found.display_from_view(at)
+    exact = np.where((landings.branch != 0)[:, None], landings.xy, np.nan)
+    got = found.display_from_view(at)
     with np.errstate(invalid="ignore"):
         theirs, mine = (((xy >= 0) & (xy <= 512)).all(axis=1) for xy in (exact, got))
     assert theirs.sum() > 1000

@@ -15,8 +15,13 @@ CHANGED = "The scene has changed since: solve again"
 
 
 @pytest.fixture
-def watch(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
-    """Module operators.watch, which does not wait for quiet; nothing is followed by Live before and after."""
+def watch(
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[ModuleType]:
+    """Module operators.watch, which does not wait for quiet.
+
+    Nothing is followed by Live before and after.
+    """
     module = importlib.import_module(f"{kiriko.__name__}.operators.watch")
     monkeypatch.setattr(module, "QUIET", 0.0)
     monkeypatch.setattr(module, "SHARE", 0.0)
@@ -102,7 +107,9 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),
     "offset": lambda rig: setattr(ours().calibration, "offset", '[{"Cube: shift x": 0.1}]'),
     "role": lambda rig: setattr(rig["PLATE"].kiriko, "role", "MIRROR"),
-    "new part": lambda rig: setattr(new_object(rig["PLATE"].data, "BLOCKER"), "location", (9, 9, 9)),
+    "new part": lambda rig: setattr(
+        new_object(rig["PLATE"].data, "BLOCKER"), "location", (9, 9, 9)
+    ),
     "hidden in the viewport": lambda rig: setattr(rig["GLASS"], "hide_viewport", True),
     "hidden in renders": lambda rig: setattr(rig["GLASS"], "hide_render", True),
     "deleted": lambda rig: bpy.data.objects.remove(rig["GLASS"]),
@@ -111,7 +118,9 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
 
 
 @pytest.mark.parametrize("change", COUNT.values(), ids=COUNT)
-def test_what_changes_the_source_image_counts(watch: ModuleType, rig: dict, change: Callable) -> None:
+def test_what_changes_the_source_image_counts(
+    watch: ModuleType, rig: dict, change: Callable
+) -> None:
     """After it the result is that of another scene, and says so."""
     assert not is_stale(watch)
     change(rig)
@@ -129,7 +138,9 @@ def select(rig: dict[str, bpy.types.Object]) -> None:
 
 
 def export(rig: dict[str, bpy.types.Object]) -> None:
-    ours().export_path, ours().export_format, ours().export_overwrite = "//other.exr", "EXR_HALF", True
+    ours().export_path = "//other.exr"
+    ours().export_format = "EXR_HALF"
+    ours().export_overwrite = True
     ours().report_folder = "//elsewhere"
     ours().calibration.columns = 9
 
@@ -140,7 +151,9 @@ DO_NOT_COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "light": add_light,
     "frame": lambda rig: bpy.context.scene.frame_set(7),
     "other name": lambda rig: setattr(rig["GLASS"], "name", "Aardvark"),
-    "material's colour": lambda rig: rig["GLASS"].data.materials.append(bpy.data.materials.new("m")),
+    "material's colour": lambda rig: rig["GLASS"].data.materials.append(
+        bpy.data.materials.new("m")
+    ),
     "simulation": lambda rig: bpy.ops.kiriko.simulate(samples=2),
     "preview": lambda rig: bpy.ops.kiriko.preview(samples=1, percentage=10),
     "another solve": lambda rig: bpy.ops.kiriko.solve(),
@@ -149,7 +162,9 @@ DO_NOT_COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
 
 
 @pytest.mark.parametrize("change", DO_NOT_COUNT.values(), ids=DO_NOT_COUNT)
-def test_what_leaves_the_source_image_as_it_is_does_not_count(watch: ModuleType, rig: dict, change: Callable) -> None:
+def test_what_leaves_the_source_image_as_it_is_does_not_count(
+    watch: ModuleType, rig: dict, change: Callable
+) -> None:
     """The result stays that of the scene."""
     change(rig)
     bpy.context.view_layer.update()
@@ -203,7 +218,10 @@ def test_undo_makes_it_current_again(watch: ModuleType, rig: dict) -> None:
 def test_an_animation_counts_where_it_moves_something(
     watch: ModuleType, rig: dict, capfd: pytest.CaptureFixture
 ) -> None:
-    """On the frame that was solved the result is current, on others not; no handler fails on the way."""
+    """On the frame that was solved the result is current, on others not.
+
+    No handler fails on the way.
+    """
     glass = rig["GLASS"]
     for frame, x in ((1, 0.0), (9, 0.004)):
         glass.location.x = x
@@ -217,8 +235,13 @@ def test_an_animation_counts_where_it_moves_something(
     assert "Traceback" not in "".join(capfd.readouterr())
 
 
-def test_export_of_what_has_changed_is_refused_until_allowed(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
-    """A script is told in a sentence, and nothing is written; with the argument it gets the old image."""
+def test_export_of_what_has_changed_is_refused_until_allowed(
+    watch: ModuleType, rig: dict, tmp_path: Path
+) -> None:
+    """A script is told in a sentence, and nothing is written.
+
+    With the argument it gets the old image.
+    """
     path = tmp_path / "source.png"
     move(rig["GLASS"])
     with pytest.raises(RuntimeError, match=CHANGED):
@@ -242,31 +265,43 @@ def test_the_command_line_never_writes_an_old_image(
     assert watch.has_changed(bpy.context)
     command_line = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
     assert command_line.run(["solve", "--out", str(tmp_path / "out")]) == 0
-    assert json.loads((tmp_path / "out" / "report.json").read_text())["tolerance"] == pytest.approx(0.3)
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["tolerance"] == pytest.approx(
+        0.3
+    )
     assert not is_stale(watch)
 
 
-def test_preview_and_simulate_say_so(watch: ModuleType, rig: dict, capfd: pytest.CaptureFixture) -> None:
-    """They go on, for it is of use to see a bench that is not as planned, with a warning that has the sentence."""
+def test_preview_and_simulate_say_so(
+    watch: ModuleType, rig: dict, capfd: pytest.CaptureFixture
+) -> None:
+    """They go on, for it is of use to see a bench that is not
+    as planned, with a warning that has the sentence.
+    """
     for work in ({"preview": {"samples": 1, "percentage": 10}}, {"simulate": {"samples": 2}}):
         ((name, options),) = work.items()
         for expected in (False, True):
             capfd.readouterr()
             assert getattr(bpy.ops.kiriko, name)(**options) == {"FINISHED"}
-            warnings = [line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning: ")]
+            warnings = [
+                line for line in capfd.readouterr().out.splitlines() if line.startswith("Warning: ")
+            ]
             assert any(CHANGED in line for line in warnings) == expected
             move(rig["GLASS"])
         bpy.ops.kiriko.solve()
 
 
-def test_a_rig_that_cannot_be_read_any_more_has_changed(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
+def test_a_rig_that_cannot_be_read_any_more_has_changed(
+    watch: ModuleType, rig: dict, tmp_path: Path
+) -> None:
     """Without a picture there is nothing to compare with, and no traceback."""
     rig["PICTURE"].data.materials.clear()
     bpy.context.view_layer.update()
     assert is_stale(watch)
 
 
-def test_a_result_of_an_earlier_version_is_taken_as_it_is(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
+def test_a_result_of_an_earlier_version_is_taken_as_it_is(
+    watch: ModuleType, rig: dict, tmp_path: Path
+) -> None:
     """It does not know what it was solved for: nothing is said, and nothing is read."""
     ours().result.solved_for = ""
     move(rig["GLASS"])
@@ -293,7 +328,10 @@ def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) 
 
 
 def test_apply_to_scene_keeps_a_current_result_current(watch: ModuleType, rig: dict) -> None:
-    """It is the same rig, written another way; a result of another rig does not become current by it."""
+    """It is the same rig, written another way.
+
+    A result of another rig does not become current by it.
+    """
     name = f"{rig['GLASS'].name}: shift right"
     ours().calibration.offset = f'[{{"{name}": 0.5}}]'
     bpy.ops.kiriko.solve()
@@ -305,8 +343,13 @@ def test_apply_to_scene_keeps_a_current_result_current(watch: ModuleType, rig: d
     assert is_stale(watch)
 
 
-def test_nothing_is_read_without_a_result(watch: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor again, where nothing has changed; nor while an animation is played or other work goes on."""
+def test_nothing_is_read_without_a_result(
+    watch: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor again, where nothing has changed.
+
+    Nor while an animation is played or other work goes on.
+    """
     calls = []
     own = watch.work.scene_now
     monkeypatch.setattr(watch.work, "scene_now", lambda *a: (calls.append(1), own(*a))[1])
@@ -333,7 +376,10 @@ def test_nothing_is_read_without_a_result(watch: ModuleType, monkeypatch: pytest
 def test_a_heavy_mesh_is_read_only_after_a_longer_rest(
     watch: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where a mesh was edited that took t seconds to read, not before several t; where it was only moved, at once."""
+    """Where a mesh was edited that took t seconds to read, not before several t.
+
+    Where it was only moved, at once.
+    """
     scene = bpy.context.scene
     assert not is_stale(watch)
     (watched,) = watch._watched.values()
@@ -358,7 +404,9 @@ def test_handlers_and_timer_go_with_the_extension(blender: ModuleType, watch: Mo
     """They are there while it is enabled, also after a file was loaded, and gone when it is not."""
 
     def left() -> list[str]:
-        found = [name for name, handler in watch.HANDLERS if handler in getattr(bpy.app.handlers, name)]
+        found = [
+            name for name, handler in watch.HANDLERS if handler in getattr(bpy.app.handlers, name)
+        ]
         return found + (["timer"] if bpy.app.timers.is_registered(watch.tick) else [])
 
     everything = [*(name for name, _ in watch.HANDLERS), "timer"]

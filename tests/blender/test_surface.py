@@ -1,4 +1,6 @@
-"""What smooth shading stands for: settings, normals, creases and limit surfaces as they are read."""
+"""What smooth shading stands for: settings, normals, creases and limit surfaces as they
+are read.
+"""
 
 import importlib
 from collections.abc import Callable
@@ -45,7 +47,9 @@ def tilted(mesh: bpy.types.Mesh) -> list[list[float]]:
 
 
 def give_normals(mesh: bpy.types.Mesh, normals: np.ndarray) -> None:
-    """Custom normals of the vertices (n, 3), in the numbers themselves where Blender can hold them."""
+    """Custom normals of the vertices (n, 3), in the numbers themselves where Blender can
+    hold them.
+    """
     if HAS_FLOAT_NORMALS:
         attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", np.asarray(normals, np.float32).ravel())
@@ -73,16 +77,25 @@ def is_top(ends: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("role", ["GLASS", "MIRROR"])
 def test_surface_is_set_on_the_object(read: Callable[[], Any], role: str) -> None:
-    """Automatic unless the artist says otherwise; glass and mirror alike. Files that said so before still do."""
+    """Automatic unless the artist says otherwise.
+
+    Glass and mirror alike. Files that said so before still do.
+    """
     thing = smooth(primitive("uvsphere", u_segments=8, v_segments=4, radius=1.0), role)
-    choices = ((None, "automatic"), ("FACETS", "facets"), ("SMOOTH", "smooth"), ("AUTOMATIC", "automatic"))
+    choices = (
+        (None, "automatic"),
+        ("FACETS", "facets"),
+        ("SMOOTH", "smooth"),
+        ("AUTOMATIC", "automatic"),
+    )
     for choice, surface in choices:
         if choice:
             thing.kiriko.surface = choice
         rig = read().rig
         assert [part.mesh.surface for part in (*rig.glasses, *rig.mirrors)] == [surface]
     kinds = thing.kiriko.bl_rna.properties["surface"].enum_items
-    assert (kinds["SMOOTH"].value, kinds["FACETS"].value) == (0, 1)  # as files of the first release have them
+    # as files of the first release have them
+    assert (kinds["SMOOTH"].value, kinds["FACETS"].value) == (0, 1)
 
 
 def test_surface_is_that_of_whoever_has_the_role(read: Callable[[], Any]) -> None:
@@ -92,12 +105,17 @@ def test_surface_is_that_of_whoever_has_the_role(read: Callable[[], Any]) -> Non
     collection.objects.link(member)
     bpy.context.scene.collection.objects.unlink(member)
     empty = new_object(None, "GLASS")
-    empty.instance_type, empty.instance_collection, empty.kiriko.surface = "COLLECTION", collection, "FACETS"
+    empty.instance_type = "COLLECTION"
+    empty.instance_collection = collection
+    empty.kiriko.surface = "FACETS"
     assert [glass.mesh.surface for glass in read().rig.glasses] == ["facets"]
 
 
 def test_normals_that_nobody_gave_are_means(read: Callable[[], Any]) -> None:
-    """Shade smooth, sharp edges and a bevel leave Blender's means; flat shading has no corner normals at all."""
+    """Shade smooth, sharp edges and a bevel leave Blender's means.
+
+    Flat shading has no corner normals at all.
+    """
     thing = box()
     assert read().rig.glasses[0].mesh.has_mean_normals
     thing.data.edges.foreach_set("use_edge_sharp", np.arange(12) % 2 == 0)
@@ -111,7 +129,9 @@ def test_normals_that_nobody_gave_are_means(read: Callable[[], Any]) -> None:
     assert not mesh.has_mean_normals
 
 
-@pytest.mark.parametrize("way", ["split", "float", "WEIGHTED_NORMAL", "NORMAL_EDIT", "DATA_TRANSFER", "BEVEL"])
+@pytest.mark.parametrize(
+    "way", ["split", "float", "WEIGHTED_NORMAL", "NORMAL_EDIT", "DATA_TRANSFER", "BEVEL"]
+)
 def test_normals_that_the_artist_gave_are_no_means(read: Callable[[], Any], way: str) -> None:
     """Set by hand or by a modifier."""
     thing = box()
@@ -122,15 +142,20 @@ def test_normals_that_the_artist_gave_are_no_means(read: Callable[[], Any], way:
     else:
         modifier = thing.modifiers.new("normals", way)
         if way == "DATA_TRANSFER":
-            modifier.object = smooth(primitive("uvsphere", u_segments=32, v_segments=16, radius=3.0), "NONE")
-            modifier.use_loop_data, modifier.data_types_loops = True, {"CUSTOM_NORMAL"}
+            modifier.object = smooth(
+                primitive("uvsphere", u_segments=32, v_segments=16, radius=3.0), "NONE"
+            )
+            modifier.use_loop_data = True
+            modifier.data_types_loops = {"CUSTOM_NORMAL"}
         elif way == "BEVEL":
             modifier.harden_normals, modifier.width = True, 0.1
     assert not read().rig.glasses[0].mesh.has_mean_normals
 
 
 def test_custom_normals_that_have_no_effect_are_means(read: Callable[[], Any]) -> None:
-    """A subdivision modifier that does not use custom normals drops them, though Blender 4 says they are there."""
+    """A subdivision modifier that does not use custom normals
+    drops them, though Blender 4 says they are there.
+    """
     thing = ball()
     thing.data.normals_split_custom_set_from_vertices(tilted(thing.data))
     modifier = subdivide(thing)
@@ -139,20 +164,29 @@ def test_custom_normals_that_have_no_effect_are_means(read: Callable[[], Any]) -
 
 
 def test_means_that_an_importer_wrote_are_means(read: Callable[[], Any]) -> None:
-    """Custom normals that are Blender's own means, but for the rounding to 16 bits, change nothing."""
+    """Custom normals that are Blender's own means, but for the rounding to 16 bits,
+    change nothing.
+    """
     thing = ball()
     plain = read().rig.glasses[0].mesh
-    thing.data.normals_split_custom_set_from_vertices([n.vector[:] for n in thing.data.vertex_normals])
+    thing.data.normals_split_custom_set_from_vertices(
+        [n.vector[:] for n in thing.data.vertex_normals]
+    )
     assert thing.data.has_custom_normals
     found = read().rig.glasses[0].mesh
     assert found.has_mean_normals
     assert np.abs(found.corner_normals - plain.corner_normals).max() < 1e-4
 
 
-@pytest.mark.skipif(not HAS_FLOAT_NORMALS, reason="Blender 4.2 holds no normals that are no normals")
+@pytest.mark.skipif(
+    not HAS_FLOAT_NORMALS, reason="Blender 4.2 holds no normals that are no normals"
+)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
 def test_bad_normals_are_handed_on(read: Callable[[], Any], bad: float) -> None:
-    """A normal that is not finite, or none, is no means, warns of nothing and is for core to judge; others are kept."""
+    """A normal that is not finite, or none, is no means, warns of nothing and is for core to judge.
+
+    Others are kept.
+    """
     thing = ball()
     normals = np.array([v.co.normalized()[:] for v in thing.data.vertices])
     normals[5] = bad
@@ -167,14 +201,19 @@ def test_bad_normals_are_handed_on(read: Callable[[], Any], bad: float) -> None:
 
 
 def creased_cube(levels: int = 3) -> tuple[bpy.types.Object, bpy.types.Modifier]:
-    """A cube of 2 under a subdivision modifier, with a full crease around its top, whose limit is flat there: z = 1."""
+    """A cube of 2 under a subdivision modifier, with a full
+    crease around its top, whose limit is flat there: z = 1.
+    """
     thing = smooth(primitive("cube", size=2.0))
     crease(thing, is_top)
     return thing, subdivide(thing, levels)
 
 
 def test_a_full_crease_is_sharp(read: Callable[[], Any]) -> None:
-    """The creased top is flat to its edge, and the walls do not feel it; elsewhere normals are as they were."""
+    """The creased top is flat to its edge, and the walls do not feel it.
+
+    Elsewhere normals are as they were.
+    """
     thing, modifier = creased_cube()
     mesh = read().rig.glasses[0].mesh
     assert mesh.has_mean_normals
@@ -187,13 +226,15 @@ def test_a_full_crease_is_sharp(read: Callable[[], Any]) -> None:
     face = np.cross(b - a, c - a)
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     beside = np.einsum("tcj,tj->tc", mesh.corner_normals, face)[rim]
-    assert beside.min() > np.cos(np.radians(15))  # a wall of eight faces turns by less from face to face
+    # a wall of eight faces turns by less from face to face
+    assert beside.min() > np.cos(np.radians(15))
     modifier.use_creases = False
     plain = read().rig.glasses[0].mesh
     modifier.use_creases = True
     thing.kiriko.surface = "FACETS"
     as_drawn = read().rig.glasses[0].mesh
-    assert np.abs(as_drawn.corner_normals[rim]).max(axis=0)[2] > 0.3  # Blender's means lean over the edge
+    # Blender's means lean over the edge
+    assert np.abs(as_drawn.corner_normals[rim]).max(axis=0)[2] > 0.3
     elsewhere = as_drawn.corners[..., 2] < 1 - 1e-6
     assert np.abs(as_drawn.corner_normals[elsewhere] - mesh.corner_normals[elsewhere]).max() < 1e-6
     assert plain.corners[..., 2].max() < 1 - 1e-3
@@ -214,7 +255,8 @@ def test_a_soft_crease_and_one_without_subdivision_are_not_sharp(read: Callable[
     modifier.show_viewport = False
     mesh = read().rig.glasses[0].mesh
     corners = mesh.corners / np.sqrt(3)
-    assert np.abs(mesh.corner_normals - corners).max() < 1e-6  # the mean at a cube's corner is its diagonal
+    # the mean at a cube's corner is its diagonal
+    assert np.abs(mesh.corner_normals - corners).max() < 1e-6
 
 
 def test_reading_creases_changes_nothing(read: Callable[[], Any]) -> None:
@@ -229,8 +271,12 @@ def test_reading_creases_changes_nothing(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("has_crease", [False, True])
-def test_vertices_of_a_subdivision_lie_on_its_limit(read: Callable[[], Any], has_crease: bool) -> None:
-    """Those of two levels are among those of four, and the cube's corner is where Catmull-Clark's limit has it."""
+def test_vertices_of_a_subdivision_lie_on_its_limit(
+    read: Callable[[], Any], has_crease: bool
+) -> None:
+    """Those of two levels are among those of four, and the
+    cube's corner is where Catmull-Clark's limit has it.
+    """
     thing = smooth(primitive("cube", size=2.0))
     if has_crease:
         crease(thing, is_top)
@@ -240,13 +286,16 @@ def test_vertices_of_a_subdivision_lie_on_its_limit(read: Callable[[], Any], has
         points[modifier.levels] = read().rig.glasses[0].mesh.vertices
     apart = np.linalg.norm(points[2][:, None] - points[4][None], axis=2).min(axis=1)
     assert apart.max() < 1e-6
-    # (n^2 v + 4 sum of the edges' ends + sum of the faces' far corners) / (n (n + 5)) for n = 3: (9 + 4 - 1) / 24
+    # (n^2 v + 4 sum of the edges' ends + sum of the faces' far
+    # corners) / (n (n + 5)) for n = 3: (9 + 4 - 1) / 24
     lowest = points[2][np.argmin(points[2] @ [1, 1, 1])]
     assert np.abs(lowest + 0.5).max() < 1e-5
 
 
 def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
-    """A subdivision modifier that does not use the limit surface is named with its object, and what to do."""
+    """A subdivision modifier that does not use the limit
+    surface is named with its object, and what to do.
+    """
     thing = smooth(primitive("cube", size=2.0))
     thing.name = "stone"
     modifier = subdivide(thing)
@@ -263,7 +312,8 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     thing.kiriko.surface = "SMOOTH"
     modifier.subdivision_type = "SIMPLE"
     assert notes() == []
-    modifier.subdivision_type, modifier.show_viewport = "CATMULL_CLARK", False
+    modifier.subdivision_type = "CATMULL_CLARK"
+    modifier.show_viewport = False
     assert notes() == []
 
 
@@ -277,7 +327,10 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     ],
 )
 def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) -> None:
-    """Remeshed and collapsed: followed as smooth they are further from what was meant; else nothing is said of it."""
+    """Remeshed and collapsed: followed as smooth they are further from what was meant.
+
+    Else nothing is said of it.
+    """
     thing = ball()
     thing.kiriko.surface = "SMOOTH"
     modifier = thing.modifiers.new("Other", kind)
@@ -296,10 +349,13 @@ def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) 
 
 
 def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleType) -> None:
-    """A mesh made of triangles in the world is read as the same triangles, normals and shading, in any unit."""
+    """A mesh made of triangles in the world is read as the
+    same triangles, normals and shading, in any unit.
+    """
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.mesh")
     thing = ball()
-    thing.location, thing.scale = (100.0, 20.0, 3.0), (1.0, -2.0, 0.5)
+    thing.location = (100.0, 20.0, 3.0)
+    thing.scale = (1.0, -2.0, 0.5)
     thing.data.polygons.foreach_set("use_smooth", np.arange(len(thing.data.polygons)) % 3 > 0)
     drawn = read().rig.glasses[0].mesh
     face = np.cross(*(drawn.corners[:, k] - drawn.corners[:, 0] for k in (1, 2)))
@@ -311,6 +367,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
         to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(matrix, dtype=float)
         found, n_dropped = module.read_mesh(made, to_metres, has_normals=True)
         assert n_dropped == 0
-        assert np.abs(found.corners - drawn.corners).max() < 100 * 2.0**-23  # the place is stored in float32
+        # the place is stored in float32
+        assert np.abs(found.corners - drawn.corners).max() < 100 * 2.0**-23
         assert np.array_equal(found.is_smooth, drawn.is_smooth)
         assert np.abs(found.corner_normals - normals).max() < (1e-6 if HAS_FLOAT_NORMALS else 1e-4)

@@ -38,12 +38,16 @@ def text(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., str]:
 def test_metric_lengths_are_told_in_the_scenes_unit(
     text: Callable[..., str], metres: float, unit: str, words: str
 ) -> None:
-    """In the unit the fields have where the number is readable, else in one that fits; never with an exponent."""
+    """In the unit the fields have where the number is readable, else in one that fits.
+
+    Never with an exponent.
+    """
     assert text(metres, "METRIC", unit) == words
 
 
 @pytest.mark.parametrize(
-    ("metres", "unit", "words"), [(0.0254, "INCHES", "1 in"), (1.172, "FEET", "3.85 ft"), (0.0254, "ADAPTIVE", '1"')]
+    ("metres", "unit", "words"),
+    [(0.0254, "INCHES", "1 in"), (1.172, "FEET", "3.85 ft"), (0.0254, "ADAPTIVE", '1"')],
 )
 def test_imperial_lengths(text: Callable[..., str], metres: float, unit: str, words: str) -> None:
     """An inch is an inch."""

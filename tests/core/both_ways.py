@@ -1,4 +1,6 @@
-"""The same rays by numpy's way and by the kernel: where do they part, and which of them meets the nearer face?"""
+"""The same rays by numpy's way and by the kernel: where do
+they part, and which of them meets the nearer face?
+"""
 
 from typing import NamedTuple
 
@@ -11,11 +13,13 @@ from kiriko.core.light.trace import Step, tracing
 from kiriko.core.steps import finish
 
 SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
-BESIDE = 1e-7  # of the rig's size: so close are two triangles on both sides of an edge that a ray meets
+# of the rig's size: so close are two triangles on both sides of an edge that a ray meets
+BESIDE = 1e-7
 
 
 class Parted(NamedTuple):
-    """Of rays whose ways were the same up to an event: how many parted there, and how many of those by a wrong turn.
+    """Of rays whose ways were the same up to an event: how many
+    parted there, and how many of those by a wrong turn.
 
     A turn is wrong where the kernel goes further than numpy's way does: it has passed by a face.
     """
@@ -33,15 +37,24 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
         finish(tracing(plan, origins, directions, steps=by_numpy))
     finish(tracing(plan, origins, directions, steps=by_kernel))
     n = len(origins)
-    size = float(np.ptp(np.concatenate([layer.corners.reshape(-1, 3) for layer in plan.layers]), axis=0).max())
+    size = float(
+        np.ptp(
+            np.concatenate([layer.corners.reshape(-1, 3) for layer in plan.layers]), axis=0
+        ).max()
+    )
 
-    here, is_alike = np.stack([origins, origins]), np.ones(n, bool)
+    here = np.stack([origins, origins])
+    is_alike = np.ones(n, bool)
     n_parted = n_wrong = 0
     for event in range(max(len(by_numpy), len(by_kernel))):
-        met, place = np.full((2, n), -1), np.full((2, n, 3), np.inf)
+        met = np.full((2, n), -1)
+        place = np.full((2, n, 3), np.inf)
         for k, steps in enumerate((by_numpy, by_kernel)):
             if event < len(steps):
-                met[k, steps[event].rays], place[k, steps[event].rays] = steps[event].triangle, steps[event].place
+                met[k, steps[event].rays], place[k, steps[event].rays] = (
+                    steps[event].triangle,
+                    steps[event].place,
+                )
         way = np.full((2, n), np.inf)
         for k in range(2):
             has_met = is_alike & (met[k] >= 0)

@@ -1,4 +1,6 @@
-"""What the extreme cases of light and bench are made of: rows with bounds, rigs, and judges that are not Kiriko's."""
+"""What the extreme cases of light and bench are made of: rows
+with bounds, rigs, and judges that are not Kiriko's.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -19,19 +21,29 @@ from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 
 Floats = NDArray[np.floating]
-Face = tuple[Floats, Floats, float, float]  # a plane's point and normal, the index before and behind it
-Extended = np.longdouble  # 64 bits of mantissa on Linux; where it is a double the bounds hold all the same, or nearly
+Face = tuple[
+    Floats, Floats, float, float
+]  # a plane's point and normal, the index before and behind it
+Extended = (
+    np.longdouble
+)  # 64 bits of mantissa on Linux; where it is a double the bounds hold all the same, or nearly
 
 X, Y, Z = np.eye(3)
 N = 1.49
 EPS = 2.0**-52
 SLAB = (0.3, 0.02, 0.3)  # m, across the light; larger than all that is seen of it
-EXACT, WITHIN, REFUSED, LIMIT, WRONG = "exact", "within tolerance", "refused with reason", "known limit", "WRONG"
+EXACT = "exact"
+WITHIN = "within tolerance"
+REFUSED = "refused with reason"
+LIMIT = "known limit"
+WRONG = "WRONG"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: what was measured, its error and the bound it has to keep, and the verdict if it does."""
+    """One line of the table: what was measured, its error and the
+    bound it has to keep, and the verdict if it does.
+    """
 
     measured: str
     error: float
@@ -51,7 +63,9 @@ Rows = Iterator[Row]
 
 @dataclass(frozen=True)
 class Case:
-    """A case of the list: its group, its name, and the rows it comes to, at full or at small size."""
+    """A case of the list: its group, its name, and the rows it comes to, at full or at
+    small size.
+    """
 
     group: str
     name: str
@@ -82,8 +96,13 @@ def within(measured: str, error: float, bound: float, unit: str = "px") -> Row:
     return Row(measured, float(error), unit, bound, WITHIN)
 
 
-def limit(measured: str, error: float, bound: float, unit: str, avoid: str, told: bool = True) -> Row:
-    """A row of a known limit: so far and no further it is off; and Kiriko tells, where it can know."""
+def limit(
+    measured: str, error: float, bound: float, unit: str, avoid: str, told: bool = True
+) -> Row:
+    """A row of a known limit: so far and no further it is off.
+
+    And Kiriko tells, where it can know.
+    """
     return Row(measured, float(error) if told else np.inf, unit, bound, LIMIT, avoid)
 
 
@@ -97,7 +116,9 @@ def refused(a_rig: Rig, words: str, **settings: object) -> Row:
 
 
 def slab_rig(glass: Mesh | tuple[Glass, ...] | None = None, **options: object) -> Rig:
-    """The reference rig with glass that is larger than what is seen, and a display that takes all of it."""
+    """The reference rig with glass that is larger than what
+    is seen, and a display that takes all of it.
+    """
     return rig(box(SLAB) if glass is None else glass, **({"display": 0.1} | options))
 
 
@@ -115,9 +136,15 @@ def tells(solution: Solution, words: str) -> bool:
     return any(words in note for note in solution.notes)
 
 
-def rays_of(a_rig: Rig, n: int = 65, aside: tuple[float, float] = (0.3, 0.2)) -> tuple[Floats, Floats]:
-    """Rays on a grid of the viewer's pixels, a little beside the rig's plane of symmetry and the edges in it."""
-    x, y = np.meshgrid(*(np.linspace(0, size, n) for size in (a_rig.viewer.width, a_rig.viewer.height)))
+def rays_of(
+    a_rig: Rig, n: int = 65, aside: tuple[float, float] = (0.3, 0.2)
+) -> tuple[Floats, Floats]:
+    """Rays on a grid of the viewer's pixels, a little beside the
+    rig's plane of symmetry and the edges in it.
+    """
+    x, y = np.meshgrid(
+        *(np.linspace(0, size, n) for size in (a_rig.viewer.width, a_rig.viewer.height))
+    )
     return a_rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1) + aside)
 
 
@@ -126,11 +153,18 @@ def traced(a_rig: Rig, o: Floats, d: Floats, **settings: object) -> Landings:
 
 
 def on(points: Floats, directions: Floats, faces: list[Face]) -> tuple[Floats, Floats]:
-    """Rays through planes (point, normal, index before, index behind), one after the other, in extended precision."""
-    p, d = points.astype(Extended), closed_forms.unit(directions.astype(Extended))
+    """Rays through planes (point, normal, index before, index
+    behind), one after the other, in extended precision.
+    """
+    p = points.astype(Extended)
+    d = closed_forms.unit(directions.astype(Extended))
     for at, normal, n1, n2 in faces:
         normal = closed_forms.unit(np.asarray(normal, Extended))
-        p = p + (((np.asarray(at, Extended) - p) * normal).sum(-1) / (d * normal).sum(-1))[:, None] * d
+        p = (
+            p
+            + (((np.asarray(at, Extended) - p) * normal).sum(-1) / (d * normal).sum(-1))[:, None]
+            * d
+        )
         d = d if n1 == n2 else closed_forms.snell(d, normal, Extended(n1), Extended(n2))
     return p, d
 
@@ -146,10 +180,14 @@ def worst(*values: Floats) -> float:
     return float(np.max([np.abs(some).max() for some in values]))
 
 
-def furthest(a_rig: Rig, found: Landings, through: tuple[Floats, Floats], least: float = 0.3) -> float:
-    """Greatest distance, display px, of landings from those of rays as they leave the glass by a closed form.
+def furthest(
+    a_rig: Rig, found: Landings, through: tuple[Floats, Floats], least: float = 0.3
+) -> float:
+    """Greatest distance, display px, of landings from those of
+    rays as they leave the glass by a closed form.
 
-    Infinite where one arrives of which the other does not, well inside the image, or where fewer than a share do.
+    Infinite where one arrives of which the other does not, well
+    inside the image, or where fewer than a share do.
     """
     expected = closed_forms.landing(a_rig, *through)
     size = np.array([a_rig.display.width, a_rig.display.height])
@@ -162,7 +200,10 @@ def furthest(a_rig: Rig, found: Landings, through: tuple[Floats, Floats], least:
 
 
 def apart(one: Landings, other: Landings, least: float = 0.3) -> float:
-    """Greatest distance, display px, between landings that have to be the same; infinite where reasons differ."""
+    """Greatest distance, display px, between landings that have to be the same.
+
+    Infinite where reasons differ.
+    """
     if not np.array_equal(one.reason, other.reason) or one.has_arrived.mean() < least:
         return np.inf
     return worst((one.xy - other.xy)[one.has_arrived])
@@ -173,9 +214,13 @@ def joined(*meshes: Mesh) -> Mesh:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]),
+        np.concatenate(
+            [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+        ),
         *(
-            None if getattr(meshes[0], name) is None else np.concatenate([getattr(mesh, name) for mesh in meshes])
+            None
+            if getattr(meshes[0], name) is None
+            else np.concatenate([getattr(mesh, name) for mesh in meshes])
             for name in ("corner_normals", "is_smooth")
         ),
     )
@@ -203,9 +248,13 @@ def without_plate(a_rig: Rig) -> Rig:
 
 
 def ramp(size: int = 64) -> NDArray[np.float32]:
-    """A picture that is as bright, in red, as it is far to the right, and, in green, as it is far down."""
+    """A picture that is as bright, in red, as it is far to
+    the right, and, in green, as it is far down.
+    """
     image = np.ones((size, size, 4), np.float32)
-    image[..., 0], image[..., 1] = np.meshgrid((np.arange(size) + 0.5) / size, (np.arange(size) + 0.5) / size)
+    image[..., 0], image[..., 1] = np.meshgrid(
+        (np.arange(size) + 0.5) / size, (np.arange(size) + 0.5) / size
+    )
     image[..., 2] = 0.5
     return image
 

@@ -1,7 +1,9 @@
-"""Light followed from mirror to mirror through a plate, in three dimensions: the judge of core/light/plate.py.
+"""Light followed from mirror to mirror through a plate, in
+three dimensions: the judge of core/light/plate.py.
 
-Nothing is unfolded here: light goes to the nearest mirror of the slit or hole it is in, is reflected there, and goes on
-until it is through the layer. docs/closed_forms.md says why one fold comes to the same.
+Nothing is unfolded here: light goes to the nearest mirror of the slit or hole it is in, is
+reflected there, and goes on until it is through the layer. docs/closed_forms.md says why one fold
+comes to the same.
 """
 
 from typing import NamedTuple
@@ -13,9 +15,10 @@ from closed_forms import snell
 class March(NamedTuple):
     """Where light comes out and how.
 
-    positions (n, 3), drawn back to the middle plane; directions (n, 3); n_reflections (2, n) at the mirrors of the
-    first and second direction; path (n,) the way from middle plane to middle plane, m; clearance (n,) by how much light
-    passes the edges of mirrors, m: nearer than rounding, it may go either way
+    positions (n, 3), drawn back to the middle plane; directions (n, 3); n_reflections (2, n) at the
+    mirrors of the first and second direction; path (n,) the way from middle plane to middle plane,
+    m; clearance (n,) by how much light passes the edges of mirrors, m: nearer than rounding, it may
+    go either way
     """
 
     positions: np.ndarray
@@ -31,13 +34,20 @@ def turned(v, axis, angle):
 
 
 def mirrors(array, axes, faces):
-    """Unit normals (n, 3) of the two directions of mirrors, and how far from the centre mirror number 0 is (n,)."""
+    """Unit normals (n, 3) of the two directions of mirrors, and
+    how far from the centre mirror number 0 is (n,).
+    """
     if array.layout != "radial":
         first = np.tile((axes[0] + axes[1]) / np.sqrt(2), (len(faces), 1))
         second = turned(first, axes[2], np.pi / 2 + array.crossing_error)
-        return [(normal, array.pitch * phase) for normal, phase in zip((first, second), array.phase, strict=True)]
-    # The corners of holes are sqrt(2) pitches apart along circles with radii of as many: number them from azimuth 0.
-    x, y = faces @ axes[0], faces @ axes[1]
+        return [
+            (normal, array.pitch * phase)
+            for normal, phase in zip((first, second), array.phase, strict=True)
+        ]
+    # The corners of holes are sqrt(2) pitches apart along circles
+    # with radii of as many: number them from azimuth 0.
+    x = faces @ axes[0]
+    y = faces @ axes[1]
     step = np.sqrt(2) * array.pitch
     ring = np.round(np.hypot(x, y) / step)
     azimuth = np.arctan2(y, x)
@@ -53,11 +63,14 @@ def mirrors(array, axes, faces):
 
 
 def through_layer(p, d, families, pitch, forward, end):
-    """Follow light (n, 3) to the plane at height `end` along `forward`: from mirror to mirror of its own slits.
+    """Follow light (n, 3) to the plane at height `end` along
+    `forward`: from mirror to mirror of its own slits.
 
-    Returns positions, directions, reflections per family and the least distance from an edge of a mirror.
+    Returns positions, directions, reflections per family and
+    the least distance from an edge of a mirror.
     """
-    p, d = p.copy(), d.copy()
+    p = p.copy()
+    d = d.copy()
     rays = np.arange(len(p))
     counts = np.zeros((len(families), len(p)), int)
     clearance = np.full(len(p), np.inf)
@@ -91,12 +104,17 @@ def through_layer(p, d, families, pitch, forward, end):
 
 
 def march(array, centre, axes, positions, directions):
-    """Light (n, 3) that would meet the plate's middle plane at positions, through refraction, layers and refraction."""
+    """Light (n, 3) that would meet the plate's middle plane at
+    positions, through refraction, layers and refraction.
+    """
     out = [np.empty_like(positions), np.empty_like(positions)]
-    counts, path, clearance = np.zeros((2, len(positions)), int), np.empty(len(positions)), np.empty(len(positions))
+    counts = np.zeros((2, len(positions)), int)
+    path = np.empty(len(positions))
+    clearance = np.empty(len(positions))
     for side in (1, -1):
         some = np.flatnonzero(np.sign(directions @ axes[2]) == side)
-        forward, d = side * axes[2], directions[some]
+        forward = side * axes[2]
+        d = directions[some]
         half = array.thickness / 2
         p = positions[some] - centre
         back = (-half - p @ forward) / (d @ forward)
@@ -115,6 +133,7 @@ def march(array, centre, axes, positions, directions):
             clear = np.minimum(clear, free)
         d = snell(d, normals, array.ior, 1)
         back = -(p @ forward) / (d @ forward)
-        out[0][some], out[1][some] = centre + p + back[:, None] * d, d
+        out[0][some] = centre + p + back[:, None] * d
+        out[1][some] = d
         path[some], clearance[some] = way - back, clear
     return March(*out, counts, path, clearance)

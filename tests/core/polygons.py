@@ -1,4 +1,6 @@
-"""Polygons cut with each other, by a clipper that knows nothing of edges, rows or cumulative sums."""
+"""Polygons cut with each other, by a clipper that knows nothing of edges, rows or
+cumulative sums.
+"""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -10,7 +12,8 @@ def clip(polygon, axis, limit, sign):
     """Keep the part of a polygon (list of points) where sign * (coordinate - limit) >= 0."""
     kept = []
     for a, b in pairwise([*polygon, *polygon[:1]]):
-        da, db = sign * (a[axis] - limit), sign * (b[axis] - limit)
+        da = sign * (a[axis] - limit)
+        db = sign * (b[axis] - limit)
         if da >= 0:
             kept.append(a)
         if (da > 0 > db) or (da < 0 < db):
@@ -19,13 +22,17 @@ def clip(polygon, axis, limit, sign):
 
 
 def area_and_centroid(polygon):
-    """Signed area and centroid (0, 0, 0 for none), taken from a corner so that a small polygon far away counts."""
+    """Signed area and centroid (0, 0, 0 for none), taken from a
+    corner so that a small polygon far away counts.
+    """
     area = mx = my = 0
     (x, y), *rest = polygon or [(0, 0)]
     around = [(px - x, py - y) for px, py in rest]
     for (ax, ay), (bx, by) in pairwise(around):
         cross = ax * by - ay * bx
-        area, mx, my = area + cross / 2, mx + cross * (ax + bx) / 6, my + cross * (ay + by) / 6
+        area = area + cross / 2
+        mx = mx + cross * (ax + bx) / 6
+        my = my + cross * (ay + by) / 6
     return (area, x + mx / area, y + my / area) if area else (0, 0, 0)
 
 
@@ -33,7 +40,9 @@ def clipped(polygon, width, height, exact=False):
     """Area and centroid {pixel: (area, x, y)} of a convex polygon in each pixel of a display."""
     number = Fraction if exact else float
     points = [tuple(number(value) for value in point) for point in polygon]
-    columns, rows = ([int(np.floor(f(point[i] for point in points))) for f in (min, max)] for i in (0, 1))
+    columns, rows = (
+        [int(np.floor(f(point[i] for point in points))) for f in (min, max)] for i in (0, 1)
+    )
     found = {}
     for row in range(max(rows[0], 0), min(rows[1], height - 1) + 1):
         strip = clip(clip(points, 1, row, 1), 1, row + 1, -1)
@@ -46,7 +55,9 @@ def clipped(polygon, width, height, exact=False):
 
 def pieces_of(polygon, width, height):
     """What of a convex polygon lies in each pixel of a display: {pixel: points}."""
-    columns, rows = ([int(np.floor(f(point[i] for point in polygon))) for f in (min, max)] for i in (0, 1))
+    columns, rows = (
+        [int(np.floor(f(point[i] for point in polygon))) for f in (min, max)] for i in (0, 1)
+    )
     found = {}
     for row in range(max(rows[0], 0), min(rows[1], height - 1) + 1):
         strip = clip(clip(polygon, 1, row, 1), 1, row + 1, -1)
@@ -56,7 +67,9 @@ def pieces_of(polygon, width, height):
 
 
 def covariance(polygon):
-    """Covariance (2, 2) of the points of a convex polygon: the mean over the edges' middles is exact in triangles."""
+    """Covariance (2, 2) of the points of a convex polygon: the
+    mean over the edges' middles is exact in triangles.
+    """
     points = np.asarray(polygon, float)
     area, *middle = area_and_centroid([tuple(point) for point in points])
     total = np.zeros((2, 2))

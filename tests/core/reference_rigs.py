@@ -1,4 +1,6 @@
-"""The reference rigs of docs/optics.md as plain data, and the shapes that tests put in their place."""
+"""The reference rigs of docs/optics.md as plain data, and the shapes that tests put in
+their place.
+"""
 
 from dataclasses import replace
 
@@ -13,9 +15,14 @@ QUAD_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[QUAD]
 
 def rectangle(centre, right, up, width, height):
     """A rectangle with UV; its front is right x up."""
-    right, up = np.asarray(right, float), np.asarray(up, float)
+    right = np.asarray(right, float)
+    up = np.asarray(up, float)
     corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
-    return Mesh(np.array([centre + a * width * right + b * height * up for a, b in corners]), QUAD, uv=QUAD_UV)
+    return Mesh(
+        np.array([centre + a * width * right + b * height * up for a, b in corners]),
+        QUAD,
+        uv=QUAD_UV,
+    )
 
 
 def box(size, centre=(0, 0, 0), degrees_about_z=0.0):
@@ -31,10 +38,13 @@ def box(size, centre=(0, 0, 0), degrees_about_z=0.0):
 def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
     """Ellipsoid of 20 * 4^levels triangles with the surface's own normals at the corners."""
     g = (1 + 5**0.5) / 2
-    v = np.array([[-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0], [0, -1, g], [0, 1, g], [0, -1, -g], [0, 1, -g],
+    v = np.array([[-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0], [0, -1, g], [0, 1, g], [0, -1,
+    -g], [0, 1, -g],
                   [g, 0, -1], [g, 0, 1], [-g, 0, -1], [-g, 0, 1]])  # fmt: skip
-    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2],
-                  [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5],
+    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4],
+    [11, 10, 2],
+                  [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4,
+                  9, 5],
                   [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]])  # fmt: skip
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
     for _ in range(levels):
@@ -45,17 +55,29 @@ def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
         v = np.concatenate([v, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
         a, b, c = f.T
         f = np.concatenate([np.stack(t, axis=1) for t in
-                            ((a, m[0], m[2]), (b, m[1], m[0]), (c, m[2], m[1]), (m[0], m[1], m[2]))])  # fmt: skip
+                            ((a, m[0], m[2]), (b, m[1], m[0]), (c, m[2], m[1]), (m[0], m[1],
+                            m[2]))])  # fmt: skip
     radii = np.broadcast_to(np.asarray(radii, float), 3)
     normals = v / radii
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     n = len(f)
-    return Mesh(v * radii + centre, f, normals[f] if smooth else None, np.full(n, smooth) if smooth else None)
+    return Mesh(
+        v * radii + centre,
+        f,
+        normals[f] if smooth else None,
+        np.full(n, smooth) if smooth else None,
+    )
 
 
 def split_quads(index):
-    """Triangles of the quads of a grid of vertices (m, n); the front is down the rows x along the columns."""
-    a, b, c, d = (corner.ravel() for corner in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    """Triangles of the quads of a grid of vertices (m, n).
+
+    The front is down the rows x along the columns.
+    """
+    a, b, c, d = (
+        corner.ravel()
+        for corner in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    )
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
@@ -66,8 +88,11 @@ def smooth_mesh(vertices, triangles, normals):
 
 
 def uv_ellipsoid(radii, segments=32, rings=16, pole=2):
-    """Ellipsoid of 2 segments (rings - 1) triangles as Blender's UV sphere is made, its poles on one of the axes."""
-    theta, phi = np.pi * np.arange(1, rings) / rings, 2 * np.pi * np.arange(segments) / segments
+    """Ellipsoid of 2 segments (rings - 1) triangles as Blender's UV
+    sphere is made, its poles on one of the axes.
+    """
+    theta = np.pi * np.arange(1, rings) / rings
+    phi = 2 * np.pi * np.arange(segments) / segments
     theta, phi = (x.ravel() for x in np.meshgrid(theta, phi, indexing="ij"))
     v = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
     v = np.roll(np.concatenate([v, [[0, 0, 1.0], [0, 0, -1.0]]]), pole - 2, axis=1)
@@ -81,27 +106,41 @@ def uv_ellipsoid(radii, segments=32, rings=16, pole=2):
 
 
 def torus(major, minor, segments=32, rings=16):
-    """Torus of 2 segments rings triangles around the y axis; segments along the ring, rings around the tube."""
+    """Torus of 2 segments rings triangles around the y axis.
+
+    Segments along the ring, rings around the tube.
+    """
     v, u = (2 * np.pi * np.arange(n) / n for n in (rings, segments))
     v, u = (x.ravel() for x in np.meshgrid(v, u, indexing="ij"))
     normals = np.stack([np.cos(v) * np.cos(u), np.sin(v), np.cos(v) * np.sin(u)], axis=1)
     middle = major * np.stack([np.cos(u), np.zeros_like(u), np.sin(u)], axis=1)
-    index = np.pad(np.arange(rings * segments).reshape(rings, segments), ((0, 1), (0, 1)), mode="wrap")
+    index = np.pad(
+        np.arange(rings * segments).reshape(rings, segments), ((0, 1), (0, 1)), mode="wrap"
+    )
     return smooth_mesh(middle + minor * normals, split_quads(index), normals)
 
 
 def barrel(radius, height, bulge, segments=128, rings=64):
-    """A round vessel about z, wider by `bulge` in the middle, smooth around and with flat ends; no inner wall."""
-    z, a = np.linspace(-height / 2, height / 2, rings + 1), 2 * np.pi * np.arange(segments) / segments
+    """A round vessel about z, wider by `bulge` in the middle, smooth around and with flat ends.
+
+    No inner wall.
+    """
+    z = np.linspace(-height / 2, height / 2, rings + 1)
+    a = 2 * np.pi * np.arange(segments) / segments
     r = radius + bulge * np.cos(np.pi * z / height) ** 2
     slope = -bulge * np.pi / height * np.sin(2 * np.pi * z / height)
-    r, z, slope, a = (x.ravel() for x in np.broadcast_arrays(r[:, None], z[:, None], slope[:, None], a[None]))
+    r, z, slope, a = (
+        x.ravel() for x in np.broadcast_arrays(r[:, None], z[:, None], slope[:, None], a[None])
+    )
     v = np.stack([r * np.cos(a), r * np.sin(a), z], axis=1)
     index = np.pad(np.arange(len(v)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap")
-    side = smooth_mesh(v, split_quads(index)[:, ::-1], np.stack([np.cos(a), np.sin(a), -slope], axis=1))
+    side = smooth_mesh(
+        v, split_quads(index)[:, ::-1], np.stack([np.cos(a), np.sin(a), -slope], axis=1)
+    )
     low, high = (np.full(segments, len(v) + k) for k in (0, 1))
     ends = np.concatenate([
-        np.stack([low, index[0, 1:], index[0, :-1]], axis=1), np.stack([high, index[-1, :-1], index[-1, 1:]], axis=1)
+        np.stack([low, index[0, 1:], index[0, :-1]], axis=1), np.stack([high, index[-1, :-1],
+        index[-1, 1:]], axis=1)
     ])  # fmt: skip
     own = np.repeat([[0, 0, -1.0], [0, 0, 1.0]], segments, axis=0)
     return Mesh(
@@ -113,10 +152,16 @@ def barrel(radius, height, bulge, segments=128, rings=64):
 
 
 def lathed(radius, height, segments=32):
-    """A closed body about z, smooth all over with mean normals, of rings; it begins and ends on the axis."""
+    """A closed body about z, smooth all over with mean normals, of rings.
+
+    It begins and ends on the axis.
+    """
     a = 2 * np.pi * np.arange(segments) / segments
     points = np.stack(
-        np.broadcast_arrays(radius[:, None] * np.cos(a), radius[:, None] * np.sin(a), height[:, None]), -1
+        np.broadcast_arrays(
+            radius[:, None] * np.cos(a), radius[:, None] * np.sin(a), height[:, None]
+        ),
+        -1,
     )
     index = np.arange(points[..., 0].size).reshape(points.shape[:2])
     index[[0, -1]] = index[[0, -1], :1]
@@ -128,7 +173,8 @@ def lathed(radius, height, segments=32):
 
 def bottle(wall=0.004):
     """A hollow vessel of 0.1 m, thicker in the middle than at its ends."""
-    outer, inner = barrel(0.022, 0.1, 0.003), barrel(0.022 - wall, 0.1 - 2 * wall, 0.002)
+    outer = barrel(0.022, 0.1, 0.003)
+    inner = barrel(0.022 - wall, 0.1 - 2 * wall, 0.002)
     return Mesh(
         np.concatenate([outer.vertices, inner.vertices]),
         np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.vertices)]),
@@ -139,7 +185,8 @@ def bottle(wall=0.004):
 
 def rod(start, end, radius, sides=8):
     """A thin flat-shaded prism from one point to another."""
-    start, end = np.asarray(start, float), np.asarray(end, float)
+    start = np.asarray(start, float)
+    end = np.asarray(end, float)
     along = (end - start) / np.linalg.norm(end - start)
     across = np.cross(along, np.roll(along, 1) + np.array([0.3, 0.5, 0.8]))
     across /= np.linalg.norm(across)
@@ -156,18 +203,31 @@ def rod(start, end, radius, sides=8):
 
 
 def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
-    """Slab across y of 4 n^2 + 8 n triangles: wavy, smooth front and back (docs/closed_forms.md), flat sides."""
+    """Slab across y of 4 n^2 + 8 n triangles: wavy, smooth front
+    and back (docs/closed_forms.md), flat sides.
+    """
     across = np.linspace(-size / 2, size / 2, n + 1)
     z, x = (a.ravel() for a in np.meshgrid(across, across, indexing="ij"))
-    k, m = 6 * np.pi / size, 5 * np.pi / size
+    k = 6 * np.pi / size
+    m = 5 * np.pi / size
     one = np.ones_like(x)
     w = amplitude * np.sin(k * x) * np.sin(k * z) - thickness / 2
     w_normals = np.stack(
-        [amplitude * k * np.cos(k * x) * np.sin(k * z), -one, amplitude * k * np.sin(k * x) * np.cos(k * z)], axis=1
+        [
+            amplitude * k * np.cos(k * x) * np.sin(k * z),
+            -one,
+            amplitude * k * np.sin(k * x) * np.cos(k * z),
+        ],
+        axis=1,
     )
     v = amplitude * np.cos(m * x) * np.cos(m * z) + thickness / 2
     v_normals = np.stack(
-        [amplitude * m * np.sin(m * x) * np.cos(m * z), one, amplitude * m * np.cos(m * x) * np.sin(m * z)], axis=1
+        [
+            amplitude * m * np.sin(m * x) * np.cos(m * z),
+            one,
+            amplitude * m * np.cos(m * x) * np.sin(m * z),
+        ],
+        axis=1,
     )
     back = (len(x) + np.arange(len(x))).reshape(n + 1, n + 1)
     front = back - len(x)
@@ -175,7 +235,9 @@ def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
     around = np.s_[:, -1], np.s_[::-1, 0], np.s_[-1, ::-1], np.s_[0, :]
     sides = np.concatenate([split_quads(np.stack([front[edge], back[edge]])) for edge in around])
     mesh = smooth_mesh(
-        np.stack([np.r_[x, x], np.r_[w, v], np.r_[z, z]], axis=1), faces, np.concatenate([w_normals, v_normals])
+        np.stack([np.r_[x, x], np.r_[w, v], np.r_[z, z]], axis=1),
+        faces,
+        np.concatenate([w_normals, v_normals]),
     )
     corners = mesh.vertices[sides]
     own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -189,20 +251,27 @@ def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
 
 
 def mean_normals(mesh):
-    """The same mesh with normals as Blender makes them: means over the smooth faces around a vertex, by angle.
+    """The same mesh with normals as Blender makes them: means
+    over the smooth faces around a vertex, by angle.
 
-    Over triangles: where quads are plane, as on the ellipsoid and the torus, this is Blender's mean over the quads.
+    Over triangles: where quads are plane, as on the ellipsoid and
+    the torus, this is Blender's mean over the quads.
     """
     smooth = mesh.triangles[mesh.is_smooth]
     corners = mesh.vertices[smooth]
-    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
     around = np.cross(ahead, behind)
     angle = np.arctan2(np.linalg.norm(around, axis=2), (ahead * behind).sum(axis=2))
     weighted = angle[..., None] * around / np.linalg.norm(around, axis=2, keepdims=True)
     count = len(mesh.vertices)
-    mean = np.stack([np.bincount(smooth.ravel(), weighted[..., k].ravel(), count) for k in range(3)], axis=1)
+    mean = np.stack(
+        [np.bincount(smooth.ravel(), weighted[..., k].ravel(), count) for k in range(3)], axis=1
+    )
     normals = mesh.corner_normals.copy()
-    normals[mesh.is_smooth] = (mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300))[smooth]
+    normals[mesh.is_smooth] = (
+        mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    )[smooth]
     return replace(mesh, corner_normals=normals, has_mean_normals=True)
 
 
@@ -211,21 +280,43 @@ def lattice_image(size=512):
     return np.concatenate([lattice(size), np.ones((size, size, 1), np.float32)], axis=2)
 
 
-def rig(glass, *, distance=0.15, pixels=512, field=0.05, picture=0.03, display=0.05, display_pixels=512, image=None,
+def rig(glass, *, distance=0.15, pixels=512, field=0.05, picture=0.03, display=0.05,
+display_pixels=512, image=None,
         projection="perspective", ior=1.49, viewer_distance=1.0, plate=0.488):  # fmt: skip
-    """The bench of docs/optics.md around the origin: viewer on -y, plate at 45 degrees on +y, display below it."""
+    """The bench of docs/optics.md around the origin: viewer on
+    -y, plate at 45 degrees on +y, display below it.
+    """
     x, y, z = np.eye(3)
     half = field / 2 / (viewer_distance if projection == "perspective" else 1)
     viewer = Viewer(
-        "viewer", projection, -viewer_distance * y, np.stack([x, z, y]), (-half, half, -half, half), pixels, pixels
+        "viewer",
+        projection,
+        -viewer_distance * y,
+        np.stack([x, z, y]),
+        (-half, half, -half, half),
+        pixels,
+        pixels,
     )
     glasses = glass if isinstance(glass, tuple) else (Glass("glass", glass, ConstantIndex(ior)),)
     return Rig(
         (viewer,),
         glasses,
         (Plate("plate", rectangle(distance * y, x, (y + z) / 2**0.5, plate, plate)),),
-        (Display("display", rectangle(distance * (y - z), x, y, display, display), display_pixels, display_pixels),),
-        (Picture("picture", lattice_image() if image is None else image, rectangle(0 * x, x, z, picture, picture)),),
+        (
+            Display(
+                "display",
+                rectangle(distance * (y - z), x, y, display, display),
+                display_pixels,
+                display_pixels,
+            ),
+        ),
+        (
+            Picture(
+                "picture",
+                lattice_image() if image is None else image,
+                rectangle(0 * x, x, z, picture, picture),
+            ),
+        ),
     )
 
 

@@ -1,4 +1,6 @@
-"""What a scene does not need, with and without: the rules of the plan, for their test and for the bench."""
+"""What a scene does not need, with and without: the rules
+of the plan, for their test and for the bench.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -54,7 +56,8 @@ def traced_beyond(a_rig: Rig) -> Plan:
 
 def with_engine(a_rig: Rig) -> Plan:
     """A plan whose every layer has a ray engine."""
-    few, ray_engine.FEW_TRIANGLES = ray_engine.FEW_TRIANGLES, 0
+    few = ray_engine.FEW_TRIANGLES
+    ray_engine.FEW_TRIANGLES = 0
     try:
         made = make_plan(a_rig, Settings())
         assert all(layer.has_engine for layer in made.layers)
@@ -73,7 +76,8 @@ class Always:
         return getattr(self._layer, name)
 
     def find_first_hits(self, *arguments: object) -> Pauses[ray_engine.Hits]:
-        few, ray_engine.FEW_TRIANGLES = ray_engine.FEW_TRIANGLES, 0
+        few = ray_engine.FEW_TRIANGLES
+        ray_engine.FEW_TRIANGLES = 0
         try:
             return (yield from self._layer.find_first_hits(*arguments))
         finally:
@@ -96,7 +100,9 @@ class After:
 
 def moved_viewer(a_rig: Rig) -> Rig:
     viewer = a_rig.viewer
-    return replace(a_rig, viewers=(replace(viewer, position=viewer.position + np.array([0.01, 0, 0.02])),))
+    return replace(
+        a_rig, viewers=(replace(viewer, position=viewer.position + np.array([0.01, 0, 0.02])),)
+    )
 
 
 def with_another_aside() -> Rig:
@@ -112,7 +118,9 @@ def without_the_other(a_rig: Rig) -> Plan:
 
 
 def two_boxes() -> Rig:
-    boxes = (Glass(name, box([0.02, 0.02, 0.05], (x, 0, 0))) for name, x in (("a", -0.012), ("b", 0.012)))
+    boxes = (
+        Glass(name, box([0.02, 0.02, 0.05], (x, 0, 0))) for name, x in (("a", -0.012), ("b", 0.012))
+    )
     return rig(tuple(boxes), pixels=256)
 
 
@@ -121,21 +129,33 @@ RULES = {
     "disjoint solids share a layer and a bit": Rule(
         two_boxes, plan, lambda a_rig: make_plan(touching(a_rig), Settings())
     ),
-    "nothing is traced beyond the plate but a flat display": Rule(ellipsoid_rig, plan, traced_beyond),
+    "nothing is traced beyond the plate but a flat display": Rule(
+        ellipsoid_rig, plan, traced_beyond
+    ),
     "without brightness there is no Fresnel": Rule(
         ellipsoid_rig, plan, lambda a_rig: make_plan(a_rig, Settings(brightness=True))
     ),
-    "glass that no light comes near is not made ready": Rule(with_another_aside, without_the_other, plan),
-    "flat glass has no curved faces": Rule(
-        lambda: cube_rig(pixels=256), plan, lambda a_rig: make_plan(marked_smooth(a_rig), Settings())
+    "glass that no light comes near is not made ready": Rule(
+        with_another_aside, without_the_other, plan
     ),
-    "a moved viewer builds nothing": Rule(lambda: moved_viewer(ellipsoid_rig()), After(ellipsoid_rig), plan),
-    "a mesh that moved is only moved": Rule(lambda: turned(ellipsoid_rig()), After(ellipsoid_rig), plan),
+    "flat glass has no curved faces": Rule(
+        lambda: cube_rig(pixels=256),
+        plan,
+        lambda a_rig: make_plan(marked_smooth(a_rig), Settings()),
+    ),
+    "a moved viewer builds nothing": Rule(
+        lambda: moved_viewer(ellipsoid_rig()), After(ellipsoid_rig), plan
+    ),
+    "a mesh that moved is only moved": Rule(
+        lambda: turned(ellipsoid_rig()), After(ellipsoid_rig), plan
+    ),
 }
 
 
 def touching(a_rig: Rig) -> Rig:
-    """The rig with a third box, out of all rays' way, that overlaps the first: a cluster with masks of two bits."""
+    """The rig with a third box, out of all rays' way, that
+    overlaps the first: a cluster with masks of two bits.
+    """
     far = Glass("c", box([0.001, 0.001, 0.04], (-0.012, 0, 0.04)), a_rig.glasses[0].ior)
     return replace(a_rig, glasses=(*a_rig.glasses, far))
 
@@ -146,5 +166,9 @@ def marked_smooth(a_rig: Rig) -> Rig:
     corners = glass.mesh.corners
     own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
-    mesh = replace(glass.mesh, corner_normals=np.repeat(own[:, None], 3, axis=1), is_smooth=np.ones(len(corners), bool))
+    mesh = replace(
+        glass.mesh,
+        corner_normals=np.repeat(own[:, None], 3, axis=1),
+        is_smooth=np.ones(len(corners), bool),
+    )
     return replace(a_rig, glasses=(replace(glass, mesh=mesh),))

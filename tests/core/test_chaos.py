@@ -1,4 +1,5 @@
-"""Where light is chaotic pixels are sampled: right on average, the nearer the more samples, and told.
+"""Where light is chaotic pixels are sampled: right on
+average, the nearer the more samples, and told.
 
 The judge is brute force: random rays, each on its own.
 """
@@ -28,7 +29,9 @@ BLOCKS = 32  # along the display, over which light is summed up
 
 @cache
 def facetted():
-    """A flat-shaded ball of 1280 facets: light goes through front and back ones in thousands of combinations."""
+    """A flat-shaded ball of 1280 facets: light goes through front
+    and back ones in thousands of combinations.
+    """
     return rig(icosphere(0.025, 3, smooth=False), pixels=PIXELS, display=0.2, display_pixels=256)
 
 
@@ -97,7 +100,9 @@ def test_the_map_gives_the_nearest_sample():
     """At a sample the map gives its landing."""
     found = solved().view_map
     places = found.points.view[found.samples]
-    assert np.array_equal(found.display_from_view(places), found.points.xy[found.samples], equal_nan=True)
+    assert np.array_equal(
+        found.display_from_view(places), found.points.xy[found.samples], equal_nan=True
+    )
 
 
 def test_samples_stay_where_they_are():
@@ -124,14 +129,21 @@ def test_clear_glass_is_not_sampled(a_rig):
 
 def test_chaos_is_told_with_what_more_effort_costs():
     (told,) = [note for note in solved().notes if "chaotic" in note]
-    assert f"up to 16 rays stand for a viewer pixel there, {solved().map_error.n_samples} in all." in told
-    assert "Four times the Effort takes four times as many, and halves their noise. Shade 'glass' smooth if" in told
+    assert (
+        f"up to 16 rays stand for a viewer pixel there, {solved().map_error.n_samples} in all."
+        in told
+    )
+    assert (
+        "Four times the Effort takes four times as many, and halves their noise. Shade 'glass'"
+        " smooth if" in told
+    )
 
 
 def test_more_samples_than_memory_holds_are_refused(monkeypatch):
     monkeypatch.setattr(free_memory, "available", lambda: 1e6)
     with pytest.raises(
-        RigError, match=r"Sampling where light is chaotic would take about .* lower Effort \(1024\), or"
+        RigError,
+        match=r"Sampling where light is chaotic would take about .* lower Effort \(1024\), or",
     ):
         drain(sample(make_plan(facetted(), Settings(effort=1024))))
 
@@ -148,20 +160,38 @@ def test_places_outside_of_the_view_are_not_on_the_map():
 
 @pytest.mark.parametrize("effort", [0, 5000, 3.5])
 def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
-    with pytest.raises(RigError, match=f"Effort is {effort} rays for a viewer pixel: allow it 1 to 4096"):
+    with pytest.raises(
+        RigError, match=f"Effort is {effort} rays for a viewer pixel: allow it 1 to 4096"
+    ):
         replace(Settings(), effort=effort).check()
 
 
 @pytest.mark.parametrize("effort", [1, 4, 9, 16, 25, 49])
 def test_a_sample_lights_one_display_pixel(effort):
-    """The one that it lands in, with all that it stands for: rounding gives its neighbours nothing."""
+    """The one that it lands in, with all that it stands for: rounding gives its
+    neighbours nothing.
+    """
     n = 20_000
     landings = np.random.default_rng(1).uniform(0, 300, (n, 2))
     one = np.ones(n, np.uint64)
-    points = Points(np.random.default_rng(2).uniform(0, 48, (n, 2)), landings, one, np.zeros(n, np.uint8), np.ones(n))
+    points = Points(
+        np.random.default_rng(2).uniform(0, 48, (n, 2)),
+        landings,
+        one,
+        np.zeros(n, np.uint8),
+        np.ones(n),
+    )
     area = np.full(n, 1.0 / effort)
-    found = replace(solved().view_map, points=points, samples=np.arange(n), sample_area=area, display_size=(300, 300))
-    found = replace(found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0])
+    found = replace(
+        solved().view_map,
+        points=points,
+        samples=np.arange(n),
+        sample_area=area,
+        display_size=(300, 300),
+    )
+    found = replace(
+        found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0]
+    )
     found = replace(found, corner=found.corner[:0], size=found.size[:0])
     shares = [rasterise((300, 300), (48, 48), *piece[:3]) for piece in found.pieces(at_pixels=True)]
     index = np.concatenate([some.display_index for some in shares])
@@ -182,8 +212,11 @@ def test_much_effort_for_few_pixels_takes_little_memory():
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
 def test_a_ball_has_no_chaos_however_exact_it_is(tolerance):
-    """A rim that is bent by more than the tolerance is no chaos: it is cut, and no display pixel is left out."""
+    """A rim that is bent by more than the tolerance is no
+    chaos: it is cut, and no display pixel is left out.
+    """
     a_rig = ball_rig(4, pixels=256, display_pixels=256)
-    found, coarse = solve(a_rig, tolerance=tolerance), solve(a_rig, tolerance=1.0)
+    found = solve(a_rig, tolerance=tolerance)
+    coarse = solve(a_rig, tolerance=1.0)
     assert found.map_error.n_samples == 0
     assert not ((coarse.weight > 1e-3) & (found.weight == 0)).any()

@@ -1,4 +1,6 @@
-"""The judge judged: closed forms that need roots against mpmath and against what a path through a solid must keep."""
+"""The judge judged: closed forms that need roots against
+mpmath and against what a path through a solid must keep.
+"""
 
 import closed_forms
 import mpmath
@@ -6,7 +8,9 @@ import numpy as np
 import pytest
 from reference_rigs import mean_normals, torus, uv_ellipsoid, wavy_slab
 
-MAJOR, MINOR, N = 0.018, 0.007, 1.49
+MAJOR = 0.018
+MINOR = 0.007
+N = 1.49
 SLAB = {"size": 0.075, "thickness": 0.02, "amplitude": 0.001}
 SOLIDS = {
     "torus": (closed_forms.torus(MAJOR, MINOR), MAJOR + MINOR, MINOR),
@@ -30,26 +34,36 @@ def paths(solid, n=400):
 
 
 def precise_torus(x, y, z):
-    return mpmath.sqrt((mpmath.sqrt(x * x + z * z) - mpmath.mpf(MAJOR)) ** 2 + y * y) - mpmath.mpf(MINOR)
+    return mpmath.sqrt((mpmath.sqrt(x * x + z * z) - mpmath.mpf(MAJOR)) ** 2 + y * y) - mpmath.mpf(
+        MINOR
+    )
 
 
 def precise_slab(x, y, z):
     size, thickness, amplitude = (mpmath.mpf(v) for v in SLAB.values())
-    k, m = 6 * mpmath.pi / size, 5 * mpmath.pi / size
+    k = 6 * mpmath.pi / size
+    m = 5 * mpmath.pi / size
     front = amplitude * mpmath.sin(k * x) * mpmath.sin(k * z) - thickness / 2
     back = amplitude * mpmath.cos(m * x) * mpmath.cos(m * z) + thickness / 2
     return max(front - y, y - back, abs(x) - size / 2, abs(z) - size / 2)
 
 
 def precise_path(f, o, d, guesses):
-    """The path in 40 digits: roots near the guesses, normals by mpmath's own derivative, Snell's law by its vectors."""
-    p, d = mpmath.matrix(o), mpmath.matrix(d)
+    """The path in 40 digits: roots near the guesses, normals by
+    mpmath's own derivative, Snell's law by its vectors.
+    """
+    p = mpmath.matrix(o)
+    d = mpmath.matrix(d)
     d /= mpmath.norm(d)
     for k, guess in enumerate(guesses):
         start = mpmath.norm(mpmath.matrix(guess) - p)
-        t = mpmath.findroot(lambda t, p=p, d=d: f(*(p + t * d)), (start, start * (1 + mpmath.mpf(10) ** -12)))
+        t = mpmath.findroot(
+            lambda t, p=p, d=d: f(*(p + t * d)), (start, start * (1 + mpmath.mpf(10) ** -12))
+        )
         p = p + t * d
-        normal = mpmath.matrix([mpmath.diff(f, tuple(p), order) for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+        normal = mpmath.matrix(
+            [mpmath.diff(f, tuple(p), order) for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+        )
         normal /= mpmath.norm(normal)
         eta = mpmath.mpf(N) if k % 2 else 1 / mpmath.mpf(N)
         c = -(normal.T * d)[0]
@@ -60,9 +74,11 @@ def precise_path(f, o, d, guesses):
 
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_paths_are_those_of_forty_digits(solid):
-    """Each point within 1e-15 m of mpmath's where it is first met, and all within 1e-13 at the end of the path.
+    """Each point within 1e-15 m of mpmath's where it is first
+    met, and all within 1e-13 at the end of the path.
 
-    A curved interface multiplies what it gets by less than 1 / GRAZING = 10; roots are good to 1e-16 m at 0.3 m.
+    A curved interface multiplies what it gets by less than 1 /
+    GRAZING = 10; roots are good to 1e-16 m at 0.3 m.
     """
     f = precise_torus if solid == "torus" else precise_slab
     o, d, points, directions = paths(solid)
@@ -79,7 +95,10 @@ def test_paths_are_those_of_forty_digits(solid):
 
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_paths_miss_no_crossing(solid):
-    """Between two points a path is on one side only, at 500 places of each chord; the points are on the surface."""
+    """Between two points a path is on one side only, at 500 places of each chord.
+
+    The points are on the surface.
+    """
     o, _, points, directions = paths(solid)
     parts, *_ = SOLIDS[solid]
     met = np.isfinite(points[..., 0])
@@ -94,18 +113,24 @@ def test_paths_miss_no_crossing(solid):
 
 
 def test_a_torus_of_index_1_is_met_at_the_roots_of_the_quartic():
-    """The number of crossings and their distances are those of the polynomial's real roots, found by companion matrix.
+    """The number of crossings and their distances are those of the
+    polynomial's real roots, found by companion matrix.
 
-    Roots of a quartic are good to the square root of rounding where two are near each other, hence 3e-9 m.
+    Roots of a quartic are good to the square root of rounding
+    where two are near each other, hence 3e-9 m.
     """
     o, d = rays(300)
-    points, _, is_regular = closed_forms.follow(o, d, closed_forms.torus(MAJOR, MINOR), 1.0, MAJOR + MINOR, MINOR)
+    points, _, is_regular = closed_forms.follow(
+        o, d, closed_forms.torus(MAJOR, MINOR), 1.0, MAJOR + MINOR, MINOR
+    )
     counts = []
     for ray in np.flatnonzero(is_regular):
-        p, e = o[ray] + 0.3 * d[ray], d[ray]
+        p = o[ray] + 0.3 * d[ray]
+        e = d[ray]
         # (|p + t e|^2 + R^2 - r^2)^2 = 4 R^2 (x^2 + z^2)
         square = np.array([1, 2 * p @ e, p @ p + MAJOR**2 - MINOR**2])
-        flat_p, flat_e = p[[0, 2]], e[[0, 2]]
+        flat_p = p[[0, 2]]
+        flat_e = e[[0, 2]]
         ring = 4 * MAJOR**2 * np.array([flat_e @ flat_e, 2 * flat_p @ flat_e, flat_p @ flat_p])
         roots = np.roots(np.polysub(np.polymul(square, square), ring))
         roots = np.sort(roots[np.abs(roots.imag) < 1e-7].real)
@@ -119,12 +144,15 @@ def test_a_torus_of_index_1_is_met_at_the_roots_of_the_quartic():
 
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_light_goes_back_the_way_it_came(solid):
-    """A path sent back from its end meets the same points in reverse, within 1e-12 m, and leaves along its start."""
+    """A path sent back from its end meets the same points in
+    reverse, within 1e-12 m, and leaves along its start.
+    """
     o, d, points, directions = paths(solid)
     parts, bound, bend = SOLIDS[solid]
     count = np.isfinite(points[..., 0]).sum(axis=1)
     rows = np.arange(len(o))
-    p, e = points[rows, count - 1], directions[rows, count - 1]
+    p = points[rows, count - 1]
+    e = directions[rows, count - 1]
     again, turned, _ = closed_forms.follow(p + 0.1 * e, -e, parts, N, bound, bend)
     assert (np.isfinite(again[..., 0]).sum(axis=1) == count).all()
     for k in np.unique(count):
@@ -137,16 +165,23 @@ def test_a_slab_without_waves_is_a_slab():
     """Amplitude 0: the slab formula to rounding at 0.3 m, for the rays that meet front and back."""
     o, d = rays(500)
     p, e, _ = closed_forms.through_wavy_slab(o, d, 0.075, 0.02, 0.0, N)
-    q, f = closed_forms.through_slab(o, d, np.array([0, 1.0, 0]), -0.01 * np.sign(d[:, 1:2]) * [0, 1, 0], 0.02, N)
+    q, f = closed_forms.through_slab(
+        o, d, np.array([0, 1.0, 0]), -0.01 * np.sign(d[:, 1:2]) * [0, 1, 0], 0.02, N
+    )
     entry = o + ((-0.01 * np.sign(d[:, 1]) - o[:, 1]) / d[:, 1])[:, None] * d
-    both = (np.abs(entry[:, [0, 2]]) < 0.0375).all(axis=1) & (np.abs(q[:, [0, 2]]) < 0.0375).all(axis=1)
+    both = (np.abs(entry[:, [0, 2]]) < 0.0375).all(axis=1) & (np.abs(q[:, [0, 2]]) < 0.0375).all(
+        axis=1
+    )
     assert both.sum() > 200
     assert np.abs(p - q)[both].max() < 1e-15
     assert np.abs(e - f)[both].max() < 1e-14
 
 
 def test_a_thin_far_torus_is_not_met_through_its_hole():
-    """Rays through the hole are not known; a ray through the tube's middle, along the axis, goes straight on."""
+    """Rays through the hole are not known.
+
+    A ray through the tube's middle, along the axis, goes straight on.
+    """
     o = np.array([[0, -0.3, 0], [MAJOR, -0.3, 0], [0, -0.3, 0.03]])
     d = np.broadcast_to([0, 1.0, 0], (3, 3))
     p, e, is_regular = closed_forms.through_torus(o, d, MAJOR, MINOR, N)
@@ -157,16 +192,28 @@ def test_a_thin_far_torus_is_not_met_through_its_hole():
 
 
 MESHES = {
-    "ellipsoid": (lambda s: uv_ellipsoid((0.025, 0.02, 0.015), s, s // 2), 4 / 3 * np.pi * 0.025 * 0.02 * 0.015),
-    "ball, poles on y": (lambda s: uv_ellipsoid((0.025,) * 3, s, s // 2, pole=1), 4 / 3 * np.pi * 0.025**3),
+    "ellipsoid": (
+        lambda s: uv_ellipsoid((0.025, 0.02, 0.015), s, s // 2),
+        4 / 3 * np.pi * 0.025 * 0.02 * 0.015,
+    ),
+    "ball, poles on y": (
+        lambda s: uv_ellipsoid((0.025,) * 3, s, s // 2, pole=1),
+        4 / 3 * np.pi * 0.025**3,
+    ),
     "torus": (lambda s: torus(MAJOR, MINOR, s, s // 2), 2 * np.pi**2 * MAJOR * MINOR**2),
-    "wavy slab": (lambda s: wavy_slab(s // 2), 0.075**2 * 0.02 + 0.001 * (2 * 0.075 / (5 * np.pi)) ** 2),
+    "wavy slab": (
+        lambda s: wavy_slab(s // 2),
+        0.075**2 * 0.02 + 0.001 * (2 * 0.075 / (5 * np.pi)) ** 2,
+    ),
 }
 
 
 @pytest.mark.parametrize("shape", MESHES)
 def test_meshes_are_closed_and_enclose_the_solid(shape):
-    """Every edge has two faces, once in each direction; the volume goes to the solid's with the square of the edge."""
+    """Every edge has two faces, once in each direction.
+
+    The volume goes to the solid's with the square of the edge.
+    """
     make, volume = MESHES[shape]
     errors = []
     for segments in (64, 128):
@@ -182,7 +229,10 @@ def test_meshes_are_closed_and_enclose_the_solid(shape):
 
 @pytest.mark.parametrize("shape", MESHES)
 def test_mean_normals_go_to_the_surface_s_own(shape):
-    """Angle between mean and own normals shrinks at least with the edge; flat faces keep theirs exactly."""
+    """Angle between mean and own normals shrinks at least with the edge.
+
+    Flat faces keep theirs exactly.
+    """
     make, _ = MESHES[shape]
     worst = []
     for segments in (64, 128):

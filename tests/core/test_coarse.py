@@ -1,4 +1,6 @@
-"""First pictures: what they are, when they are made, and that they change nothing of what comes after them."""
+"""First pictures: what they are, when they are made, and
+that they change nothing of what comes after them.
+"""
 
 from dataclasses import replace
 from itertools import count
@@ -44,7 +46,10 @@ def test_a_coarse_image_is_enlarged():
 
 @pytest.mark.parametrize("progress", [0.0, 0.3, 0.6, 0.85])
 def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
-    """To the bit, wherever it rests for a coarse picture; that shows where things are: a shift by 4 pixels is more."""
+    """To the bit, wherever it rests for a coarse picture.
+
+    That shows where things are: a shift by 4 pixels is more.
+    """
     expected = solve(a_rig(), brightness=True).source
     patience(monkeypatch, np.inf)
     monkeypatch.setattr(coarse, "COARSE_DISPLAY", 95)  # so that this one is large
@@ -56,7 +61,9 @@ def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
     assert np.array_equal(drain(work).source, expected)
     (image,) = shown
     assert image.shape == expected.shape
-    off, moved = (np.abs(other - expected).mean() for other in (image, np.roll(expected, 4, axis=1)))
+    off, moved = (
+        np.abs(other - expected).mean() for other in (image, np.roll(expected, 4, axis=1))
+    )
     assert 0 < off < 0.5 * moved
 
 
@@ -76,11 +83,14 @@ class Slow:
 
 
 def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
-    """Each takes sixteen times as long as the one before, and comes after sixteen times the work."""
+    """Each takes sixteen times as long as the one before, and comes after sixteen times
+    the work.
+    """
     patience(monkeypatch, 2.0)
     clock = count()
     monkeypatch.setattr(coarse, "perf_counter", lambda: float(next(clock)))
-    shown, after = [], []
+    shown = []
+    after = []
     steps = enumerate(in_sight(a_rig(1500), Slow(), shown))
     for n, progress in steps:
         assert progress < 0.5
@@ -90,8 +100,12 @@ def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
 
 
 def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
-    """Where nothing is traced nothing coarse is faster; nor is it for a small viewer, or for what is nearly done."""
-    session, shown = Session(), []
+    """Where nothing is traced nothing coarse is faster.
+
+    Nor is it for a small viewer, or for what is nearly done.
+    """
+    session = Session()
+    shown = []
     solve(a_rig(), session)
     assert drain(in_sight(a_rig(), session, shown)).n_rays == 0
     drain(in_sight(a_rig(128), Session(), shown))
@@ -101,8 +115,11 @@ def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
 
 
 def test_a_solve_that_is_given_up_leaves_what_was_known(impatient):
-    """The optics of the solve before do not give way to those of the coarse picture: again they need no tracing."""
-    session, shown = Session(), []
+    """The optics of the solve before do not give way to those of
+    the coarse picture: again they need no tracing.
+    """
+    session = Session()
+    shown = []
     solve(a_rig(), session)
     work = in_sight(a_rig(), session, shown, tolerance=0.05)
     while not shown:
@@ -125,9 +142,13 @@ def test_a_coarse_viewer_may_miss_what_the_fine_one_sees(impatient, monkeypatch)
 
 
 def test_what_cannot_be_solved_shows_nothing(impatient):
-    """Settings that are none, a plate that no ray meets, a picture out of sight: refused as by a plain solve."""
+    """Settings that are none, a plate that no ray meets, a
+    picture out of sight: refused as by a plain solve.
+    """
     seen = a_rig()
-    aside = replace(seen.picture, mesh=replace(seen.picture.mesh, vertices=seen.picture.mesh.vertices + 10))
+    aside = replace(
+        seen.picture, mesh=replace(seen.picture.mesh, vertices=seen.picture.mesh.vertices + 10)
+    )
     for rig, settings in (
         (seen, {"tolerance": 0.0}),
         (a_rig(plate=1e-6), {}),

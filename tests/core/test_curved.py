@@ -1,4 +1,6 @@
-"""Curved faces: how exact they are, that they have no cracks and no leaks, and where they give way to the facet."""
+"""Curved faces: how exact they are, that they have no cracks
+and no leaks, and where they give way to the facet.
+"""
 
 from dataclasses import replace
 
@@ -35,7 +37,9 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve.tessellation import _Parabolic
 from kiriko.core.steps import finish
 
-RADIUS, RADII, TORUS = 0.025, (0.025, 0.020, 0.015), (0.018, 0.007)
+RADIUS = 0.025
+RADII = (0.025, 0.020, 0.015)
+TORUS = (0.018, 0.007)
 WEIGHTS = grid(6)[0]  # barycentric: places on a face at which it is judged
 
 
@@ -44,7 +48,9 @@ def ellipsoid_distance(radii):
 
     def judge(p):
         gradient = 2 * p / np.square(radii)
-        return (((p / radii) ** 2).sum(axis=1) - 1) / np.linalg.norm(gradient, axis=1), unit(gradient)
+        return (((p / radii) ** 2).sum(axis=1) - 1) / np.linalg.norm(gradient, axis=1), unit(
+            gradient
+        )
 
     return judge
 
@@ -52,7 +58,9 @@ def ellipsoid_distance(radii):
 def torus_distance(major, minor):
     def judge(p):
         rho = np.hypot(p[:, 0], p[:, 2])
-        across = np.stack([(rho - major) * p[:, 0] / rho, p[:, 1], (rho - major) * p[:, 2] / rho], axis=1)
+        across = np.stack(
+            [(rho - major) * p[:, 0] / rho, p[:, 1], (rho - major) * p[:, 2] / rho], axis=1
+        )
         return np.linalg.norm(across, axis=1) - minor, unit(across)
 
     return judge
@@ -92,7 +100,9 @@ def frustum(segments, bottom, top, height, rings=1):
     vertices = np.concatenate([
         circle * (bottom + s * (top - bottom)) + [0, (s - 0.5) * height, 0] for s in levels
     ])  # fmt: skip
-    index = np.pad(np.arange(len(vertices)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap")
+    index = np.pad(
+        np.arange(len(vertices)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap"
+    )
     fan = np.array([[0, i, i + 1] for i in range(1, segments - 1)])
     caps = np.concatenate([fan, fan + rings * segments])
     return vertices, outward(vertices, split_quads(index)), outward(vertices, caps)
@@ -102,9 +112,12 @@ def cylinder(segments=32, rings=4, radius=0.02, height=0.04):
     """Smooth sides with the cylinder's own normals, flat caps: sharp rims."""
     vertices, sides, caps = frustum(segments, radius, radius, height, rings)
     normals = np.concatenate([
-        unit(vertices[sides] * [1, 0, 1]), np.repeat(own_normals(vertices, caps)[:, None], 3, axis=1)
+        unit(vertices[sides] * [1, 0, 1]), np.repeat(own_normals(vertices, caps)[:, None], 3,
+        axis=1)
     ])  # fmt: skip
-    return Mesh(vertices, np.concatenate([sides, caps]), normals, np.arange(len(normals)) < len(sides))
+    return Mesh(
+        vertices, np.concatenate([sides, caps]), normals, np.arange(len(normals)) < len(sides)
+    )
 
 
 def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
@@ -113,12 +126,24 @@ def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
     polar = np.arcsin(radius / curvature) * np.arange(1, rings + 1) / rings
     angle = 2 * np.pi * np.arange(segments) / segments
     t, a = (x.ravel() for x in np.meshgrid(polar, angle, indexing="ij"))
-    front = np.stack([np.sin(t) * np.cos(a), np.cos(t) - height / curvature, np.sin(t) * np.sin(a)], axis=1) * curvature
+    front = (
+        np.stack(
+            [np.sin(t) * np.cos(a), np.cos(t) - height / curvature, np.sin(t) * np.sin(a)], axis=1
+        )
+        * curvature
+    )
     front[-segments:, 1] = 0
     n = len(front) - segments
-    vertices = np.concatenate([front, front[:n] * [1, -1, 1], [[0, curvature - height, 0], [0, height - curvature, 0]]])
-    rim, triangles, normals = n + np.arange(segments), [], []
-    for start, apex, centre in ((0, len(vertices) - 2, -height), (n + segments, len(vertices) - 1, height)):
+    vertices = np.concatenate(
+        [front, front[:n] * [1, -1, 1], [[0, curvature - height, 0], [0, height - curvature, 0]]]
+    )
+    rim = n + np.arange(segments)
+    triangles = []
+    normals = []
+    for start, apex, centre in (
+        (0, len(vertices) - 2, -height),
+        (n + segments, len(vertices) - 1, height),
+    ):
         index = np.concatenate([start + np.arange(n).reshape(rings - 1, segments), rim[None]])
         index = np.concatenate([index, index[:, :1]], axis=1)
         tip = np.stack([np.full(segments, apex), index[0, :-1], index[0, 1:]], axis=1)
@@ -130,7 +155,8 @@ def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
 
 def hollow(outer=None, inner=None):
     """A ball with a ball-shaped cavity, its faces wound out of the glass."""
-    outer, inner = outer or icosphere(RADIUS, 3), inner or icosphere(0.8 * RADIUS, 3)
+    outer = outer or icosphere(RADIUS, 3)
+    inner = inner or icosphere(0.8 * RADIUS, 3)
     return Mesh(
         np.concatenate([outer.vertices, inner.vertices]),
         np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.vertices)]),
@@ -140,15 +166,23 @@ def hollow(outer=None, inner=None):
 
 
 def rounded_box(half, radius, cuts):
-    """A box whose edges are rounded by 2 cuts faces each, shaded smooth all over with means for normals."""
+    """A box whose edges are rounded by 2 cuts faces each,
+    shaded smooth all over with means for normals.
+    """
     line = np.tan(np.linspace(0, np.pi / 4, cuts + 1)) * radius + half - radius
     line = np.concatenate([-line[::-1], line])
     index = np.arange(len(line) ** 2).reshape(len(line), -1)
     a, b = (x.ravel() for x in np.meshgrid(line, line, indexing="ij"))
-    sides = [np.roll(np.stack([a, b, np.full_like(a, s)], axis=1), k, axis=1) for k in range(3) for s in (-half, half)]
+    sides = [
+        np.roll(np.stack([a, b, np.full_like(a, s)], axis=1), k, axis=1)
+        for k in range(3)
+        for s in (-half, half)
+    ]
     on_cube = np.concatenate(sides)
     core = np.clip(on_cube, radius - half, half - radius)
-    _, kept, of = np.unique(np.round(on_cube / half * 1e6).astype(int), axis=0, return_index=True, return_inverse=True)
+    _, kept, of = np.unique(
+        np.round(on_cube / half * 1e6).astype(int), axis=0, return_index=True, return_inverse=True
+    )
     vertices = (core + radius * unit(on_cube - core))[kept]
     triangles = np.concatenate([split_quads(index) + k * len(a) for k in range(6)])
     return all_smooth(vertices, outward(vertices, of.ravel()[triangles]))
@@ -157,7 +191,9 @@ def rounded_box(half, radius, cuts):
 def bevelled_cube(half, bevel):
     """A cube with a chamfer on each edge, shaded smooth all over with means for normals."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    vertices = np.concatenate([signs * np.roll([half, half - bevel, half - bevel], k) for k in range(3)])
+    vertices = np.concatenate(
+        [signs * np.roll([half, half - bevel, half - bevel], k) for k in range(3)]
+    )
     axes = [np.array(a) for a in np.ndindex(3, 3, 3) if a != (1, 1, 1)]
     triangles = []
     for axis in axes:  # 6 faces, 12 chamfers, 8 corners: the vertices that lie farthest along each
@@ -165,7 +201,8 @@ def bevelled_cube(half, bevel):
         on = np.flatnonzero(height > height.max() - 1e-9)
         away = vertices[on] - vertices[on].mean(axis=0)
         turn = np.arctan2(
-            np.cross(axis - 1.0, away[0]) @ away.T / np.sqrt((axis - 1.0) @ (axis - 1.0)), away[0] @ away.T
+            np.cross(axis - 1.0, away[0]) @ away.T / np.sqrt((axis - 1.0) @ (axis - 1.0)),
+            away[0] @ away.T,
         )
         on = on[np.argsort(turn)]
         triangles += [[on[0], on[i], on[i + 1]] for i in range(1, len(on) - 1)]
@@ -203,14 +240,18 @@ def places(curved):
 
 
 def bulge(mesh, chosen=None):
-    """Largest distance of curved faces from their facets over their longest edge; 0 where none is curved."""
+    """Largest distance of curved faces from their facets over
+    their longest edge; 0 where none is curved.
+    """
     curved = make_surface(mesh).curved
     if curved is None:
         return 0.0
     corners = mesh.corners[curved.triangle]
     off = np.linalg.norm(curved.points_on(6) - np.matmul(WEIGHTS, corners), axis=2).max(axis=1)
     off /= np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return off[np.ones(len(off), bool) if chosen is None else chosen[curved.triangle]].max(initial=0.0)
+    return off[np.ones(len(off), bool) if chosen is None else chosen[curved.triangle]].max(
+        initial=0.0
+    )
 
 
 def rms(x):
@@ -224,7 +265,9 @@ def rms(x):
 @normals_kinds
 @pytest.mark.parametrize("name", ANALYTIC)
 def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_normals):
-    """Half the edge: at least 2^4.95 times nearer to the surface (2^4.75 at worst), the normal 2^3.85 times."""
+    """Half the edge: at least 2^4.95 times nearer to the
+    surface (2^4.75 at worst), the normal 2^3.85 times.
+    """
     make, judge = ANALYTIC[name]
     errors = []
     for n in (32, 64, 128):
@@ -245,7 +288,9 @@ def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_norm
 @normals_kinds
 @pytest.mark.parametrize("name", ANALYTIC)
 def test_at_32_x_16_curved_faces_are_far_nearer_than_facets(name, has_mean_normals):
-    """100 times in position against facets, 5 in the normal against interpolated ones, rms (the ball's own aside)."""
+    """100 times in position against facets, 5 in the normal
+    against interpolated ones, rms (the ball's own aside).
+    """
     make, judge = ANALYTIC[name]
     mesh = mean_normals(make(32)) if has_mean_normals else make(32)
     curved = make_surface(mesh).curved
@@ -265,10 +310,14 @@ def test_at_32_x_16_curved_faces_are_far_nearer_than_facets(name, has_mean_norma
 @normals_kinds
 @closed
 def test_neighbours_meet_on_their_edge(name, has_mean_normals):
-    """Both faces of an edge give the same points to rounding: the chord itself where one is flat or the edge sharp."""
+    """Both faces of an edge give the same points to rounding: the
+    chord itself where one is flat or the edge sharp.
+    """
     mesh = meshes(name, has_mean_normals)
     surface = make_surface(mesh)
-    curved, edges, size = surface.curved, find_edges(mesh.triangles), np.ptp(mesh.vertices, axis=0).max()
+    curved = surface.curved
+    edges = find_edges(mesh.triangles)
+    size = np.ptp(mesh.vertices, axis=0).max()
     assert surface.n_open == 0
     s = np.linspace(0, 1, 17)
 
@@ -279,7 +328,9 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
         points = np.einsum("nsc,nci->nsi", w, mesh.corners[k])
         bent = np.flatnonzero(curved.row[k] >= 0)
         every = np.repeat(k[bent], len(s))
-        points[bent] = curved.points(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(-1, len(s), 3)
+        points[bent] = curved.points(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(
+            -1, len(s), 3
+        )
         return points
 
     assert not edges.is_same_way.any()
@@ -287,11 +338,14 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     other = along(edges.second, edges.corner_second, s[::-1])
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-15 * size)
     ends = np.stack([one[:, 0], one[:, -1]], axis=1)
-    exact = np.stack([mesh.corners[edges.first, (edges.corner_first + i) % 3] for i in (0, 1)], axis=1)
+    exact = np.stack(
+        [mesh.corners[edges.first, (edges.corner_first + i) % 3] for i in (0, 1)], axis=1
+    )
     np.testing.assert_allclose(ends, exact, rtol=0, atol=1e-15 * size)
     is_curved = (curved.row[edges.first] >= 0) & (curved.row[edges.second] >= 0)
     normals = [mesh.corner_normals[t, c] for t, c in
-               ((edges.first, edges.corner_first), (edges.second, (edges.corner_second + 1) % 3))]  # fmt: skip
+               ((edges.first, edges.corner_first), (edges.second,
+               (edges.corner_second + 1) % 3))]  # fmt: skip
     is_sharp = np.abs(normals[0] - normals[1]).max(axis=1) > 1e-3
     straight = ~is_curved | is_sharp
     chords = exact[:, :1] * (1 - s)[:, None] + exact[:, 1:] * s[:, None]
@@ -300,7 +354,8 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
 
 
 def one_useless_face():
-    mesh, bad = uv_ellipsoid(RADIUS), spoilt("NaN")
+    mesh = uv_ellipsoid(RADIUS)
+    bad = spoilt("NaN")
     normals = mesh.corner_normals.copy()
     normals[500] = bad.corner_normals[500]
     return replace(mesh, corner_normals=normals)
@@ -324,10 +379,14 @@ UNEVEN = {
 
 @pytest.mark.parametrize("name", UNEVEN)
 def test_normals_of_neighbours_agree_all_along_their_edge(name):
-    """To 2e-6 rad, however irregular the mesh, and where a curved face meets one as drawn; sharp edges stay sharp."""
+    """To 2e-6 rad, however irregular the mesh, and where a curved face meets one as drawn.
+
+    Sharp edges stay sharp.
+    """
     mesh = UNEVEN[name]()
     surface = make_surface(mesh)
-    curved, edges = surface.curved, find_edges(mesh.triangles)
+    curved = surface.curved
+    edges = find_edges(mesh.triangles)
     by_corner = np.broadcast_to(surface.normals[:, None], surface.corners.shape).copy()
     if surface.corner_normals is not None:
         by_corner[surface.is_bent] = surface.corner_normals[surface.is_bent]
@@ -340,7 +399,9 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
         normals = unit(np.einsum("nsc,nci->nsi", w, by_corner[k]))
         bent = np.flatnonzero(curved.row[k] >= 0)
         every = np.repeat(k[bent], len(s))
-        normals[bent] = curved.normals(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(-1, len(s), 3)
+        normals[bent] = curved.normals(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(
+            -1, len(s), 3
+        )
         return normals
 
     one = along(edges.first, edges.corner_first, s)
@@ -352,14 +413,18 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
     assert apart.max() < 2e-6
     assert curved.jump.max() > 1e-5  # or there was nothing to do
     drawn = curved.row < 0
-    assert drawn.any() == (name in ("noisy", "partly as drawn", "one useless face", "wavy slab", "vase"))
+    assert drawn.any() == (
+        name in ("noisy", "partly as drawn", "one useless face", "wavy slab", "vase")
+    )
     sharp = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & ~is_joined]
     assert (len(sharp) > 0) == (name in ("wavy slab", "one useless face"))
     assert name != "wavy slab" or (sharp > 0.5).all()
 
 
 def test_faces_of_fine_regular_meshes_keep_their_own_normals():
-    """Where normals agree by themselves none is kept beside the face: tracing pays for what it needs."""
+    """Where normals agree by themselves none is kept
+    beside the face: tracing pays for what it needs.
+    """
     for mesh in (icosphere(RADIUS, 5), bottle()):
         curved = make_surface(mesh).curved
         is_straight = (curved.neighbour < 0).any(axis=1)
@@ -376,42 +441,65 @@ DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
-    """To a tenth of a display pixel, which is a tenth of the tolerance, against closed forms of what was meant."""
+    """To a tenth of a display pixel, which is a tenth of the
+    tolerance, against closed forms of what was meant.
+    """
     mesh = disturbed(name, aside, noise)
     drawn, smooth, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
-    assert automatic.median < 1.2 * min(drawn.median, smooth.median) + (0.1 if aside == 0.3 else 0.01)
+    assert automatic.median < 1.2 * min(drawn.median, smooth.median) + (
+        0.1 if aside == 0.3 else 0.01
+    )
     assert automatic.rms < min(drawn.rms, smooth.rms) + 0.1
 
 
 @pytest.mark.parametrize("name", MESHES)
 def test_vertices_that_lie_on_the_surface_tell_its_normals(name):
-    """However irregular their faces are: curved faces stay a hundred times nearer than facets, and all are trusted."""
+    """However irregular their faces are: curved faces stay a
+    hundred times nearer than facets, and all are trusted.
+    """
     mesh = disturbed(name, 0.2, 0)
     drawn, _, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
     assert automatic.curved == 1
     assert automatic.rms < drawn.rms / 100
 
 
-THIN, THICK = (0.003, 0.03), (0.008, 0.02)  # m: radius of the rims, half of the length
+# m: radius of the rims, half of the length
+THIN = (0.003, 0.03)
+THICK = (0.008, 0.02)
 
 
 @pytest.mark.parametrize(
     ("surface", "strips", "size"),
-    [("smooth", 2, THIN), ("smooth", 4, THIN), ("smooth", 9, THIN), ("smooth", 9, THICK), ("automatic", 9, THICK)],
+    [
+        ("smooth", 2, THIN),
+        ("smooth", 4, THIN),
+        ("smooth", 9, THIN),
+        ("smooth", 9, THICK),
+        ("automatic", 9, THICK),
+    ],
 )
 def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
-    """A round bar with rounded rims: no point is further from it than the middles of its facets are, about."""
-    (rim, half), a, radius = size, np.linspace(0, np.pi / 2, strips + 1), 0.02
-    around, along = radius - rim + rim * np.sin(a), half - rim + rim * np.cos(a)
+    """A round bar with rounded rims: no point is further from
+    it than the middles of its facets are, about.
+    """
+    (rim, half) = size
+    a = np.linspace(0, np.pi / 2, strips + 1)
+    radius = 0.02
+    around = radius - rim + rim * np.sin(a)
+    along = half - rim + rim * np.cos(a)
     heights = np.concatenate([[-half], -along, along[::-1], [half]])
     bar = lathed(np.concatenate([[0], around, around[::-1], [0]]), heights)
     curved = make_surface(replace(bar, surface=surface)).curved
-    k, (weights, _) = np.flatnonzero(curved.row >= 0), grid(4)
-    triangle, at = np.repeat(k, len(weights)), np.tile(weights, (len(k), 1))
+    k = np.flatnonzero(curved.row >= 0)
+    (weights, _) = grid(4)
+    triangle = np.repeat(k, len(weights))
+    at = np.tile(weights, (len(k), 1))
     x, y, z = curved.points(triangle, at[:, 1], at[:, 2]).T
     beyond = np.stack([np.hypot(x, y) - (radius - rim), np.abs(z) - (half - rim)])
     off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - rim
-    assert np.abs(off).max() < rim * (1 - np.cos(np.pi / 4 / strips)) + radius * (1 - np.cos(np.pi / 32))
+    assert np.abs(off).max() < rim * (1 - np.cos(np.pi / 4 / strips)) + radius * (
+        1 - np.cos(np.pi / 32)
+    )
 
 
 def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
@@ -431,7 +519,9 @@ def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
 
 @closed
 def test_a_closed_mesh_stays_closed_in_fine_triangles(name):
-    """Each edge of the tessellated mesh has two triangles, also where curved faces meet flat ones."""
+    """Each edge of the tessellated mesh has two triangles, also where curved faces meet
+    flat ones.
+    """
     fine = tessellate(meshes(name), np.radians(3))
     assert len(fine.triangles) > 2 * len(CLOSED[name]().triangles)
     assert find_edges(fine.triangles).n_open == 0
@@ -446,7 +536,10 @@ def test_a_closed_mesh_stays_closed_in_fine_triangles(name):
     ],
 )
 def test_the_volume_of_fine_triangles_is_the_analytic_one(name, volume):
-    """Tessellated to 1 degree: within 1.5e-4, where facets are off by 1e-2; half the angle, a third of the error."""
+    """Tessellated to 1 degree: within 1.5e-4, where facets are off by 1e-2.
+
+    Half the angle, a third of the error.
+    """
     mesh = meshes(name)
     off = [abs(make_surface(tessellate(mesh, np.radians(a))).volume / volume - 1) for a in (2, 1)]
     assert abs(make_surface(mesh).volume / volume - 1) > 50 * off[1]
@@ -468,14 +561,19 @@ def targets_of(mesh):
     """All vertices, middles of edges and of faces, and the same on the curved faces."""
     pairs = np.unique(np.sort(mesh.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     curved = make_surface(mesh).curved.points_on(2).reshape(-1, 3)
-    return np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1), mesh.corners.mean(axis=1), curved])
+    return np.concatenate(
+        [mesh.vertices, mesh.vertices[pairs].mean(axis=1), mesh.corners.mean(axis=1), curved]
+    )
 
 
 def aimed(mesh, n, seed=1):
     """Rays from outside at all targets, and n random ones."""
-    targets, random = targets_of(mesh), np.random.default_rng(seed)
+    targets = targets_of(mesh)
+    random = np.random.default_rng(seed)
     reach = np.abs(mesh.vertices).max()
-    start = np.concatenate([np.tile([[0, -1.0, 0]], (len(targets), 1)), 0.2 * unit(random.normal(size=(n, 3)))])
+    start = np.concatenate(
+        [np.tile([[0, -1.0, 0]], (len(targets), 1)), 0.2 * unit(random.normal(size=(n, 3)))]
+    )
     return start, unit(np.concatenate([targets, random.uniform(-reach, reach, (n, 3))]) - start)
 
 
@@ -484,7 +582,9 @@ def aimed(mesh, n, seed=1):
 @normals_kinds
 @closed
 def test_no_ray_is_lost_inside(name, has_mean_normals, ior):
-    """What goes into a closed solid comes out: lost are only rays still totally reflected after all events."""
+    """What goes into a closed solid comes out: lost are only
+    rays still totally reflected after all events.
+    """
     mesh = meshes(name, has_mean_normals)
     o, d = aimed(mesh, 40_000)
     landings = trace_all(make_plan(rig(mesh, ior=ior), Settings()), o, d)
@@ -504,17 +604,24 @@ def entering(i, hits):
 
 
 @CASES
-@pytest.mark.parametrize("name", ["ball 1280", "ball 32 x 16", "lens", "cylinder 32 x 4", "cylinder 8 x 1"])
+@pytest.mark.parametrize(
+    "name", ["ball 1280", "ball 32 x 16", "lens", "cylinder 32 x 4", "cylinder 8 x 1"]
+)
 def test_every_ray_from_inside_meets_the_surface(name):
     """From two points inside convex glass, at all targets and 20 000 random ways."""
     mesh = meshes(name)
     surface = make_surface(mesh)
-    layer, random = Layer(surface.corners, surface.curved), np.random.default_rng(4)
+    layer = Layer(surface.corners, surface.curved)
+    random = np.random.default_rng(4)
     targets = targets_of(mesh)
     for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
         d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
         hits = layer.first_hits(
-            np.tile(np.array(origin, float), (len(d), 1)), d, np.ones(len(d), bool), leaving, np.ones(len(d), bool)
+            np.tile(np.array(origin, float), (len(d), 1)),
+            d,
+            np.ones(len(d), bool),
+            leaving,
+            np.ones(len(d), bool),
         )
         assert np.isfinite(hits.distance).all()
         reach = np.linalg.norm(targets - origin, axis=1)
@@ -523,7 +630,9 @@ def test_every_ray_from_inside_meets_the_surface(name):
 
 @pytest.mark.parametrize("name", ["ball 32 x 16", "cylinder 32 x 4", "lens"])
 def test_rescued_rays_meet_what_others_meet(name):
-    """Tested in float64 against everything, a ray has the hit and the normal that Embree led it to."""
+    """Tested in float64 against everything, a ray has the hit and the normal that Embree
+    led it to.
+    """
     mesh = meshes(name)
     surface = make_surface(mesh)
     layer = Layer(surface.corners, surface.curved)
@@ -538,7 +647,9 @@ def test_rescued_rays_meet_what_others_meet(name):
         curved = surface.curved.row[found.triangle] >= 0
         for mine, theirs in ((other.facing, found.facing), (other.normal, found.normal)):
             if theirs is not None:
-                np.testing.assert_allclose(unit(mine[curved]), unit(theirs[curved]), rtol=0, atol=1e-9)
+                np.testing.assert_allclose(
+                    unit(mine[curved]), unit(theirs[curved]), rtol=0, atol=1e-9
+                )
 
 
 # Silhouettes
@@ -553,12 +664,15 @@ OUTLINES = {
 
 
 def grazing(mesh, judge, n, depths, seed=5):
-    """Rays that pass the surface at depths (m, times its own error of position) below it, at random places and ways.
+    """Rays that pass the surface at depths (m, times its own error
+    of position) below it, at random places and ways.
 
     Returns origins, directions (n, 3) and how far the place under the surface is (n,).
     """
-    curved, random = make_surface(mesh).curved, np.random.default_rng(seed)
-    k, w = random.choice(curved.triangle, n), random.dirichlet([1, 1, 1], n)
+    curved = make_surface(mesh).curved
+    random = np.random.default_rng(seed)
+    k = random.choice(curved.triangle, n)
+    w = random.dirichlet([1, 1, 1], n)
     p = curved.points(k, w[:, 1], w[:, 2])
     distance, normal = judge(p)
     error = 1.2 * np.abs(judge(curved.points_on(6).reshape(-1, 3))[0]).max()
@@ -588,11 +702,14 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
     o, d, reach = grazing(mesh, judge, 20_000, depths)
     if name.startswith("cylinder"):  # away from the rims, where the sides are held straight
         some = np.abs((o + reach[:, None] * d)[:, 1]) < 0.004
-        o, d, reach = o[some], d[some], reach[some]
+        o = o[some]
+        d = d[some]
+        reach = reach[some]
     hits = Layer(surface.corners, surface.curved).first_hits(
         o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
     )
-    # on the torus, where a ray can touch it along a third-order contact, two of 20 000 are let through
+    # on the torus, where a ray can touch it along a
+    # third-order contact, two of 20 000 are let through
     assert (hits.distance > reach).sum() <= (2 if name.startswith("torus") else 0)
 
 
@@ -600,7 +717,8 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
 def test_rays_beyond_the_outline_meet_nothing(name):
     """At more than the surface's own error from the ball's outline no ray meets it."""
     make, judge = OUTLINES[name]
-    mesh, random = make(), np.random.default_rng(6)
+    mesh = make()
+    random = np.random.default_rng(6)
     surface = make_surface(mesh)
     error = np.abs(judge(surface.curved.points_on(6).reshape(-1, 3))[0]).max()
     d = unit(random.normal(size=(20_000, 3)))
@@ -615,9 +733,12 @@ def test_rays_beyond_the_outline_meet_nothing(name):
 
 @pytest.mark.parametrize("name", ["ball 32 x 16", "ball of 80"])
 def test_light_runs_along_the_surface_inside(name):
-    """30 total reflections at 1 to 6 degrees from the surface: each is found, within the surface's own error."""
+    """30 total reflections at 1 to 6 degrees from the surface:
+    each is found, within the surface's own error.
+    """
     make, judge = OUTLINES[name]
-    mesh, random = make(), np.random.default_rng(7)
+    mesh = make()
+    random = np.random.default_rng(7)
     surface = make_surface(mesh)
     layer = Layer(surface.corners, surface.curved)
     error = np.abs(judge(surface.curved.points_on(6).reshape(-1, 3))[0]).max()
@@ -635,7 +756,9 @@ def test_light_runs_along_the_surface_inside(name):
 
 
 def test_the_outline_of_a_cavity_is_found():
-    """Rays in the glass that pass a point 20 um to 1 mm inside the cavity have met its wall before."""
+    """Rays in the glass that pass a point 20 um to 1 mm inside the cavity have met its
+    wall before.
+    """
     inner = 0.8 * RADIUS
     surface = make_surface(hollow())
     random = np.random.default_rng(8)
@@ -664,7 +787,8 @@ def landings_of(mesh, surface="smooth", n=40):
 def is_same(one, other):
     """Landings equal bit for bit."""
     return all(
-        np.array_equal(getattr(one, f), getattr(other, f), equal_nan=f == "xy") for f in ("reason", "xy", "directions")
+        np.array_equal(getattr(one, f), getattr(other, f), equal_nan=f == "xy")
+        for f in ("reason", "xy", "directions")
     )
 
 
@@ -698,8 +822,11 @@ def test_useless_normals_give_way_to_the_facets_own(kind, has_mean_normals):
 
 @pytest.mark.parametrize("kind", ["NaN", "zero", "inverted", "flipped within a face"])
 def test_one_useless_face_leaves_the_others_curved(kind):
-    """One face of a ball: it alone is counted, its neighbours meet it straight, nothing is NaN, nothing leaks."""
-    mesh, bad = uv_ellipsoid(RADIUS), spoilt(kind)
+    """One face of a ball: it alone is counted, its neighbours meet
+    it straight, nothing is NaN, nothing leaks.
+    """
+    mesh = uv_ellipsoid(RADIUS)
+    bad = spoilt(kind)
     normals = mesh.corner_normals.copy()
     normals[500] = bad.corner_normals[500]
     mesh = replace(mesh, corner_normals=normals)
@@ -711,12 +838,16 @@ def test_one_useless_face_leaves_the_others_curved(kind):
     o, d = aimed(mesh, 5000)
     found = trace_all(make_plan(rig(mesh), Settings()), o, d)
     assert np.isfinite(found.directions).all()
-    assert not ((found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)).any()
+    assert not (
+        (found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)
+    ).any()
 
 
 @normals_kinds
 def test_wild_normals_never_make_a_nan(has_mean_normals):
-    """Random corner normals: what is curved is finite, what is not is counted, directions stay unit."""
+    """Random corner normals: what is curved is finite, what
+    is not is counted, directions stay unit.
+    """
     random = np.random.default_rng(9)
     mesh = icosphere(RADIUS, 2)
     for spread in (0.1, 0.5, 2.0):
@@ -732,16 +863,26 @@ def test_wild_normals_never_make_a_nan(has_mean_normals):
 
 
 def test_degenerate_and_sliver_triangles_are_harmless():
-    """Faces without area, and of 1e-9 of the others' width, in a smooth ball: finite, closed, no ray lost."""
+    """Faces without area, and of 1e-9 of the others' width, in
+    a smooth ball: finite, closed, no ray lost.
+    """
     mesh = icosphere(RADIUS, 2)
     a, b, c = mesh.triangles[7]
-    for share in (0.5, 1e-9, 0.0):  # a vertex on the edge from a to b; no area at all where it falls on a corner
+    for share in (
+        0.5,
+        1e-9,
+        0.0,
+    ):  # a vertex on the edge from a to b; no area at all where it falls on a corner
         at = (1 - share) * mesh.vertices[a] + share * mesh.vertices[b]
         new = len(mesh.vertices)
-        beside = next(t for t in range(len(mesh.triangles)) if t != 7 and {a, b} <= set(mesh.triangles[t]))
+        beside = next(
+            t for t in range(len(mesh.triangles)) if t != 7 and {a, b} <= set(mesh.triangles[t])
+        )
         opposite = next(iter(set(mesh.triangles[beside]) - {a, b}))
         kept = np.delete(mesh.triangles, [7, beside], axis=0)
-        triangles = np.concatenate([kept, [[a, new, c], [new, b, c], [b, new, opposite], [new, a, opposite]]])
+        triangles = np.concatenate(
+            [kept, [[a, new, c], [new, b, c], [b, new, opposite], [new, a, opposite]]]
+        )
         vertices = np.concatenate([mesh.vertices, [at]])
         split = Mesh(vertices, triangles, unit(vertices)[triangles], np.ones(len(triangles), bool))
         for some in (split, mean_normals(split)):
@@ -750,12 +891,16 @@ def test_degenerate_and_sliver_triangles_are_harmless():
             assert np.isfinite(surface.curved.coefficients).all()
             found = trace_all(make_plan(rig(some), Settings()), *aimed(some, 3000))
             assert np.isfinite(found.directions).all()
-            assert not ((found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)).any()
+            assert not (
+                (found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)
+            ).any()
 
 
 @normals_kinds
 def test_a_cube_with_averaged_normals_stays_a_cube(has_mean_normals):
-    """45 to 54 degrees off: all 12 faces fall back, and light goes as through the facets as drawn, bit for bit."""
+    """45 to 54 degrees off: all 12 faces fall back, and light
+    goes as through the facets as drawn, bit for bit.
+    """
     cube = cube_rig().glasses[0].mesh
     mesh = replace(all_smooth(cube.vertices, cube.triangles), has_mean_normals=has_mean_normals)
     surface = make_surface(mesh)
@@ -767,12 +912,15 @@ def test_a_cube_with_averaged_normals_stays_a_cube(has_mean_normals):
 def in_extreme_planes(mesh):
     """Triangles that lie in a side of the mesh's own box."""
     corners = mesh.corners
-    return np.any([(np.abs(corners - end) < 1e-9).all(axis=1).any(axis=1) for end in mesh.bounds], axis=0)
+    return np.any(
+        [(np.abs(corners - end) < 1e-9).all(axis=1).any(axis=1) for end in mesh.bounds], axis=0
+    )
 
 
 FLAT_SIDED = {
     **{f"bevel {b}": (lambda b=b: bevelled_cube(0.5, b)) for b in (0.02, 0.1)},
-    **{f"rounded {r} x {2 * n}": (lambda r=r, n=n: rounded_box(0.5, r, n)) for r in (0.02, 0.1) for n in (1, 2, 3)},
+    **{f"rounded {r} x {2 * n}": (lambda r=r, n=n: rounded_box(0.5, r, n)) for r in (0.02,
+    0.1) for n in (1, 2, 3)},
     **{
         f"frustum {n}, {top}": (lambda n=n, top=top: all_smooth(
             *(lambda v, sides, caps: (v, np.concatenate([sides, caps])))(*frustum(n, 0.5, top, 1.0))
@@ -785,7 +933,10 @@ FLAT_SIDED = {
 @normals_kinds
 @pytest.mark.parametrize("name", FLAT_SIDED)
 def test_large_flat_faces_beside_bevels_and_caps_stay_flat(name, has_mean_normals):
-    """Averaged normals tilt at the rim of a flat face; it does not bulge by more than 1 % of its edges for that."""
+    """Averaged normals tilt at the rim of a flat face.
+
+    It does not bulge by more than 1 % of its edges for that.
+    """
     mesh = replace(FLAT_SIDED[name](), has_mean_normals=has_mean_normals)
     flat = in_extreme_planes(mesh)
     assert flat.sum() >= 10
@@ -795,7 +946,9 @@ def test_large_flat_faces_beside_bevels_and_caps_stay_flat(name, has_mean_normal
 @normals_kinds
 @pytest.mark.parametrize("cuts", [1, 2, 3])
 def test_rounded_edges_are_nearer_to_round_than_facets(cuts, has_mean_normals):
-    """Of a box with edges of 2, 4, 6 faces: what is curved of it is nearer in rms, and nowhere much further off."""
+    """Of a box with edges of 2, 4, 6 faces: what is curved of it
+    is nearer in rms, and nowhere much further off.
+    """
     mesh = replace(rounded_box(0.5, 0.1, cuts), has_mean_normals=has_mean_normals)
     judge = rounded_box_distance(0.5, 0.1)
     curved = make_surface(mesh).curved
@@ -807,17 +960,23 @@ def test_rounded_edges_are_nearer_to_round_than_facets(cuts, has_mean_normals):
 
 
 def irregular_ball(shift, seed=10):
-    """A ball whose vertices were moved along it by up to a share of the edge, with its own normals."""
-    mesh, random = icosphere(RADIUS, 3), np.random.default_rng(seed)
+    """A ball whose vertices were moved along it by up to a share of the edge, with its
+    own normals.
+    """
+    mesh = icosphere(RADIUS, 3)
+    random = np.random.default_rng(seed)
     edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
-    vertices = RADIUS * unit(mesh.vertices + shift * edge * random.uniform(-1, 1, mesh.vertices.shape))
+    vertices = RADIUS * unit(
+        mesh.vertices + shift * edge * random.uniform(-1, 1, mesh.vertices.shape)
+    )
     return Mesh(vertices, mesh.triangles, unit(vertices)[mesh.triangles], mesh.is_smooth)
 
 
 @normals_kinds
 @pytest.mark.parametrize("shift", [0.1, 0.3])
 def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
-    """Vertices moved along the ball by 10 and 30 % of the edge: still 20 times nearer than facets, rms and at worst.
+    """Vertices moved along the ball by 10 and 30 % of the edge:
+    still 20 times nearer than facets, rms and at worst.
 
     Where means of normals are too far off to be replaced, single faces are 3 times nearer only.
     """
@@ -826,10 +985,8 @@ def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
     surface = make_surface(mesh)
     k, w = places(surface.curved)
     judge = ellipsoid_distance(np.full(3, RADIUS))
-    distance, flat = (
-        judge(surface.curved.points(k, w[:, 1], w[:, 2]))[0],
-        judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))[0],
-    )
+    distance = judge(surface.curved.points(k, w[:, 1], w[:, 2]))[0]
+    flat = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))[0]
     assert surface.n_contradicted < 0.02 * len(mesh.triangles)
     assert rms(distance) * 20 < rms(flat)
     assert np.abs(distance).max() * (3 if has_mean_normals else 20) < np.abs(flat).max()
@@ -838,9 +995,13 @@ def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
 @normals_kinds
 @pytest.mark.parametrize("stretch", [10, 100])
 def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
-    """Rings 1:10 and 1:100 of one another: off the cylinder by less than a tenth of what the facets are."""
+    """Rings 1:10 and 1:100 of one another: off the cylinder by
+    less than a tenth of what the facets are.
+    """
     vertices, sides, _ = frustum(32, 0.02, 0.02, 0.04, 8)
-    level = np.array([0, 0.2, 0.4, 0.4 + 0.4 / stretch, 0.5, 0.5 + 0.3 / stretch, 0.7, 0.7 + 0.1 / stretch, 1.0])
+    level = np.array(
+        [0, 0.2, 0.4, 0.4 + 0.4 / stretch, 0.5, 0.5 + 0.3 / stretch, 0.7, 0.7 + 0.1 / stretch, 1.0]
+    )
     vertices[:, 1] = 0.04 * (np.repeat(level, 32) - 0.5)
     mesh = Mesh(vertices, sides, unit(vertices[sides] * [1, 0, 1]), np.ones(len(sides), bool))
     surface = make_surface(mean_normals(mesh) if has_mean_normals else mesh)
@@ -855,10 +1016,16 @@ def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
 @normals_kinds
 @pytest.mark.parametrize("noise", [0.01, 0.05])
 def test_noise_on_a_ball_is_not_blown_up(noise, has_mean_normals):
-    """Vertices off the ball by 1 and 5 % of the edge: curved faces are off by less than 1.5 times that."""
-    mesh, random = icosphere(RADIUS, 3), np.random.default_rng(11)
+    """Vertices off the ball by 1 and 5 % of the edge:
+    curved faces are off by less than 1.5 times that.
+    """
+    mesh = icosphere(RADIUS, 3)
+    random = np.random.default_rng(11)
     edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
-    vertices = mesh.vertices * (1 + noise * edge / RADIUS * random.uniform(-1, 1, len(mesh.vertices)))[:, None]
+    vertices = (
+        mesh.vertices
+        * (1 + noise * edge / RADIUS * random.uniform(-1, 1, len(mesh.vertices)))[:, None]
+    )
     bumpy = replace(all_smooth(vertices, mesh.triangles), has_mean_normals=has_mean_normals)
     curved = make_surface(bumpy).curved
     k, w = places(curved)
@@ -870,7 +1037,10 @@ def test_noise_on_a_ball_is_not_blown_up(noise, has_mean_normals):
 
 
 def test_flat_rigs_are_untouched():
-    """A cube has no curved faces, its hits no normals of them; landings do not depend on the setting, bit for bit."""
+    """A cube has no curved faces, its hits no normals of them.
+
+    Landings do not depend on the setting, bit for bit.
+    """
     a_rig = cube_rig()
     surface = make_surface(a_rig.glasses[0].mesh)
     assert surface.curved is None
@@ -879,22 +1049,31 @@ def test_flat_rigs_are_untouched():
     )
     assert hits.facing is None
     assert hits.triangle[0] >= 0
-    assert is_same(*(landings_of(a_rig.glasses[0].mesh, surface) for surface in ("smooth", "facets")))
+    assert is_same(
+        *(landings_of(a_rig.glasses[0].mesh, surface) for surface in ("smooth", "facets"))
+    )
 
 
 @pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "cylinder 8 x 1", "wavy slab"])
 def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
-    """Faces are not asked again where light has just left them steeply: landings are as if all were, bit for bit."""
+    """Faces are not asked again where light has just left them
+    steeply: landings are as if all were, bit for bit.
+    """
     mesh = meshes(name, False)
     quick = landings_of(mesh)
-    monkeypatch.setattr("kiriko.core.light.ray_engine.STEEP", 2.0)  # no cosine is: every one is asked
+    monkeypatch.setattr(
+        "kiriko.core.light.ray_engine.STEEP", 2.0
+    )  # no cosine is: every one is asked
     assert quick.has_arrived.sum() > 5
     assert is_same(quick, landings_of(mesh))
 
 
 def shuffled(mesh, random):
-    """The same mesh with vertices and triangles in another order, each triangle beginning at another corner."""
-    order, triangles = random.permutation(len(mesh.vertices)), random.permutation(len(mesh.triangles))
+    """The same mesh with vertices and triangles in another
+    order, each triangle beginning at another corner.
+    """
+    order = random.permutation(len(mesh.vertices))
+    triangles = random.permutation(len(mesh.triangles))
     where = np.argsort(order)
     return replace(
         mesh,
@@ -910,22 +1089,29 @@ def shuffled(mesh, random):
 def test_the_order_of_vertices_and_triangles_does_not_count(name, has_mean_normals):
     """Landings through the shuffled mesh are the same to 1e-6 px, but for rays on edges."""
     mesh = meshes(name, has_mean_normals)
-    one, other = landings_of(mesh), landings_of(shuffled(mesh, np.random.default_rng(12)))
+    one = landings_of(mesh)
+    other = landings_of(shuffled(mesh, np.random.default_rng(12)))
     both = one.has_arrived & other.has_arrived & (one.n_events == other.n_events)
     assert both.sum() > 0.99 * one.has_arrived.sum() > 5
     assert np.quantile(np.abs(one.xy - other.xy)[both], 0.99) < 1e-6
 
 
 @normals_kinds
-@pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "lens", "cylinder 32 x 4", "cylinder 8 x 1", "wavy slab"])
+@pytest.mark.parametrize(
+    "name", ["ball 32 x 16", "torus", "lens", "cylinder 32 x 4", "cylinder 8 x 1", "wavy slab"]
+)
 def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
-    """Turned, scaled and moved: points within 1e-6 of the size (0.5 um of 50 mm glass), normals within 1e-4."""
+    """Turned, scaled and moved: points within 1e-6 of the size
+    (0.5 um of 50 mm glass), normals within 1e-4.
+    """
     mesh = meshes(name, has_mean_normals)
     turn, _ = np.linalg.qr(np.random.default_rng(13).normal(size=(3, 3)))
     turn *= np.sign(np.linalg.det(turn))
     here = make_surface(mesh).curved
     moved = replace(
-        mesh, vertices=30 * mesh.vertices @ turn.T + [1, 2, -3], corner_normals=mesh.corner_normals @ turn.T
+        mesh,
+        vertices=30 * mesh.vertices @ turn.T + [1, 2, -3],
+        corner_normals=mesh.corner_normals @ turn.T,
     )
     there = make_surface(moved).curved
     assert np.array_equal(here.triangle, there.triangle)
@@ -938,7 +1124,9 @@ def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
 
 
 def test_an_open_sheet_is_met_from_both_sides():
-    """A curved mirror, the upper half of a ball: rays from within and from outside meet it where they meet the ball."""
+    """A curved mirror, the upper half of a ball: rays from within
+    and from outside meet it where they meet the ball.
+    """
     ball = icosphere(RADIUS, 3)
     upper = ball.corners.mean(axis=1)[:, 2] > 0.1 * RADIUS
     sheet = replace(
@@ -948,7 +1136,8 @@ def test_an_open_sheet_is_met_from_both_sides():
         is_smooth=ball.is_smooth[upper],
     )
     surface = make_surface(sheet)
-    layer, random = Layer(surface.corners, surface.curved), np.random.default_rng(13)
+    layer = Layer(surface.corners, surface.curved)
+    random = np.random.default_rng(13)
 
     def any_ahead(i, hits):
         return hits.distance > 1e-9, np.zeros(len(i), bool)
@@ -957,26 +1146,33 @@ def test_an_open_sheet_is_met_from_both_sides():
     for origin, sign in (([0.002, -0.001, 0.003], 1), ([0.0, 0.0, 0.2], -1)):
         o = np.tile(np.array(origin), (len(aim), 1))
         d = unit(RADIUS * aim - o)
-        b, c = (o * d).sum(axis=1), (o * o).sum(axis=1) - RADIUS**2
+        b = (o * d).sum(axis=1)
+        c = (o * o).sum(axis=1) - RADIUS**2
         exact = -b + sign * np.sqrt(b * b - c)
         hits = layer.first_hits(o, d, np.zeros(len(o), bool), any_ahead)
         assert (hits.enters == (sign < 0)).all()
         np.testing.assert_allclose(hits.distance, exact, rtol=0, atol=1e-8)
         at = o + exact[:, None] * d
         np.testing.assert_allclose(
-            unit(np.where(hits.normal.any(axis=1)[:, None], hits.normal, hits.facing)), unit(at), atol=1e-4
+            unit(np.where(hits.normal.any(axis=1)[:, None], hits.normal, hits.facing)),
+            unit(at),
+            atol=1e-4,
         )
 
 
 def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
-    """On a small scalene triangle of a sphere: the middles of its sides stand on the sphere, to the fourth order."""
+    """On a small scalene triangle of a sphere: the middles of
+    its sides stand on the sphere, to the fourth order.
+    """
     random = np.random.default_rng(2)
     corners = unit(np.array([0.3, -0.2, 1.0]) + 0.02 * random.normal(size=(3, 3)))
     columns = vars(CurvedFaces.none(corners[None])) | {"row": np.zeros(1, np.int64)}
     faces = _Parabolic(**columns, corner_normals=corners[None])
     (terms,) = np.moveaxis(faces._paraboloids(np.zeros(1, np.int64)), 2, 0)
     for u, v in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
-        at = corners[0] + sum(u**a * v**b * term for (a, b), term in zip(POWERS, terms, strict=True))
+        at = corners[0] + sum(
+            u**a * v**b * term for (a, b), term in zip(POWERS, terms, strict=True)
+        )
         flat = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
         sag = 1 - np.linalg.norm(flat)
         assert abs(np.linalg.norm(at) - 1) < 1e-3 * sag
@@ -990,8 +1186,12 @@ def test_edges_are_cut_into_no_more_parts_than_their_turn_needs(angle, n):
 
 
 def test_a_point_that_was_found_on_a_curved_face_is_on_it():
-    """Also where its coordinates lie just beyond an edge, on every curved face; not so on flat ones."""
-    ball, faces = icosphere(1.0, 1), np.arange(80)
+    """Also where its coordinates lie just beyond an edge, on every curved face.
+
+    Not so on flat ones.
+    """
+    ball = icosphere(1.0, 1)
+    faces = np.arange(80)
     is_smooth = faces % 3 > 0
     surface = make_surface(replace(ball, is_smooth=is_smooth))
     hits = Hits(np.ones(80), faces, np.full(80, -1e-3), np.full(80, 0.5), np.ones(80, bool))

@@ -1,4 +1,6 @@
-"""Diagrams are read back as a viewer would: points stand where the ticks say, and no label covers another."""
+"""Diagrams are read back as a viewer would: points stand
+where the ticks say, and no label covers another.
+"""
 
 import xml.etree.ElementTree as ElementTree
 from itertools import combinations
@@ -33,7 +35,9 @@ def points_of(curve):
 
 def box(text):
     """What a label covers, px: left, right, top, bottom."""
-    x, y, size = float(text.get("x")), float(text.get("y")), float(text.get("font-size"))
+    x = float(text.get("x"))
+    y = float(text.get("y"))
+    size = float(text.get("font-size"))
     wide = LETTER * size * len(text.text)
     left = x - wide if text.get("text-anchor") == "end" else x
     return left, left + wide, y - size, y
@@ -41,7 +45,8 @@ def box(text):
 
 def by_ticks(pairs, value, scale):
     """Where a value stands by the first and last tick, px."""
-    (first, a), (last, b) = pairs[0], pairs[-1]
+    (first, a) = pairs[0]
+    (last, b) = pairs[-1]
     return a + (b - a) * (scale(value) - scale(first)) / (scale(last) - scale(first))
 
 
@@ -77,13 +82,20 @@ def test_no_label_covers_another_of_its_curve_or_leaves_the_diagram():
     far = ((10.0, 1.0), (1.0, 10.0), (10.0, 10.0))
     points = (*crowd, *far)
     for n in (1, 2):
-        curves = [Curve(f"curve {k}", points, tuple(f"label {i}" for i in range(8))) for k in range(n)]
+        curves = [
+            Curve(f"curve {k}", points, tuple(f"label {i}" for i in range(8))) for k in range(n)
+        ]
         svg = read(log_log("", "", "", curves))
         for curve in curves_of(svg):
             labels = list(curve.iter(f"{SVG}text"))
             assert [label.text for label in labels] == ["label 0", "label 5", "label 6", "label 7"]
             for one, other in combinations(map(box, labels), 2):
-                assert one[1] <= other[0] or other[1] <= one[0] or one[3] <= other[2] or other[3] <= one[2]
+                assert (
+                    one[1] <= other[0]
+                    or other[1] <= one[0]
+                    or one[3] <= other[2]
+                    or other[3] <= one[2]
+                )
             for left, right, top, bottom in map(box, labels):
                 assert 0 <= left < right <= WIDTH
                 assert 0 <= top < bottom <= HEIGHT
@@ -98,13 +110,21 @@ def test_labels_side_by_side_or_below_each_other_are_both_written():
 
 
 def test_curves_are_told_apart_and_named():
-    """By colour and by mark, in the diagram and in its legend; names are text, whatever stands in them."""
+    """By colour and by mark, in the diagram and in its legend.
+
+    Names are text, whatever stands in them.
+    """
     names = ["a < b", "c & d"]
-    svg = read(log_log("x > y", "", "", [Curve(name, ((1.0, 1.0), (10.0, 10.0))) for name in names]))
+    svg = read(
+        log_log("x > y", "", "", [Curve(name, ((1.0, 1.0), (10.0, 10.0))) for name in names])
+    )
     assert [curve.find(f"{SVG}title").text for curve in curves_of(svg)] == names
     assert [curve.get("fill") for curve in curves_of(svg)] == list(COLOURS[:2])
     (legend,) = (g for g in svg.iter(f"{SVG}g") if g.get("class") == "legend")
     assert [text.text for text in legend.iter(f"{SVG}text")] == names
-    assert [mark.tag.removeprefix(SVG) for mark in legend if mark.tag != f"{SVG}text"] == ["circle", "rect"]
+    assert [mark.tag.removeprefix(SVG) for mark in legend if mark.tag != f"{SVG}text"] == [
+        "circle",
+        "rect",
+    ]
     assert [mark.get("fill") for mark in legend if mark.tag != f"{SVG}text"] == list(COLOURS[:2])
     assert "x > y" in [text.text for text in svg.iter(f"{SVG}text")]

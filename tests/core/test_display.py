@@ -1,4 +1,6 @@
-"""Displays that are no single rectangle: a curved screen, a box of panels, a plane with part of the image."""
+"""Displays that are no single rectangle: a curved screen, a
+box of panels, a plane with part of the image.
+"""
 
 from dataclasses import replace
 
@@ -26,11 +28,16 @@ def traced(a_rig, n=65):
 
 
 def cylinder(columns, radius=0.04, half_angle=0.7, height=0.06):
-    """A screen curved about the x axis of its own, hollow towards +z, standing in the display's place."""
+    """A screen curved about the x axis of its own, hollow
+    towards +z, standing in the display's place.
+    """
     angle = np.linspace(-half_angle, half_angle, columns + 1)
     middle = np.array([0, 0.15, -0.15 + radius])
-    across = np.stack([radius * np.sin(angle), np.zeros_like(angle), -radius * np.cos(angle)], axis=1)
-    low, high = middle + across - [0, height / 2, 0], middle + across + [0, height / 2, 0]
+    across = np.stack(
+        [radius * np.sin(angle), np.zeros_like(angle), -radius * np.cos(angle)], axis=1
+    )
+    low = middle + across - [0, height / 2, 0]
+    high = middle + across + [0, height / 2, 0]
     k = np.arange(columns)
     quads = np.stack([k, k + 1, k + 1 + columns + 1, k + columns + 1], axis=1)
     u = (angle / half_angle + 1) / 2
@@ -40,16 +47,25 @@ def cylinder(columns, radius=0.04, half_angle=0.7, height=0.06):
 
 
 def test_landings_on_a_curved_screen_are_those_on_the_cylinder():
-    """A cylinder of 2000 strips: display pixels equal the analytic cylinder's to the strips' sag."""
-    radius, half_angle, height = 0.04, 0.7, 0.06
+    """A cylinder of 2000 strips: display pixels equal the analytic cylinder's to the
+    strips' sag.
+    """
+    radius = 0.04
+    half_angle = 0.7
+    height = 0.06
     base = rig(box([0.3, 0.02, 0.3]))
     o, d, landings = traced(with_display(base, cylinder(2000, radius, half_angle, height)))
-    p, i = closed_forms.through_slab(o, d, np.array([0, 1.0, 0]), np.array([0, -0.01, 0]), 0.02, 1.49)
+    p, i = closed_forms.through_slab(
+        o, d, np.array([0, 1.0, 0]), np.array([0, -0.01, 0]), 0.02, 1.49
+    )
     n = np.array([0, 1, -1]) / 2**0.5
     p = p + ((np.array([0, 0.15, 0]) - p) @ n / (i @ n))[:, None] * i
     i = -i + 2 * (i @ n)[:, None] * n
-    at, to = (p - [0, 0.15, -0.15 + radius])[:, [0, 2]], i[:, [0, 2]]
-    a, b, c = (to * to).sum(1), (at * to).sum(1), (at * at).sum(1) - radius**2
+    at = (p - [0, 0.15, -0.15 + radius])[:, [0, 2]]
+    to = i[:, [0, 2]]
+    a = (to * to).sum(1)
+    b = (at * to).sum(1)
+    c = (at * at).sum(1) - radius**2
     t = (-b + np.sqrt(b * b - a * c)) / a  # the far side: the screen is hollow towards the light
     q = p + t[:, None] * i - [0, 0.15, -0.15 + radius]
     u = (np.arctan2(q[:, 0], -q[:, 2]) / half_angle + 1) / 2
@@ -61,14 +77,19 @@ def test_landings_on_a_curved_screen_are_those_on_the_cylinder():
 
 
 def test_a_box_of_panels_is_two_islands_and_no_cell_joins_them():
-    """Two panels side by side in space, apart in UV: each shows its own half, and nothing is painted in between."""
+    """Two panels side by side in space, apart in UV: each shows
+    its own half, and nothing is painted in between.
+    """
     left = rectangle([-0.0125, 0.15, -0.15], [1, 0, 0], [0, 1, 0], 0.025, 0.05)
     right = rectangle([0.0125, 0.15, -0.15], [1, 0, 0], [0, 1, 0], 0.025, 0.05)
     uv = np.concatenate([QUAD_UV * [0.4, 1], QUAD_UV * [0.4, 1] + [0.6, 0]])
-    mesh = Mesh(np.concatenate([left.vertices, right.vertices]), np.concatenate([QUAD, QUAD + 4]), uv=uv)
+    mesh = Mesh(
+        np.concatenate([left.vertices, right.vertices]), np.concatenate([QUAD, QUAD + 4]), uv=uv
+    )
     assert len(np.unique(uv_islands(mesh))) == 2
     a_rig = with_display(
-        rig(box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06), mesh
+        rig(box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06),
+        mesh,
     )
     solution = solve(a_rig)
     lit = solution.display_coverage > 0.5
@@ -81,26 +102,37 @@ def test_a_box_of_panels_is_two_islands_and_no_cell_joins_them():
 
 
 def l_display(bend):
-    """Two panels that share the edge at x = 0, the right one raised by `bend`; UV 0 to 0.4 and 0.6 to 1."""
-    middle, width, height = np.array([0, 0.15, -0.15]), 0.025, 0.05
+    """Two panels that share the edge at x = 0, the right one
+    raised by `bend`; UV 0 to 0.4 and 0.6 to 1.
+    """
+    middle = np.array([0, 0.15, -0.15])
+    width = 0.025
+    height = 0.05
     right = np.array([np.cos(bend), 0, np.sin(bend)])
     edges = middle + np.array([[-width, 0, 0], [0, 0, 0], width * right])
     up = np.array([0, height / 2, 0])
-    vertices = np.concatenate([edges - up, edges + up])  # 0 1 2 along y = -h / 2, 3 4 5 along y = h / 2
+    vertices = np.concatenate(
+        [edges - up, edges + up]
+    )  # 0 1 2 along y = -h / 2, 3 4 5 along y = h / 2
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
     uv = np.concatenate([QUAD_UV * [0.4, 1], QUAD_UV * [0.4, 1] + [0.6, 0]])
     return Mesh(vertices, quads[:, QUAD].reshape(-1, 3), uv=uv)
 
 
 def test_a_seam_on_an_edge_that_panels_share_is_a_border():
-    """Each viewer pixel's light lies on the panels, by the closed form of both planes, and none in the gap in UV.
+    """Each viewer pixel's light lies on the panels, by the
+    closed form of both planes, and none in the gap in UV.
 
-    A cell across the seam would draw the light of a pixel's width through all of the gap between the panels.
+    A cell across the seam would draw the light of a pixel's width
+    through all of the gap between the panels.
     """
-    bend, size = np.radians(30), 512
+    bend = np.radians(30)
+    size = 512
     mesh = l_display(bend)
     assert len(np.unique(uv_islands(mesh))) == 2
-    base = rig(box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06)
+    base = rig(
+        box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06
+    )
     solution = solve(with_display(base, mesh))
 
     gap = slice(int(np.ceil(0.4 * size)), int(0.6 * size))
@@ -110,32 +142,52 @@ def test_a_seam_on_an_edge_that_panels_share_is_a_border():
     # on which panel the light of each pixel's middle lands, and how far along it
     x, y = np.meshgrid(np.arange(128) + 0.5, np.arange(128) + 0.5)
     o, d = base.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
-    p, i = closed_forms.through_slab(o, d, np.array([0, 1.0, 0]), np.array([0, -0.01, 0]), 0.02, 1.49)
+    p, i = closed_forms.through_slab(
+        o, d, np.array([0, 1.0, 0]), np.array([0, -0.01, 0]), 0.02, 1.49
+    )
     n = np.array([0, 1, -1]) / 2**0.5
     p = p + ((np.array([0, 0.15, 0]) - p) @ n / (i @ n))[:, None] * i
     i = -i + 2 * (i @ n)[:, None] * n
     expected = np.full((len(o), 2), np.nan)
-    for first, along in ((0.0, np.array([1.0, 0, 0])), (0.6, np.array([np.cos(bend), 0, np.sin(bend)]))):
+    for first, along in (
+        (0.0, np.array([1.0, 0, 0])),
+        (0.6, np.array([np.cos(bend), 0, np.sin(bend)])),
+    ):
         normal = np.cross(along, [0, 1.0, 0])
-        q = p + ((np.array([0, 0.15, -0.15]) - p) @ normal / (i @ normal))[:, None] * i - [0, 0.15, -0.15]
-        u, v = q @ along / 0.025 + (first == 0), q[:, 1] / 0.05 + 0.5
+        q = (
+            p
+            + ((np.array([0, 0.15, -0.15]) - p) @ normal / (i @ normal))[:, None] * i
+            - [0, 0.15, -0.15]
+        )
+        u = q @ along / 0.025 + (first == 0)
+        v = q[:, 1] / 0.05 + 0.5
         on = (np.abs(u - 0.5) < 0.5) & (np.abs(v - 0.5) < 0.5)
         expected[on] = np.stack([(first + 0.4 * u) * size, (1 - v) * size], axis=1)[on]
     landings = trace_all(make_plan(with_display(base, mesh), Settings()), o, d)
     np.testing.assert_array_equal(landings.has_arrived, np.isfinite(expected[:, 0]))
-    np.testing.assert_allclose(landings.xy[landings.has_arrived], expected[landings.has_arrived], atol=1e-9)
+    np.testing.assert_allclose(
+        landings.xy[landings.has_arrived], expected[landings.has_arrived], atol=1e-9
+    )
 
 
 def test_only_a_whole_flat_rectangle_counts_as_one():
-    """Its plane gives the pixels of its corners; half an image, a bent or a split one has no plane."""
+    """Its plane gives the pixels of its corners.
+
+    Half an image, a bent or a split one has no plane.
+    """
     whole = rig(box([0.01] * 3)).display
     plane = display_plane(whole, make_surface(whole.mesh))
     corners = whole.mesh.corners.reshape(-1, 3)
-    expected = np.stack([whole.mesh.uv[..., 0] * 512, (1 - whole.mesh.uv[..., 1]) * 512], axis=2).reshape(-1, 2)
-    np.testing.assert_allclose((corners - plane.corner) @ plane.pixels.T + plane.origin, expected, atol=1e-9)
+    expected = np.stack(
+        [whole.mesh.uv[..., 0] * 512, (1 - whole.mesh.uv[..., 1]) * 512], axis=2
+    ).reshape(-1, 2)
+    np.testing.assert_allclose(
+        (corners - plane.corner) @ plane.pixels.T + plane.origin, expected, atol=1e-9
+    )
     half = replace(whole.mesh, uv=whole.mesh.uv * 0.5)
     bent = replace(
-        whole.mesh, vertices=whole.mesh.vertices + np.array([[0, 0, 0.001], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
+        whole.mesh,
+        vertices=whole.mesh.vertices + np.array([[0, 0, 0.001], [0, 0, 0], [0, 0, 0], [0, 0, 0]]),
     )
     for mesh in (half, bent, cylinder(8)):
         display = replace(whole, mesh=mesh)

@@ -1,4 +1,6 @@
-"""What would turn the simulated displacements into the paper's: closed forms, and explanations re-traced."""
+"""What would turn the simulated displacements into the
+paper's: closed forms, and explanations re-traced.
+"""
 
 from dataclasses import replace
 
@@ -25,7 +27,8 @@ from reference_rigs import cube_rig
 from kiriko.core.rig import MirrorArray
 
 TOLERANCES = {"mm": 0.5, "deg": 0.1, "": 0.002, "%": 0.1}
-COMMON, FIRST = "viewer: turn about up", "no compensation only: viewer: turn about up"
+COMMON = "viewer: turn about up"
+FIRST = "no compensation only: viewer: turn about up"
 TRIPLE = "half cube: shift up", COMMON, "program: display: shift right"
 MIDDLE = 24  # of 49 dots
 
@@ -47,9 +50,11 @@ def off(experiment, named, name, amount):
 
 
 def slab_shift(px, size=0.05, index=1.49, degrees=15.8):
-    """dx, px, at which the middle dot is seen through a slab turned about the vertical: see docs/paper.md.
+    """dx, px, at which the middle dot is seen through a slab
+    turned about the vertical: see docs/paper.md.
 
-    A ray at angle t to the right of the axis is shifted sideways by as much as it passes the middle at 1 m: sin t.
+    A ray at angle t to the right of the axis is shifted sideways by
+    as much as it passes the middle at 1 m: sin t.
     """
     low, high = 0.0, 0.05
     for _ in range(60):
@@ -87,12 +92,18 @@ def test_nothing_off_gives_what_dev_py_paper_finds(experiment):
         ("glass: size", 4.0, {"size": 0.052}),
     ],
 )
-def test_the_middle_dot_is_where_a_slab_of_what_is_off_shifts_it(experiment, named, name, amount, other):
-    """Of the real cube with no compensation; with the source image what the planned one is short of that."""
+def test_the_middle_dot_is_where_a_slab_of_what_is_off_shifts_it(
+    experiment, named, name, amount, other
+):
+    """Of the real cube with no compensation.
+
+    With the source image what the planned one is short of that.
+    """
     px = experiment.rig.viewer.width / 0.05
     middle = off(experiment, named, name, amount)[:, MIDDLE, 0]
     assert middle[0] == pytest.approx(slab_shift(px, **other), abs=0.1)
-    # the source image makes up for the planned cube; for the real one where both are otherwise than published
+    # the source image makes up for the planned cube; for the
+    # real one where both are otherwise than published
     is_known = name.startswith("published") or not other
     left = 0.0 if is_known else slab_shift(px, **other) - slab_shift(px)
     assert middle[2] == pytest.approx(left, abs=0.02 * abs(left) + 1e-3)
@@ -103,7 +114,8 @@ def test_half_the_cube_undoes_half_of_another_cube(experiment, named):
     middle = off(experiment, named, "published: glass: index", 0.1)[:, MIDDLE, 0]
     assert middle[1] / middle[0] == pytest.approx(0.5, abs=0.02)
     # a cube of which only the bench knows leaves the half as it was
-    was, now = experiment.moves(experiment.planned), off(experiment, named, "glass: index", 0.1)
+    was = experiment.moves(experiment.planned)
+    now = off(experiment, named, "glass: index", 0.1)
     change = (now - was)[:, MIDDLE, 0]
     assert change[1] == pytest.approx(change[0], rel=0.05)
 
@@ -111,17 +123,34 @@ def test_half_the_cube_undoes_half_of_another_cube(experiment, named):
 def test_to_take_mirrors_for_an_ideal_plate_moves_all_alike(experiment):
     """By h tan(theta in glass), which a display shifted by 1 mm tells in px."""
     shift = 1.25 * np.tan(np.arcsin(np.sqrt(0.5) / 1.52))  # mm
-    planned, found = (means(experiment.moves(s)) for s in (experiment.planned, taken_for_ideal(experiment.planned)))
+    planned, found = (
+        means(experiment.moves(s))
+        for s in (experiment.planned, taken_for_ideal(experiment.planned))
+    )
     moved = planned - found
     np.testing.assert_allclose(moved[[0, 2]], shift * 39.55, rtol=2e-3)
-    assert moved[1] == pytest.approx(moved[0], rel=0.05)  # the half cube stays where the mirrors image
+    assert moved[1] == pytest.approx(
+        moved[0], rel=0.05
+    )  # the half cube stays where the mirrors image
 
 
 @FITS
 def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
-    """dx stays though dy moves, or nothing does: glass that is shifted, all that moves up and down."""
-    upright = ("viewer: turn about right", "viewer: shift up", "plate: shift up", "display: shift away")
-    nothing = ("glass: shift right", "glass: shift up", "glass: shift away", "program: viewer: turn about up")
+    """dx stays though dy moves, or nothing does: glass that is shifted, all that moves
+    up and down.
+    """
+    upright = (
+        "viewer: turn about right",
+        "viewer: shift up",
+        "plate: shift up",
+        "display: shift away",
+    )
+    nothing = (
+        "glass: shift right",
+        "glass: shift up",
+        "glass: shift away",
+        "program: viewer: turn about up",
+    )
     moved = columns(experiment, [named[name] for name in (*upright, *nothing)], 3.0)
     assert np.abs(moved[:, 0]).max() < 3 * UNMOVED
     assert (np.abs(moved[: len(upright), 1]).max(axis=1) > 50).all()
@@ -132,8 +161,16 @@ def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
 
 @FITS
 def test_no_one_bench_moves_the_first_photograph_further_than_the_last(experiment, named):
-    """Turns and shifts move both alike, so that 28.5 px are left of the paper's, whatever their amounts."""
-    names = COMMON, "display: shift right", "viewer: shift right", "plate: turn about up", "glass: turn about up"
+    """Turns and shifts move both alike, so that 28.5 px are
+    left of the paper's, whatever their amounts.
+    """
+    names = (
+        COMMON,
+        "display: shift right",
+        "viewer: shift right",
+        "plate: turn about up",
+        "glass: turn about up",
+    )
     mine = [named[name] for name in names]
     change = columns(experiment, mine)
     matrix = change[:, 0].T
@@ -147,8 +184,13 @@ def test_no_one_bench_moves_the_first_photograph_further_than_the_last(experimen
 
 
 def test_dots_are_lost_where_the_cube_ends(experiment, named):
-    """A display that is further to the right than 1.58 mm shows the right column where no light comes from."""
-    moved = off(experiment, named, "display: shift right", 1.5), off(experiment, named, "display: shift right", 1.7)
+    """A display that is further to the right than 1.58 mm
+    shows the right column where no light comes from.
+    """
+    moved = (
+        off(experiment, named, "display: shift right", 1.5),
+        off(experiment, named, "display: shift right", 1.7),
+    )
     assert np.isfinite(moved[0]).all()
     lost = np.isnan(moved[1][..., 0])
     assert lost.sum(axis=1).tolist() == [7, 0, 0]
@@ -157,8 +199,13 @@ def test_dots_are_lost_where_the_cube_ends(experiment, named):
 
 @FITS
 def test_a_bench_that_was_touched_explains_the_paper(experiment, named):
-    """Of few suspects the smallest two are found: the camera, and the camera once more before the first photograph."""
-    mine = [named[name] for name in (COMMON, "display: shift right", "glass: turn about up", "photograph: scale")]
+    """Of few suspects the smallest two are found: the camera, and
+    the camera once more before the first photograph.
+    """
+    mine = [
+        named[name]
+        for name in (COMMON, "display: shift right", "glass: turn about up", "photograph: scale")
+    ]
     mine += [named[FIRST], named["no compensation only: display: shift right"]]
     matrix = columns(experiment, mine)[:, 0].T
     best = best_of(experiment, mine, matrix, 2)[0]

@@ -25,7 +25,10 @@ GLASS = Glass("glass", TRIANGLE, ConstantIndex(1.5))
 
 
 def test_content_counts_and_names_do_not():
-    """A copy has the same fingerprint, whatever its name; another number anywhere in it has another one."""
+    """A copy has the same fingerprint, whatever its name.
+
+    Another number anywhere in it has another one.
+    """
     copy = Glass("other", Mesh(np.eye(3), np.array([[0, 1, 2]])), ConstantIndex(1.5))
     assert fingerprint(GLASS) == fingerprint(copy)
     moved = np.eye(3)
@@ -42,7 +45,9 @@ def test_content_counts_and_names_do_not():
 
 
 @pytest.mark.parametrize(
-    "thing", [lambda wavelength: 1.5, object(), [1.5], {"index": 1.5}], ids=["function", "object", "list", "dict"]
+    "thing",
+    [lambda wavelength: 1.5, object(), [1.5], {"index": 1.5}],
+    ids=["function", "object", "list", "dict"],
 )
 def test_what_has_no_content_is_refused(thing):
     """A function's address tells nothing: once it is gone another function may have it."""

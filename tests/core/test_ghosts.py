@@ -54,16 +54,22 @@ def test_the_strongest_path_has_the_largest_sum():
     """However shares come, some at a time: against sums in a dictionary."""
     random = np.random.default_rng(0)
     for _ in range(20):
-        n_pixels, batches = 7, [some_shares(random, n, 7, 4) for n in (30, 1, 0, 12)]
-        paths, sums = Paths((n_pixels, 1)), {}
+        n_pixels = 7
+        batches = [some_shares(random, n, 7, 4) for n in (30, 1, 0, 12)]
+        paths = Paths((n_pixels, 1))
+        sums = {}
         for shares in batches:
             paths.add(shares)
             for pixel, path, area, t in zip(
-                *(getattr(shares, name).tolist() for name in ("display_index", "path", "area", "throughput")),
+                *(
+                    getattr(shares, name).tolist()
+                    for name in ("display_index", "path", "area", "throughput")
+                ),
                 strict=True,
             ):
                 sums[pixel, path] = sums.get((pixel, path), 0.0) + area * t * t
-        found, (weights, contested) = paths.strongest(), paths.weights()
+        found = paths.strongest()
+        (weights, contested) = paths.weights()
         for pixel in range(n_pixels):
             here = {path: weight for (at, path), weight in sums.items() if at == pixel}
             assert found[pixel] == (max(here, key=here.get) if here else NO_PATH)
@@ -76,7 +82,8 @@ def test_a_path_is_a_branch_and_the_way_round():
     """Turned over it is another path; turned, moved or stretched it is the same."""
     turned = SQUARE @ np.array([[0.6, 0.8], [-0.8, 0.6]]) * 3 + 7
     over = SQUARE[:, ::-1]
-    view, display = np.stack([SQUARE] * 4), np.stack([SQUARE, turned, over, turned[:, ::-1]])
+    view = np.stack([SQUARE] * 4)
+    display = np.stack([SQUARE, turned, over, turned[:, ::-1]])
     branch = np.full(4, 12, np.uint64)
     found = paths_of(Piece(view, display, np.ones(4), branch))
     assert found[0] == found[1] != found[2] == found[3]
@@ -86,12 +93,15 @@ def test_a_path_is_a_branch_and_the_way_round():
 
 
 def test_a_pixel_shows_what_its_strongest_path_asks_for():
-    """Against the mean colour of random rays of the path that most rays of a pixel take, where that is clear.
+    """Against the mean colour of random rays of the path that
+    most rays of a pixel take, where that is clear.
 
     Which way round a ray's surroundings are shown is told by two more rays beside it.
     """
     a_rig = seen_twice()
-    n, side, step = 300_000, 96, 1e-4
+    n = 300_000
+    side = 96
+    step = 1e-4
     xy = np.random.default_rng(3).uniform(0, side, (n, 2))
     plan = make_plan(a_rig, Settings())
     landings, across, along = (
@@ -99,21 +109,30 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     )
     is_on, pixel = landings.pixels(side, side)
     is_on &= (across.branch == landings.branch) & (along.branch == landings.branch)
-    (ax, ay), (bx, by) = (across.xy - landings.xy).T, (along.xy - landings.xy).T
+    (ax, ay) = (across.xy - landings.xy).T
+    (bx, by) = (along.xy - landings.xy).T
     path = landings.branch ^ (ax * by - ay * bx < 0)
-    pixel, path, xy = pixel[is_on], path[is_on], xy[is_on]
+    pixel = pixel[is_on]
+    path = path[is_on]
+    xy = xy[is_on]
     names, number = np.unique(path, return_inverse=True)
     counts = np.zeros((side * side, len(names)))
     np.add.at(counts, (pixel, number), 1)
     order = np.sort(counts, axis=1)
-    first, second = order[:, -1], order[:, -2]
+    first = order[:, -1]
+    second = order[:, -2]
     is_clear = (first > 12) & (second > 3) & (second < 0.7 * first)
     assert is_clear.sum() > 200
-    colours = Pyramid(a_rig.picture.image).sample(picture_from_view(a_rig.picture, a_rig.viewer, xy))
+    colours = Pyramid(a_rig.picture.image).sample(
+        picture_from_view(a_rig.picture, a_rig.viewer, xy)
+    )
     is_best = number == counts.argmax(axis=1)[pixel]
-    expected = np.stack([np.bincount(pixel[is_best], c[is_best], side * side) for c in colours.T], axis=1)
+    expected = np.stack(
+        [np.bincount(pixel[is_best], c[is_best], side * side) for c in colours.T], axis=1
+    )
     expected /= np.maximum(first, 1)[:, None]
-    mean, found = solve(a_rig), solve(a_rig, ghosts="strongest")
+    mean = solve(a_rig)
+    found = solve(a_rig, ghosts="strongest")
     off = np.abs(found.source.reshape(-1, 3) - expected)[is_clear]
     before = np.abs(mean.source.reshape(-1, 3) - expected)[is_clear]
     assert off.mean() < 0.25 * before.mean()
@@ -122,11 +141,13 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
 def test_nothing_changes_where_each_pixel_is_seen_once():
     """Without ghosts both ways paint the same; coverage and map are the same in any case."""
     a_rig = ball_rig(3, pixels=64, display_pixels=64, picture=0.02)
-    one, other = solve(a_rig), solve(a_rig, ghosts="strongest")
+    one = solve(a_rig)
+    other = solve(a_rig, ghosts="strongest")
     is_shown = one.weight > 0
     assert np.abs(one.source - other.source)[is_shown].max() < 1e-6
     a_rig = seen_twice()
-    one, other = solve(a_rig), solve(a_rig, ghosts="strongest")
+    one = solve(a_rig)
+    other = solve(a_rig, ghosts="strongest")
     np.testing.assert_allclose(one.display_coverage, other.display_coverage, atol=1e-9)
     assert one.picture_coverage == pytest.approx(other.picture_coverage, abs=1e-12)
     assert (other.weight <= one.weight * (1 + 1e-12)).all()
@@ -135,8 +156,12 @@ def test_nothing_changes_where_each_pixel_is_seen_once():
 
 
 def test_a_change_of_mind_traces_nothing():
-    """Ghosts are settled when painting; another picture is painted by the same paths, the same as from scratch."""
-    a_rig, kept = seen_twice(), Session()
+    """Ghosts are settled when painting.
+
+    Another picture is painted by the same paths, the same as from scratch.
+    """
+    a_rig = seen_twice()
+    kept = Session()
     solve(a_rig, kept)
     assert solve(a_rig, kept, ghosts="strongest").n_rays == 0
     flipped = replace(a_rig.picture, image=a_rig.picture.image[::-1].copy())

@@ -37,7 +37,9 @@ def two_balls():
 
 def prism():
     """A flat glass, of which the light leaves on several sides."""
-    return rig(box([0.03] * 3, degrees_about_z=20), pixels=96, display_pixels=128, image=lattice_image(64))
+    return rig(
+        box([0.03] * 3, degrees_about_z=20), pixels=96, display_pixels=128, image=lattice_image(64)
+    )
 
 
 RIGS = {"ball": ball, "two balls": two_balls, "prism": prism}
@@ -48,12 +50,17 @@ def bent_display():
     a_rig = ball()
     display = a_rig.displays[0]
     vertices = display.mesh.vertices + np.array([[0, 0, 0.002]] + 3 * [[0, 0, 0]])
-    return replace(a_rig, displays=(replace(display, mesh=replace(display.mesh, vertices=vertices)),))
+    return replace(
+        a_rig, displays=(replace(display, mesh=replace(display.mesh, vertices=vertices)),)
+    )
 
 
 @pytest.mark.parametrize("make", [*RIGS.values(), bent_display], ids=[*RIGS, "bent display"])
 def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
-    """A ray beside the glass still counts as one that missed it; it lands where it does when it carries the picture."""
+    """A ray beside the glass still counts as one that missed it.
+
+    It lands where it does when it carries the picture.
+    """
     a_rig = make()
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 96, (4000, 2)))
     all_count = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *rays)
@@ -72,7 +79,9 @@ def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_what_is_seen_beside_is_what_is_seen_when_all_light_counts(name):
-    """Light beside the glass is added to what is seen through it, whether or not it was followed while solving."""
+    """Light beside the glass is added to what is seen through it,
+    whether or not it was followed while solving.
+    """
     a_rig = RIGS[name]()
     everything = solve(a_rig, only_through_glass=False)
     source = solve(a_rig).source
@@ -87,23 +96,38 @@ def test_what_is_seen_beside_is_what_is_seen_when_all_light_counts(name):
 
 
 def test_suppressed_wholly_all_sight_lines_are_alike():
-    """With weight 1, and no picture beside the glass, the source image is that of light that counts everywhere."""
+    """With weight 1, and no picture beside the glass, the
+    source image is that of light that counts everywhere.
+    """
     a_rig = ball()
-    found, expected = solve(a_rig, suppress_glare=1.0).source, solve(a_rig, only_through_glass=False).source
+    found = solve(a_rig, suppress_glare=1.0).source
+    expected = solve(a_rig, only_through_glass=False).source
     assert np.abs(found - expected).mean() < 1e-5
     assert np.abs(found - expected).max() < 2e-3
     assert np.abs(found - solve(a_rig).source).max() > 0.05
 
 
 def test_least_squares_with_weight():
-    """Each pixel is what minimises the squares, by sums of random rays; light beside the glass is wanted to be 0."""
-    a_rig, n = ball(), 400_000
-    weight, source = solve(a_rig).weight, solve(a_rig).source
+    """Each pixel is what minimises the squares, by sums of random rays.
+
+    Light beside the glass is wanted to be 0.
+    """
+    a_rig = ball()
+    n = 400_000
+    weight = solve(a_rig).weight
+    source = solve(a_rig).source
     xy = np.random.default_rng(2).uniform(0, 96, (n, 2))
-    landings = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy))
-    is_beside = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).reason == Reason.MISSED_GLASS
+    landings = trace_all(
+        make_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy)
+    )
+    is_beside = (
+        trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).reason
+        == Reason.MISSED_GLASS
+    )
     is_on, pixel = landings.pixels(128, 128)
-    beside = np.bincount(pixel[is_on & is_beside], minlength=128 * 128).reshape(128, 128) * 96**2 / n
+    beside = (
+        np.bincount(pixel[is_on & is_beside], minlength=128 * 128).reshape(128, 128) * 96**2 / n
+    )
     for glare in (0.25, 1.0):
         expected = source * (weight / np.maximum(weight + glare * beside, 1e-9))[..., None]
         found = solve(a_rig, suppress_glare=glare).source
@@ -115,9 +139,12 @@ def test_least_squares_with_weight():
 
 
 def test_more_weight_is_less_glare_and_a_darker_picture():
-    """The share of light beside the glass falls with the weight, and so does the light through it."""
+    """The share of light beside the glass falls with the weight, and so does the light
+    through it.
+    """
     a_rig = ball()
-    session, before = Session(), None
+    session = Session()
+    before = None
     for glare in (0.0, 0.1, 0.5, 1.0):
         found = solve(a_rig, session, suppress_glare=glare)
         here = found.glare.share, float(found.seen().sum())
@@ -129,21 +156,28 @@ def test_more_weight_is_less_glare_and_a_darker_picture():
 
 
 def test_coverage_knows_the_glass_alone():
-    """What is covered, missed and painted is told as before: light beside the glass carries no picture."""
+    """What is covered, missed and painted is told as
+    before: light beside the glass carries no picture.
+    """
     wide = rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 0.06, 0.06)
     a_rig = replace(ball(), pictures=(replace(ball().picture, mesh=wide),))
-    one, other = solve(a_rig), solve(a_rig, suppress_glare=1.0)
+    one = solve(a_rig)
+    other = solve(a_rig, suppress_glare=1.0)
     assert one.picture_coverage < 0.9
     assert other.picture_coverage == pytest.approx(one.picture_coverage, abs=1e-6)
     assert other.misses.keys() == one.misses.keys()
-    assert other.misses["missed the glass"] == pytest.approx(one.misses["missed the glass"], abs=1e-3)
+    assert other.misses["missed the glass"] == pytest.approx(
+        one.misses["missed the glass"], abs=1e-3
+    )
     np.testing.assert_allclose(other.view_coverage, one.view_coverage, atol=1e-4)
     np.testing.assert_allclose(other.display_coverage, one.display_coverage, atol=1e-3)
 
 
 @STATISTICS
 def test_the_share_that_is_told_is_the_one_that_is_seen():
-    """The share of the light, as a sample of rays has it, is that of the seen image: to three standard errors."""
+    """The share of the light, as a sample of rays has it, is
+    that of the seen image: to three standard errors.
+    """
     for name, make in RIGS.items():
         found = solve(make())
         through, both = (dot_luminance(found.seen(beside=beside)) for beside in (False, True))
@@ -168,8 +202,14 @@ def dot_luminance(image):
 def test_where_the_glare_is(place, where):
     """Told by the sides of the glass, as the viewer sees it: x to the right, y down."""
     random = np.random.default_rng(1)
-    through, beside = random.normal(50, 8, (500, 2)), random.normal(place, 1, (100, 2))
-    light = LightBeside(np.concatenate([through, beside]), np.zeros(600, np.int64), np.ones(600), np.arange(600) >= 500)
+    through = random.normal(50, 8, (500, 2))
+    beside = random.normal(place, 1, (100, 2))
+    light = LightBeside(
+        np.concatenate([through, beside]),
+        np.zeros(600, np.int64),
+        np.ones(600),
+        np.arange(600) >= 500,
+    )
     found = light.seen_of(np.ones((1, 1, 3), np.float32))
     assert found.where == where
     assert found.share == pytest.approx(1 / 6)
@@ -189,7 +229,8 @@ def test_rays_of_the_sample_are_spread_over_the_image():
 def test_grown_margins_stay_dark_where_they_would_be_seen():
     """Pixels beside what is covered that are seen beside the glass are not grown into."""
     a_rig = ball()
-    plain, held = solve(a_rig, margin=6), solve(a_rig, margin=6, suppress_glare=1.0)
+    plain = solve(a_rig, margin=6)
+    held = solve(a_rig, margin=6, suppress_glare=1.0)
     beside = Coverage(held.view_map.display_size, held.view_map.view_size)
     for piece in held.view_map.pieces(beside=True):
         beside.add(rasterise(held.view_map.display_size, held.view_map.view_size, *piece[:3]))
@@ -198,18 +239,29 @@ def test_grown_margins_stay_dark_where_they_would_be_seen():
     assert (grown & is_beside).sum() > 20
     assert (grown & ~is_beside).sum() > 20
     assert (held.source[grown & is_beside] == 0).all()
-    assert (held.source[grown & ~is_beside].max(axis=1) > 0).mean() > 0.8  # but what would grow out of what is dark
+    assert (
+        held.source[grown & ~is_beside].max(axis=1) > 0
+    ).mean() > 0.8  # but what would grow out of what is dark
 
 
 def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
-    """Smooth light beside the glass does not dilute what is told of the picture: errors, shares and warnings."""
+    """Smooth light beside the glass does not dilute what is
+    told of the picture: errors, shares and warnings.
+    """
     glass = icosphere(0.02, 2, smooth=False)
-    a_rig = rig(glass, pixels=64, display_pixels=64, field=0.09, display=0.12, image=lattice_image(64))
-    one, other = solve(a_rig), solve(a_rig, suppress_glare=1.0)
+    a_rig = rig(
+        glass, pixels=64, display_pixels=64, field=0.09, display=0.12, image=lattice_image(64)
+    )
+    one = solve(a_rig)
+    other = solve(a_rig, suppress_glare=1.0)
     assert one.map_error.sampled > 0.2
     for name in ("unresolved", "sampled", "facet_limited"):
-        assert getattr(other.map_error, name) == pytest.approx(getattr(one.map_error, name), abs=0.05)
-    told = [[r.text.split(":")[0][:20] for r in found.remarks if r.is_warning] for found in (one, other)]
+        assert getattr(other.map_error, name) == pytest.approx(
+            getattr(one.map_error, name), abs=0.05
+        )
+    told = [
+        [r.text.split(":")[0][:20] for r in found.remarks if r.is_warning] for found in (one, other)
+    ]
     assert len(told[0]) == len(told[1]) > 0
 
 
@@ -217,13 +269,17 @@ def test_points_beside_the_glass_are_not_seen_in_it():
     """A calibration knows the same points, whatever the weight of light beside the glass."""
     a_rig = ball()
     view = np.stack(np.meshgrid(*2 * [np.linspace(4, 92, 9)]), axis=-1).reshape(-1, 2)
-    one, other = (Bench(a_rig, Settings(suppress_glare=glare), view).display for glare in (0.0, 1.0))
+    one, other = (
+        Bench(a_rig, Settings(suppress_glare=glare), view).display for glare in (0.0, 1.0)
+    )
     np.testing.assert_array_equal(one, other)
     assert np.isnan(one[:, 0]).any()
 
 
 def test_choices_are_told_in_decibels():
-    """Mean and strongest path, and weights of Suppress Glare: as the seen images say, the least squares the best."""
+    """Mean and strongest path, and weights of Suppress Glare: as
+    the seen images say, the least squares the best.
+    """
     a_rig = ball()
     found = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, Settings()))}
     assert set(found) == {("mean", 0.0), ("mean", 0.5), ("mean", 1.0), ("strongest", 0.0)}

@@ -38,7 +38,9 @@ def test_a_set_is_all_new(tmp_path: Path, there: tuple[str, ...]) -> None:
 def test_a_set_is_all_as_before_whichever_move_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: tuple[str, ...]
 ) -> None:
-    """The k-th file that cannot be moved, old or new: the sentence names a file of the set in its own folder."""
+    """The k-th file that cannot be moved, old or new: the
+    sentence names a file of the set in its own folder.
+    """
     for name in there:
         (tmp_path / name).write_text("old")
     own = Path.replace
@@ -72,7 +74,9 @@ def test_a_folder_in_the_way_of_a_set_stays(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".csv"])
-def test_a_name_as_long_as_the_file_system_takes_can_be_written(tmp_path: Path, suffix: str) -> None:
+def test_a_name_as_long_as_the_file_system_takes_can_be_written(
+    tmp_path: Path, suffix: str
+) -> None:
     """New, and once more in its place."""
     longest = os.pathconf(tmp_path, "PC_NAME_MAX") if hasattr(os, "pathconf") else 200
     path = tmp_path / ("x" * (longest - len(suffix)) + suffix)
@@ -86,9 +90,12 @@ def test_a_name_as_long_as_the_file_system_takes_can_be_written(tmp_path: Path, 
 
 @pytest.mark.parametrize("is_set", [False, True])
 @pytest.mark.parametrize("is_there", [False, True])
-def test_a_symbolic_link_stays_and_what_it_points_to_is_new(tmp_path: Path, is_set: bool, is_there: bool) -> None:
+def test_a_symbolic_link_stays_and_what_it_points_to_is_new(
+    tmp_path: Path, is_set: bool, is_there: bool
+) -> None:
     """A file in another folder, by a relative link; where it is not there yet, it is made."""
-    near, far = tmp_path / "near", tmp_path / "far"
+    near = tmp_path / "near"
+    far = tmp_path / "far"
     near.mkdir()
     far.mkdir()
     if is_there:
@@ -112,12 +119,24 @@ ENCODED = {  # by the two branches of IEC 61966-2-1, in decimals, times what the
     "uint8": (0, 7, 10, 118, 188, 254, 255, 255, 0),
     "uint16": (0, 1693, 2651, 30235, 48192, 65246, 65535, 65535, 0),
 }
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # ITU-R BT.709, items 1.3 and 1.4: red, green, blue, D65
+REC709 = (
+    0.64,
+    0.33,
+    0.30,
+    0.60,
+    0.15,
+    0.06,
+    0.3127,
+    0.3290,
+)  # ITU-R BT.709, items 1.3 and 1.4: red, green, blue, D65
 
 
 @pytest.mark.parametrize("form", image_io.FORMATS)
 def test_a_file_holds_the_numbers_its_format_asks_for(tmp_path: Path, form: str) -> None:
-    """Integers are sRGB-encoded, clipped and rounded; floats are linear light as they were. OpenImageIO reads them."""
+    """Integers are sRGB-encoded, clipped and rounded.
+
+    Floats are linear light as they were. OpenImageIO reads them.
+    """
     oiio = pytest.importorskip("OpenImageIO")
     pixels = np.repeat(np.array(LINEAR, np.float32)[None, :, None], 3, axis=2)
     image = oiio.ImageBuf(str(image_io.write(tmp_path / "a", pixels, form)))
@@ -128,7 +147,9 @@ def test_a_file_holds_the_numbers_its_format_asks_for(tmp_path: Path, form: str)
         assert found.reshape(-1, 3).tolist() == [[k] * 3 for k in ENCODED[number]]
     else:
         found = np.asarray(image.get_pixels(oiio.FLOAT)).reshape(-1, 3)
-        assert np.array_equal(found, pixels[0].astype(np.float16 if number == "half" else np.float32))
+        assert np.array_equal(
+            found, pixels[0].astype(np.float16 if number == "half" else np.float32)
+        )
         told = image.spec().getattribute("chromaticities")
         assert told == pytest.approx(REC709, rel=1e-6)
 
@@ -136,9 +157,14 @@ def test_a_file_holds_the_numbers_its_format_asks_for(tmp_path: Path, form: str)
 def test_a_file_tells_how_large_its_image_is(tmp_path: Path) -> None:
     """80 pixels over 50.8 mm are 40 to the inch; 20 over 25.4 mm are 20 to the inch."""
     pytest.importorskip("OpenImageIO")
-    _, about = image_io.read(image_io.write(tmp_path / "a", np.zeros((20, 80, 3)), "TIFF16", size=(0.0508, 0.0254)))
+    _, about = image_io.read(
+        image_io.write(tmp_path / "a", np.zeros((20, 80, 3)), "TIFF16", size=(0.0508, 0.0254))
+    )
     assert (about["XResolution"], about["YResolution"]) == (pytest.approx(40), pytest.approx(20))
-    assert about["ImageDescription"] == "Kiriko source image; sRGB; kiriko:width_mm=50.8; kiriko:height_mm=25.4"
+    assert (
+        about["ImageDescription"]
+        == "Kiriko source image; sRGB; kiriko:width_mm=50.8; kiriko:height_mm=25.4"
+    )
 
 
 @pytest.mark.parametrize(
@@ -157,7 +183,9 @@ def test_a_file_tells_how_large_its_image_is(tmp_path: Path) -> None:
 )
 def test_a_name_gets_the_suffix_of_its_format(given: str, form: str, name: str) -> None:
     """In place of that of another image, else behind what is there."""
-    assert image_io.named_for(Path("some.where") / given, form, {".jpg"}) == Path("some.where") / name
+    assert (
+        image_io.named_for(Path("some.where") / given, form, {".jpg"}) == Path("some.where") / name
+    )
 
 
 @pytest.mark.parametrize(

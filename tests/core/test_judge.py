@@ -1,6 +1,8 @@
-"""Core held to mpmath at fifty digits, on random cases with hard ones among them: `dev.py extremes` takes 1e5 of each.
+"""Core held to mpmath at fifty digits, on random cases with hard
+ones among them: `dev.py extremes` takes 1e5 of each.
 
-The marks: 1e-12 where k > 1e-6, 4 eps / sqrt k below, and never the wrong class where it can be known.
+The marks: 1e-12 where k > 1e-6, 4 eps / sqrt k below, and
+never the wrong class where it can be known.
 """
 
 import judge
@@ -39,18 +41,22 @@ def test_the_marks_are_kept(ask):
         assert verdict.n_cases > 0.7 * CASES[ask]
         assert verdict.error < judge.EXACT
         assert verdict.is_kept, (
-            f"{verdict.what}: {verdict.part:.3g} of the mark, {verdict.n_wrong} wrong: {verdict.where}"
+            f"{verdict.what}: {verdict.part:.3g} of the mark, {verdict.n_wrong} wrong:"
+            f" {verdict.where}"
         )
 
 
 def rounded(directions, normals, n1, n2):
-    """Refraction by the ratio of the indices alone, as it was: right for the ratio, not for the indices."""
+    """Refraction by the ratio of the indices alone, as it
+    was: right for the ratio, not for the indices.
+    """
     return judge_refract(directions, normals, n1 / n2, np.ones(len(n1)))
 
 
 def cancelling(directions, normals, n1, n2):
     """Refraction by the form that subtracts near-equal numbers, 1 - eta^2 (1 - c^2)."""
-    eta, c = n1 / n2, -(directions * normals).sum(axis=1)
+    eta = n1 / n2
+    c = -(directions * normals).sum(axis=1)
     k = 1 - eta**2 * (1 - c**2)
     root = np.sqrt(np.where(k < 0, np.nan, k))
     return eta[:, None] * directions + (eta * c - root)[:, None] * normals, k < 0, np.ones(len(k))
@@ -61,7 +67,9 @@ judge_refract = judge.refract
 
 @pytest.mark.parametrize("other", [rounded, cancelling])
 def test_the_judge_tells_a_worse_refraction(other, monkeypatch):
-    """Forms that lose digits near the critical angle of near-equal indices are found out, by the class of light."""
+    """Forms that lose digits near the critical angle of
+    near-equal indices are found out, by the class of light.
+    """
     monkeypatch.setattr(judge, "refract", other)
     verdict = judge.judge_refraction(2000)[0]
     assert verdict.n_wrong > 0
@@ -69,7 +77,8 @@ def test_the_judge_tells_a_worse_refraction(other, monkeypatch):
 
 
 def test_light_that_leaves_close_to_an_edge_does_not_enter_again():
-    """4 nm and 0.1 nm beside the edge of a prism light goes in by one face and out by the other, and meets no more.
+    """4 nm and 0.1 nm beside the edge of a prism light goes in by
+    one face and out by the other, and meets no more.
 
     Within a hundredth of that, faces are wider than drawn, so that no ray is lost between them.
     """

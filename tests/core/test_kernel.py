@@ -76,7 +76,8 @@ def rays_of(a_rig, n=N_RAYS, seed=0):
 
 def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
     """Landings by numpy and by the kernel, of the same rays through the same curved faces."""
-    rays, plan = rays_of(a_rig, n), make_plan(a_rig, some)
+    rays = rays_of(a_rig, n)
+    plan = make_plan(a_rig, some)
     with kernel.off():
         expected = trace_all(plan, *rays, light)
     assert "compiled kernel" in plan.used
@@ -85,9 +86,11 @@ def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
 
 def turned_ball():
     """A glass that was only moved, in the plan of the one before."""
-    kept, mesh = Kept(), icosphere(0.025, 3)
+    kept = Kept()
+    mesh = icosphere(0.025, 3)
     make_plan(rig(mesh), Settings(), kept)
-    c, s = np.cos(0.3), np.sin(0.3)
+    c = np.cos(0.3)
+    s = np.sin(0.3)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     moved = replace(
         mesh,
@@ -103,7 +106,9 @@ def without_some(mesh):
     """An open mesh: light goes in and out by the gap."""
     keep = np.ones(len(mesh.triangles), bool)
     keep[::17] = False
-    return Mesh(mesh.vertices, mesh.triangles[keep], mesh.corner_normals[keep], mesh.is_smooth[keep])
+    return Mesh(
+        mesh.vertices, mesh.triangles[keep], mesh.corner_normals[keep], mesh.is_smooth[keep]
+    )
 
 
 def bent_facets(mesh):
@@ -119,7 +124,10 @@ def turned_vase(segments=32):
 
 
 def with_blocker(a_rig):
-    return replace(a_rig, blockers=(Blocker("card", rectangle([0, 0.03, 0.01], [1, 0, 0], [0, 0, 1], 0.02, 0.02)),))
+    return replace(
+        a_rig,
+        blockers=(Blocker("card", rectangle([0, 0.03, 0.01], [1, 0, 0], [0, 0, 1], 0.02, 0.02)),),
+    )
 
 
 def two(*meshes):
@@ -139,17 +147,25 @@ RIGS = {
     "lathed": lambda: rig(turned_vase()),
     "bottle as drawn": lambda: rig(bent_facets(bottle())),
     "open ball": lambda: rig(without_some(icosphere(0.025, 3))),
-    "two balls": lambda: two(icosphere(0.015, 3, centre=(-0.016, 0, 0)), icosphere(0.015, 3, centre=(0.016, 0, 0))),
+    "two balls": lambda: two(
+        icosphere(0.015, 3, centre=(-0.016, 0, 0)), icosphere(0.015, 3, centre=(0.016, 0, 0))
+    ),
     "ball in a box": lambda: two(box([0.06] * 3), icosphere(0.02, 3)),
-    "boxes that touch": lambda: two(box([0.03] * 3, (-0.015, 0, 0)), box([0.03] * 3, (0.015, 0, 0))),
-    "boxes that overlap": lambda: two(box([0.04] * 3, (-0.01, 0, 0)), box([0.04] * 3, (0.01, 0.01, 0))),
+    "boxes that touch": lambda: two(
+        box([0.03] * 3, (-0.015, 0, 0)), box([0.03] * 3, (0.015, 0, 0))
+    ),
+    "boxes that overlap": lambda: two(
+        box([0.04] * 3, (-0.01, 0, 0)), box([0.04] * 3, (0.01, 0.01, 0))
+    ),
     "with a card": lambda: with_blocker(ball_rig(3)),
     "diamond": lambda: rig(box([0.03] * 3, degrees_about_z=31.0), ior=2.42),
 }
 
 
 def assert_same(expected, found, px=PX):
-    """Landings are alike, but of light that is turned so often that of rounding it makes another path."""
+    """Landings are alike, but of light that is turned so
+    often that of rounding it makes another path.
+    """
     is_long = expected.n_events >= CHAOTIC
     for name in EXACT:
         differs = getattr(expected, name) != getattr(found, name)
@@ -163,7 +179,10 @@ def assert_same(expected, found, px=PX):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_same_landings(name):
-    """Same branch, reason and number of events of each ray; landings to 1e-8 px in 99.9 %, on all kinds of rigs."""
+    """Same branch, reason and number of events of each ray.
+
+    Landings to 1e-8 px in 99.9 %, on all kinds of rigs.
+    """
     expected, found = both_ways(RIGS[name]())
     assert expected.has_arrived.mean() > 0.05
     assert_same(expected, found)
@@ -171,22 +190,34 @@ def test_same_landings(name):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_same_landings_on_faces_that_each_fitted(name):
-    """Numpy's whole way beside the kernel's: 1e-8 of the display, since least squares at a rim make rounding larger."""
+    """Numpy's whole way beside the kernel's: 1e-8 of the display,
+    since least squares at a rim make rounding larger.
+    """
     a_rig = RIGS[name]()
     rays = rays_of(a_rig)
     with kernel.off():
         expected = trace_all(make_plan(a_rig, Settings()), *rays)
-    assert_same(expected, trace_all(make_plan(a_rig, Settings()), *rays), 1e-8 * a_rig.display.width)
+    assert_same(
+        expected, trace_all(make_plan(a_rig, Settings()), *rays), 1e-8 * a_rig.display.width
+    )
 
 
 @pytest.mark.parametrize(
     "some",
-    [{"brightness": True}, {"only_through_glass": False}, {"suppress_glare": 1.0}, {"max_events": 3}],
+    [
+        {"brightness": True},
+        {"only_through_glass": False},
+        {"suppress_glare": 1.0},
+        {"max_events": 3},
+    ],
     ids=str,
 )
 @pytest.mark.parametrize("name", ["ball", "cube", "two balls"])
 def test_same_landings_by_other_settings(name, some):
-    """Brightness weighs paths alike; light beside the glass, and light that is cut off, end alike."""
+    """Brightness weighs paths alike.
+
+    Light beside the glass, and light that is cut off, end alike.
+    """
     assert_same(*both_ways(RIGS[name](), Settings(**some)))
 
 
@@ -208,8 +239,11 @@ def test_a_glass_that_was_only_moved():
 def test_same_ways_and_courses():
     """What is written down at each event is the same; a ray leaves its course at the same event."""
     a_rig = rig(torus(0.018, 0.007, 64, 32))
-    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig, 2000)
-    ways, words, led = [], [], []
+    plan = make_plan(a_rig, Settings())
+    rays = rays_of(a_rig, 2000)
+    ways = []
+    words = []
+    led = []
     for way in (kernel.off(), nullcontext()):
         steps = []
         with way:
@@ -220,11 +254,17 @@ def test_same_ways_and_courses():
     assert len(ways[0]) == len(ways[1]) > 2
     for expected, found in zip(*ways, strict=True):
         for name in ("rays", "patch", "triangle", "left"):
-            order = [np.argsort(step.rays if name != "left" else step.left) for step in (expected, found)]
-            of = [getattr(step, name)[at] for step, at in zip((expected, found), order, strict=True)]
+            order = [
+                np.argsort(step.rays if name != "left" else step.left) for step in (expected, found)
+            ]
+            of = [
+                getattr(step, name)[at] for step, at in zip((expected, found), order, strict=True)
+            ]
             assert np.array_equal(*of), name
         np.testing.assert_allclose(
-            found.place[np.argsort(found.rays)], expected.place[np.argsort(expected.rays)], atol=1e-11
+            found.place[np.argsort(found.rays)],
+            expected.place[np.argsort(expected.rays)],
+            atol=1e-11,
         )
     other = np.roll(words[0], 1, axis=0)  # each ray on the course of another
     with kernel.off():
@@ -237,15 +277,20 @@ def test_same_ways_and_courses():
 def test_glass_aside_is_told():
     """A ray that comes near glass that is not in the plan is told by the same error."""
     a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
-    plan, rays = make_plan(a_rig, Settings(), aside=(1,)), rays_of(a_rig, 200)
+    plan = make_plan(a_rig, Settings(), aside=(1,))
+    rays = rays_of(a_rig, 200)
     with pytest.raises(ReachedError) as found:
         finish(tracing(plan, *rays))
     assert found.value.boxes == {0}
 
 
-@pytest.mark.parametrize("make", [lambda: torus(0.02, 0.008, 12, 6), lambda: bottle(), lambda: icosphere(0.025, 1)])
+@pytest.mark.parametrize(
+    "make", [lambda: torus(0.02, 0.008, 12, 6), lambda: bottle(), lambda: icosphere(0.025, 1)]
+)
 def test_one_tree_holds_faces_of_all_degrees(make):
-    """Points of curved faces, of those of lower degree too, lie in the boxes of the tree that all of them share."""
+    """Points of curved faces, of those of lower degree too, lie
+    in the boxes of the tree that all of them share.
+    """
     (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
     boxes = plans._face_boxes(layer, layer.curved)
     k = np.repeat(layer.curved.triangle, 15)
@@ -258,9 +303,14 @@ def test_one_tree_holds_faces_of_all_degrees(make):
     assert np.ptp(boxes, axis=1).max() < 2.5
 
 
-@pytest.mark.parametrize("make", [lambda: icosphere(0.025, 3), lambda: torus(0.02, 0.008, 24, 12), lambda: bottle()])
+@pytest.mark.parametrize(
+    "make", [lambda: icosphere(0.025, 3), lambda: torus(0.02, 0.008, 24, 12), lambda: bottle()]
+)
 def test_the_tree_is_a_ray_engine(make):
-    """It finds the triangles that Embree finds, for rays from outside and from within; rays may go nowhere."""
+    """It finds the triangles that Embree finds, for rays from outside and from within.
+
+    Rays may go nowhere.
+    """
     (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
     dice = np.random.default_rng(0)
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
@@ -274,7 +324,9 @@ def test_the_tree_is_a_ray_engine(make):
     np.testing.assert_allclose(found.distance[some], expected.distance[some], atol=2e-6)
     np.testing.assert_allclose(found.normal[some], expected.normal[some], atol=1e-6)
     for name in ("u", "v"):
-        np.testing.assert_allclose(getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3)
+        np.testing.assert_allclose(
+            getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
+        )
     nowhere = kernel.HullEngine(layer.asked).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
@@ -284,7 +336,8 @@ def test_the_tree_is_a_ray_engine(make):
 def test_any_number_of_threads_gives_the_same():
     """Bit for bit."""
     a_rig = rig(bent_facets(bottle()))
-    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig)
+    plan = make_plan(a_rig, Settings())
+    rays = rays_of(a_rig)
     by_threads = []
     try:
         for number in (1, 2, 7, 1000):
@@ -294,24 +347,34 @@ def test_any_number_of_threads_gives_the_same():
         kernel.use_threads(0)
     for other in by_threads[1:]:
         for f in fields(Landings):
-            assert getattr(by_threads[0], f.name).tobytes() == getattr(other, f.name).tobytes(), f.name
+            assert getattr(by_threads[0], f.name).tobytes() == getattr(other, f.name).tobytes(), (
+                f.name
+            )
 
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_random_rigs(seed):
-    """Balls, boxes and tori of random sizes and places, apart, touching or overlapping, of random index: the same."""
+    """Balls, boxes and tori of random sizes and places, apart,
+    touching or overlapping, of random index: the same.
+    """
     dice = np.random.default_rng(seed)
     makers = (
-        lambda: icosphere(dice.uniform(0.005, 0.025), int(dice.integers(0, 4)), bool(dice.integers(2))),
+        lambda: icosphere(
+            dice.uniform(0.005, 0.025), int(dice.integers(0, 4)), bool(dice.integers(2))
+        ),
         lambda: box(dice.uniform(0.005, 0.05, 3), degrees_about_z=dice.uniform(0, 360)),
         lambda: torus(dice.uniform(0.01, 0.02), dice.uniform(0.002, 0.009), 24, 12),
     )
     meshes = [makers[dice.integers(3)]() for _ in range(dice.integers(1, 4))]
-    meshes = [replace(mesh, vertices=mesh.vertices + dice.uniform(-0.03, 0.03, 3)) for mesh in meshes]
+    meshes = [
+        replace(mesh, vertices=mesh.vertices + dice.uniform(-0.03, 0.03, 3)) for mesh in meshes
+    ]
     a_rig = replace(two(*meshes))
     glasses = tuple(replace(glass, ior=a_rig.glasses[0].ior) for glass in a_rig.glasses)
-    expected, found = both_ways(replace(a_rig, glasses=glasses), Settings(brightness=bool(dice.integers(2))), 400)
+    expected, found = both_ways(
+        replace(a_rig, glasses=glasses), Settings(brightness=bool(dice.integers(2))), 400
+    )
     differs = (expected.branch != found.branch) | (expected.reason != found.reason)
     # light that is turned many times makes one rounding error into another path
     assert not differs[expected.n_events < 10].any()
@@ -322,8 +385,11 @@ def test_random_rigs(seed):
 
 
 def test_where_ways_part_the_kernel_has_met_the_nearer_face():
-    """Of a mesh that contradicts itself: where numpy's engine lets a ray through, the kernel finds what it met."""
-    mesh, dice = turned_vase(12), np.random.default_rng(3)
+    """Of a mesh that contradicts itself: where numpy's engine
+    lets a ray through, the kernel finds what it met.
+    """
+    mesh = turned_vase(12)
+    dice = np.random.default_rng(3)
     spoilt = mesh.vertices * (1 + 0.03 * dice.normal(size=(len(mesh.vertices), 1)))
     a_rig = rig(replace(mesh, vertices=spoilt))
     found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
@@ -331,7 +397,8 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face():
     assert found.n_wrong == 0
 
 
-NAN, INF = np.nan, np.inf
+NAN = np.nan
+INF = np.inf
 WILD = [
     [NAN] * 3,
     [INF, 0, 0],
@@ -346,9 +413,13 @@ WILD = [
 
 @pytest.mark.parametrize("name", ["ball", "cube", "open ball", "two balls", "barrel"])
 def test_no_ray_breaks_it(name):
-    """Rays that are none, infinitely far or without a direction end somewhere; their neighbours are none the worse."""
+    """Rays that are none, infinitely far or without a direction end somewhere.
+
+    Their neighbours are none the worse.
+    """
     a_rig = RIGS[name]()
-    plan, (o, d) = make_plan(a_rig, Settings()), rays_of(a_rig, len(WILD))
+    plan = make_plan(a_rig, Settings())
+    (o, d) = rays_of(a_rig, len(WILD))
     expected = trace_all(plan, o, d)
     wild = np.array(WILD, float)
     mixed = np.concatenate([o, wild, o]), np.concatenate([d, d, wild])
@@ -367,7 +438,10 @@ ARRAYS = {
 @pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
 @pytest.mark.parametrize("layout", ARRAYS)
 def test_plates_of_mirrors(layout, light):
-    """Light crosses mirrors, or is reflected by the face, as by numpy's closed form; from either side."""
+    """Light crosses mirrors, or is reflected by the face, as by numpy's closed form.
+
+    From either side.
+    """
     a_rig = ball_rig(3, field=0.06)
     plates = (replace(a_rig.plates[0], array=ARRAYS[layout]),)
     some = Settings(brightness=True, only_through_glass=False)
@@ -394,9 +468,12 @@ def test_what_it_does_not_know_is_left_to_numpy():
 
 
 def test_a_long_way_is_left_to_numpy(monkeypatch):
-    """Where it would take too much memory to write ways down by ray they are written event by event."""
+    """Where it would take too much memory to write ways
+    down by ray they are written event by event.
+    """
     a_rig = ball_rig(2)
-    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig, 100)
+    plan = make_plan(a_rig, Settings())
+    rays = rays_of(a_rig, 100)
     expected = finish(courses(plan, *rays))
     monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
     assert not kernel.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
@@ -404,7 +481,9 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
 
 
 def test_a_library_of_another_version_is_not_used(monkeypatch):
-    """Sizes of structures are compared when it is loaded: one that differs, is broken or missing is as good as none."""
+    """Sizes of structures are compared when it is loaded: one that
+    differs, is broken or missing is as good as none.
+    """
     monkeypatch.setattr(loading, "MOST_LAYERS", 7)
     loading.loaded.cache_clear()
     try:
@@ -439,7 +518,8 @@ def test_a_library_that_is_not_ours_is_not_used(monkeypatch):
 def test_work_that_was_begun_is_ended_by_the_kernel():
     """Whoever switches it off between two pauses changes nothing of the work under way."""
     a_rig = ball_rig(3)
-    plan, rays = make_plan(a_rig, Settings()), rays_of(a_rig)
+    plan = make_plan(a_rig, Settings())
+    rays = rays_of(a_rig)
     expected = trace_all(plan, *rays)
     work = tracing(plan, *rays)
     next(work)
@@ -448,7 +528,9 @@ def test_work_that_was_begun_is_ended_by_the_kernel():
 
 
 def test_arrays_of_another_kind_are_not_written_to():
-    """Where numpy's whole numbers are of 4 bytes, as on Windows before numpy 2, none are handed over."""
+    """Where numpy's whole numbers are of 4 bytes, as on
+    Windows before numpy 2, none are handed over.
+    """
     plan = make_plan(ball_rig(1), Settings())
     rays = Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
@@ -459,7 +541,9 @@ def test_arrays_of_another_kind_are_not_written_to():
 
 
 def test_masks_of_other_clusters_are_left_alone():
-    """A far card makes what counts as one place large: a box a micrometre beside others is another cluster's."""
+    """A far card makes what counts as one place large: a box a
+    micrometre beside others is another cluster's.
+    """
     beside, *same = (box([0.02] * 3, (0, side * (0.01 + 5e-7), 0)) for side in [-1, *20 * [1]])
     far = Blocker("card", rectangle([0, 0, 1e7], [1, 0, 0], [0, 1, 0], 1.0, 1.0))
     expected, found = both_ways(replace(two(beside, *same), blockers=(far,)), n=500)
@@ -492,52 +576,82 @@ def spoilt(dice, polygons, value, part=0.1):
 
 
 NASTY = {
-    **{f"of {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size) for size in (1e-9, 0.02, 1, 40)},
-    **{f"huge, {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size) for size in (1e4, 1e14, 1e300)},
-    **{f"thin, {width:g} px": lambda dice, shape, width=width: lines(dice, shape, width) for width in (0, 1e-8, 1e-5)},
+    **{
+        f"of {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size)
+        for size in (1e-9, 0.02, 1, 40)
+    },
+    **{
+        f"huge, {size:g} px": lambda dice, shape, size=size: blobs(dice, shape, size)
+        for size in (1e4, 1e14, 1e300)
+    },
+    **{
+        f"thin, {width:g} px": lambda dice, shape, width=width: lines(dice, shape, width)
+        for width in (0, 1e-8, 1e-5)
+    },
     "on the grid": lambda dice, shape: np.round(blobs(dice, shape)),
     "level, on the grid": lambda dice, shape: blobs(dice, shape) * [1, 0] + [0, 5],
     "upright": lambda dice, shape: blobs(dice, shape) * [0, 1] + [5.3, 0],
     "points": lambda dice, shape: blobs(dice, shape)[:, :1].repeat(shape[1], axis=1),
     "two corners alike": lambda dice, shape: blobs(dice, shape)[:, [0, 0, *range(2, shape[1])]],
-    "one corner far away": lambda dice, shape: blobs(dice, shape) * np.array([1e7, 1, 1, 1])[: shape[1], None],
-    "of all scales": lambda dice, shape: blobs(dice, shape) * 10.0 ** dice.uniform(-30, 20, (*shape, 2)),
+    "one corner far away": lambda dice, shape: (
+        blobs(dice, shape) * np.array([1e7, 1, 1, 1])[: shape[1], None]
+    ),
+    "of all scales": lambda dice, shape: (
+        blobs(dice, shape) * 10.0 ** dice.uniform(-30, 20, (*shape, 2))
+    ),
     "no numbers": lambda dice, shape: spoilt(dice, blobs(dice, shape), np.nan),
     "infinite": lambda dice, shape: spoilt(dice, spoilt(dice, blobs(dice, shape), np.inf), -np.inf),
 }
 
 
 def by_cell_and_pixel(shares, n_cells):
-    """Cell and pixel, area, display area, middle and covariance of shares, whose throughput is the cell's number.
+    """Cell and pixel, area, display area, middle and covariance of
+    shares, whose throughput is the cell's number.
 
     Two triangles of one quad that lie in one pixel count as one.
     """
     n_pixels = int(np.prod(shares.display_size))
     assert shares.throughput.max(initial=0) < n_cells
     key, which = np.unique(shares.throughput * n_pixels + shares.display_index, return_inverse=True)
-    area, display_area = (np.bincount(which, values) for values in (shares.area, shares.display_area))
+    area, display_area = (
+        np.bincount(which, values) for values in (shares.area, shares.display_area)
+    )
     values = np.concatenate([shares.view_xy.T, shares.covariance])
-    return key, area, display_area, np.stack([np.bincount(which, shares.area * row) for row in values]) / area
+    return (
+        key,
+        area,
+        display_area,
+        np.stack([np.bincount(which, shares.area * row) for row in values]) / area,
+    )
 
 
 def assert_same_shares(size, view, polygons):
-    """Numpy's way, cell by cell, and the kernel divide cells alike: areas to 1e-12 of the cell, places to 1e-10 of it.
+    """Numpy's way, cell by cell, and the kernel divide cells
+    alike: areas to 1e-12 of the cell, places to 1e-10 of it.
 
-    A centroid is a quotient of areas, and so as exact as these are to the share. Covariances are single, 1e-4.
+    A centroid is a quotient of areas, and so as exact as these
+    are to the share. Covariances are single, 1e-4.
     """
     n = len(polygons)
     number = np.arange(float(n))
     with kernel.off(), np.errstate(invalid="ignore", over="ignore"):
-        parts = [rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number))) for i in range(n)]
+        parts = [
+            rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number)))
+            for i in range(n)
+        ]
     expected = share_batches.joined(parts)
     found = rasterise(size, (2, 2), view, polygons, number)
-    (key, *of_numpy), (other, *of_kernel) = (by_cell_and_pixel(some, n) for some in (expected, found))
+    (key, *of_numpy), (other, *of_kernel) = (
+        by_cell_and_pixel(some, n) for some in (expected, found)
+    )
     both, here, there = np.intersect1d(key, other, return_indices=True)
     for keys, area in ((key, of_numpy[0]), (other, of_kernel[0])):
         assert area[~np.isin(keys, both)].max(initial=0) < 1e-12
     area, display_area, values = (a[..., here] for a in of_numpy)
     np.testing.assert_allclose(of_kernel[0][there], area, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(of_kernel[1][there], display_area, rtol=1e-9, atol=1e-12 * display_area.max(initial=0))
+    np.testing.assert_allclose(
+        of_kernel[1][there], display_area, rtol=1e-9, atol=1e-12 * display_area.max(initial=0)
+    )
     off = np.abs(of_kernel[2][:, there] - values) * area
     assert off[:2].max(initial=0) < 1e-10
     np.testing.assert_allclose(off[2:], 0, atol=1e-4 * np.abs(values[2:] * area).max(initial=1))
@@ -547,7 +661,9 @@ def assert_same_shares(size, view, polygons):
 @pytest.mark.parametrize("k", [3, 4])
 @pytest.mark.parametrize("name", NASTY)
 def test_same_shares(name, k):
-    """Of triangles and quads, folded or not, thin, on grid lines, larger than the display or not there at all."""
+    """Of triangles and quads, folded or not, thin, on grid
+    lines, larger than the display or not there at all.
+    """
     dice = np.random.default_rng(11)
     view = VIEW[:k] + dice.normal(size=(120, k, 2)) * 0.05
     found = assert_same_shares((17, 11), view, NASTY[name](dice, (120, k)))
@@ -557,7 +673,9 @@ def test_same_shares(name, k):
 @settings(max_examples=200)
 @given(
     st.lists(
-        st.tuples(st.floats(), st.floats()) | st.tuples(st.floats(-4, 9), st.floats(-4, 9)), min_size=4, max_size=4
+        st.tuples(st.floats(), st.floats()) | st.tuples(st.floats(-4, 9), st.floats(-4, 9)),
+        min_size=4,
+        max_size=4,
     )
 )
 def test_same_shares_of_any_polygon(corners):
@@ -580,19 +698,28 @@ def test_no_polygon_breaks_it(corners):
 
 @pytest.mark.parametrize("size", [(1300, 40), (40, 1300), (200_000, 3)])
 def test_shares_for_which_there_is_no_room(monkeypatch, size):
-    """Where room ends, within a cell or a row of it, is gone on: bit for bit the same as with room for all."""
+    """Where room ends, within a cell or a row of it, is gone
+    on: bit for bit the same as with room for all.
+    """
     width, height = size
     quads = np.array(
-        [[[-0.2, -0.3], [1.1, -0.1], [0.9, 1.2], [0.1, 1.1]], [[0.1, 0.1], [0.9, 0.8], [0.9, 0.1], [0.1, 0.8]]]
+        [
+            [[-0.2, -0.3], [1.1, -0.1], [0.9, 1.2], [0.1, 1.1]],
+            [[0.1, 0.1], [0.9, 0.8], [0.9, 0.1], [0.1, 0.8]],
+        ]
     )
     quads = np.concatenate([quads * size, np.full((1, 4, 2), np.nan), 1.4 * VIEW[None]])
-    view, throughput = np.broadcast_to(VIEW, quads.shape), np.array([0.5, 0.25, 1.0, 2.0])
+    view = np.broadcast_to(VIEW, quads.shape)
+    throughput = np.array([0.5, 0.25, 1.0, 2.0])
     whole = rasterise(size, (2, 2), view, quads, throughput)
     assert len(whole) > 0.8 * width * height
     monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
         monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", at_once)
-        parts = [part for _, part in share_batches.divided(size, (2, 2), [(view, quads, throughput, None)])]
+        parts = [
+            part
+            for _, part in share_batches.divided(size, (2, 2), [(view, quads, throughput, None)])
+        ]
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
         found = share_batches.joined(parts)
@@ -602,7 +729,9 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     lot = view, quads / size * [40, 30], throughput, None
     few = [part for _, part in share_batches.divided((40, 30), (2, 2), [lot])]
     assert max(map(len, few)) <= 7
-    assert sum(map(len, few)) == len(rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput))
+    assert sum(map(len, few)) == len(
+        rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput)
+    )
 
 
 def test_a_display_of_more_pixels_than_an_int32_counts():
@@ -614,7 +743,9 @@ def test_a_display_of_more_pixels_than_an_int32_counts():
 
 
 def test_cells_that_it_does_not_know_are_left_to_numpy():
-    """Of more than four corners, or without a partner on the other image: nothing is read that is not there."""
+    """Of more than four corners, or without a partner on the
+    other image: nothing is read that is not there.
+    """
     quads = VIEW[None].repeat(3, axis=0)
     assert kernel.can_divide(quads, quads)
     for cells in ((quads, quads[:2]), (quads[:, :3], quads), 2 * [quads[:, [0, 1, 2, 3, 3]]]):
@@ -671,18 +802,24 @@ def test_same_bundles_pass_by(n_triangles, k):
 def test_bundles_that_it_does_not_know_are_left_to_numpy():
     """Of more rays than it has room for."""
     dice = np.random.default_rng(3)
-    parts, bundles = some_parts(dice, 50), some_bundles(dice, 40, 36, 2)
+    parts = some_parts(dice, 50)
+    bundles = some_bundles(dice, 40, 36, 2)
     assert not parts._of_kernel.knows(bundles[0])
     assert parts._of_kernel.knows(bundles[0][:, :32])
     assert len(finish(parts.touch(*bundles))) == 40
 
 
 @settings(max_examples=100)
-@given(st.lists(st.floats(), min_size=3 * 9, max_size=3 * 9), st.lists(st.floats(), min_size=18, max_size=18))
+@given(
+    st.lists(st.floats(), min_size=3 * 9, max_size=3 * 9),
+    st.lists(st.floats(), min_size=18, max_size=18),
+)
 def test_no_bundle_breaks_it(corners, places):
     """Whatever floats places and corners are, and patches that are not there."""
     with np.errstate(all="ignore"):
-        parts = ThinParts(np.array(corners).reshape(3, 3, 3), np.array([0, 1, 1]), np.array([0, 0, 1]))._of_kernel
+        parts = ThinParts(
+            np.array(corners).reshape(3, 3, 3), np.array([0, 1, 1]), np.array([0, 0, 1])
+        )._of_kernel
     for met in ([[0, 1], [1, -1]], [[9, -5], [0, 1]]):
         bundles = np.array(places).reshape(1, 2, 3, 3), np.array([met], np.int32)
         assert len(finish(parts.touch(*bundles, 1.0))) == 1
@@ -692,10 +829,14 @@ def test_no_bundle_breaks_it(corners, places):
 
 
 def shares_of(dice, n, display_size=(40, 30), view_size=(64, 64), index_type=np.int32):
-    """Shares at random places, some beside the viewer's image; of any size and shape, points and squares among them."""
+    """Shares at random places, some beside the viewer's image.
+
+    Of any size and shape, points and squares among them.
+    """
     a, b = dice.normal(size=(2, 2, n)) * 10 ** dice.uniform(-3, 1, n)
     covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
-    covariance[:, ::7], covariance[:, ::11] = 0, of_square(2.0)
+    covariance[:, ::7] = 0
+    covariance[:, ::11] = of_square(2.0)
     area = np.where(dice.random(n) < 0.1, 0, dice.uniform(0, 1, n))
     return Shares(
         display_size,
@@ -735,7 +876,9 @@ def painted(a_picture, viewer, shares):
 @pytest.mark.parametrize("place", PICTURES)
 @pytest.mark.parametrize("shape", [(64, 64), (1, 7), (5, 1), (1, 1), (33, 50)])
 def test_same_painting(shape, place, projection):
-    """Of any picture that is flat, from any side, the sums are numpy's to single precision, 1e-6 of the weight."""
+    """Of any picture that is flat, from any side, the sums are
+    numpy's to single precision, 1e-6 of the weight.
+    """
     dice = np.random.default_rng(12)
     a_picture = Picture("p", dice.random((*shape, 4)).astype(np.float32), PICTURES[place])
     viewer = viewer_of(projection)
@@ -745,8 +888,13 @@ def test_same_painting(shape, place, projection):
             with kernel.off():
                 expected = painted(a_picture, viewer, some)
             found = painted(a_picture, viewer, some)
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * to_display(some, np.ones(3000)).max())
-    unseen = {"perspective": "behind", "orthographic": "up to the horizon"}  # which is edge-on there
+            np.testing.assert_allclose(
+                found, expected, rtol=0, atol=1e-6 * to_display(some, np.ones(3000)).max()
+            )
+    unseen = {
+        "perspective": "behind",
+        "orthographic": "up to the horizon",
+    }  # which is edge-on there
     assert (expected.max() > 0.1) == (place != unseen[projection])
 
 
@@ -754,7 +902,8 @@ def test_painting_by_any_number_of_threads_gives_the_same():
     """Bit for bit."""
     dice = np.random.default_rng(13)
     a_picture = Picture("p", dice.random((64, 64, 4)).astype(np.float32), PICTURES["turned"])
-    shares, by_threads = shares_of(dice, 20_000, (200, 100)), []
+    shares = shares_of(dice, 20_000, (200, 100))
+    by_threads = []
     try:
         for number in (1, 2, 3, 15, 16, 1000):
             kernel.use_threads(number)
@@ -770,9 +919,11 @@ def test_no_share_breaks_the_painting(place):
     """Whatever is in one share, on which pixel it may be: other pixels are none the worse."""
     dice = np.random.default_rng(14)
     a_picture = Picture("p", dice.random((33, 50, 4)).astype(np.float32), PICTURES[place])
-    shares, viewer = shares_of(dice, 4000), viewer_of("perspective")
+    shares = shares_of(dice, 4000)
+    viewer = viewer_of("perspective")
     expected = painted(a_picture, viewer, shares)
-    wild, which = [NAN, INF, -INF, 1e300, -1e300, 1e38, 1e-320, -1.0], np.arange(0, 4000, 5)
+    wild = [NAN, INF, -INF, 1e300, -1e300, 1e38, 1e-320, -1.0]
+    which = np.arange(0, 4000, 5)
     for name in ("view_xy", "covariance", "area", "throughput"):
         values = getattr(shares, name).copy()
         rows = values.T if name == "covariance" else values
@@ -792,11 +943,14 @@ def test_no_share_breaks_the_painting(place):
 
 
 def test_a_picture_that_is_not_flat_is_left_to_numpy():
-    """Its strokes are taps; those that were found before the kernel was switched off are painted all the same."""
+    """Its strokes are taps; those that were found before the
+    kernel was switched off are painted all the same.
+    """
     dice = np.random.default_rng(15)
     bent = icosphere(0.03, 1)
     bent = replace(bent, uv=dice.random((len(bent.triangles), 3, 2)))
-    image, shares = dice.random((8, 8, 4)).astype(np.float32), shares_of(dice, 100)
+    image = dice.random((8, 8, 4)).astype(np.float32)
+    shares = shares_of(dice, 100)
     viewer = viewer_of("perspective")
     assert isinstance(find_strokes(Picture("p", image, bent), viewer, shares), Taps)
     strokes = find_strokes(Picture("p", image, PICTURES["turned"]), viewer, shares)
@@ -809,7 +963,9 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
 
 def shaken(mesh, by):
     """Vertices moved by up to a part of the mesh's size."""
-    at = mesh.vertices + by * np.ptp(mesh.vertices) * np.random.default_rng(5).uniform(-1, 1, mesh.vertices.shape)
+    at = mesh.vertices + by * np.ptp(mesh.vertices) * np.random.default_rng(5).uniform(
+        -1, 1, mesh.vertices.shape
+    )
     return mean_normals(replace(mesh, vertices=at))
 
 
@@ -837,7 +993,10 @@ MESHES = {
 
 @pytest.mark.parametrize("name", MESHES)
 def test_same_curved_faces(name):
-    """Of the same triangles; points to 1e-10 of the mesh's size, normals to what is left when sweeps end, 1e-10."""
+    """Of the same triangles.
+
+    Points to 1e-10 of the mesh's size, normals to what is left when sweeps end, 1e-10.
+    """
     mesh = MESHES[name]()
     with kernel.off():
         expected = make_surface(mesh).curved
@@ -852,7 +1011,8 @@ def test_same_curved_faces(name):
 
 def test_the_fit_by_any_number_of_threads_gives_the_same():
     """Bit for bit."""
-    mesh, found = shaken(icosphere(0.025, 5), 0.001), []
+    mesh = shaken(icosphere(0.025, 5), 0.001)
+    found = []
     for n in (1, 2, 5):
         kernel.use_threads(n)
         try:
@@ -861,8 +1021,11 @@ def test_the_fit_by_any_number_of_threads_gives_the_same():
             kernel.use_threads(0)
     for faces in found[1:]:
         for f in fields(faces):
-            one, other = getattr(found[0], f.name), getattr(faces, f.name)
-            assert np.array_equal(one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float), f.name
+            one = getattr(found[0], f.name)
+            other = getattr(faces, f.name)
+            assert np.array_equal(
+                one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float
+            ), f.name
 
 
 @settings(max_examples=100)
@@ -871,13 +1034,21 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     """Whatever floats stand for places, normals and sizes: only what is wanted is written."""
     dice = np.random.default_rng(seed)
     n, n_pairs = 9, 40
-    start, end = np.sort(dice.integers(0, n, n_pairs)), dice.integers(0, n, n_pairs)
+    start = np.sort(dice.integers(0, n, n_pairs))
+    end = dice.integers(0, n, n_pairs)
     first = np.searchsorted(start, np.arange(n + 1))
-    places, normals, axis_x, axis_y = (spoilt(dice, dice.normal(size=(n, 3)), one) for _ in range(4))
-    size, coefficients = spoilt(dice, dice.random(n), other), spoilt(dice, dice.normal(size=(n, 14)), other)
-    v = Vertices(places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first)
-    fit, wanted = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients)), dice.random(n) < 0.5
-    before, settled = coefficients.copy(), normals.copy()
+    places, normals, axis_x, axis_y = (
+        spoilt(dice, dice.normal(size=(n, 3)), one) for _ in range(4)
+    )
+    size = spoilt(dice, dice.random(n), other)
+    coefficients = spoilt(dice, dice.normal(size=(n, 14)), other)
+    v = Vertices(
+        places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first
+    )
+    fit = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients))
+    wanted = dice.random(n) < 0.5
+    before = coefficients.copy()
+    settled = normals.copy()
     fit.fit_fields(wanted, RIDGE, coefficients)
     fit.settle_normals(wanted, RIDGE, settled, 5, 1e-10)
     for values, others in ((coefficients, before), (settled, normals)):
@@ -892,7 +1063,10 @@ def test_the_environment_switches_it_off():
     code = "from kiriko.core import kernel; print(kernel.library())"
     link = str(build_kernel.HERE.parent)
     told = subprocess.run(
-        [sys.executable, "-c", code], env={"PYTHONPATH": link, loading.SWITCH: "off"}, capture_output=True, text=True
+        [sys.executable, "-c", code],
+        env={"PYTHONPATH": link, loading.SWITCH: "off"},
+        capture_output=True,
+        text=True,
     )
     assert told.stdout.strip() == "None", told.stderr
 
@@ -900,22 +1074,40 @@ def test_the_environment_switches_it_off():
 @pytest.mark.parametrize(
     "module",
     [
-        *(curved, fitting, loading, plate, pyramid, rasterise_module, ray_engine, structures, surface_fit),
+        *(
+            curved,
+            fitting,
+            loading,
+            plate,
+            pyramid,
+            rasterise_module,
+            ray_engine,
+            structures,
+            surface_fit,
+        ),
         *(thin_parts, touching, vertex_fields),
     ],
 )
 def test_one_number_for_one_name(module):
-    """Every constant of the C that a module of core has by the same name is the same number there."""
-    sources = "".join(path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]"))
+    """Every constant of the C that a module of core has by the same name is the same
+    number there.
+    """
+    sources = "".join(
+        path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]")
+    )
     defined = dict(re.findall(r"^#define (\w+) (\S+)", sources, re.MULTILINE))
     shared = [name for name in defined if hasattr(module, name)]
     assert shared
     for name in shared:
         text = defined[name]
-        assert getattr(module, name) == (float.fromhex(text) if text.startswith("0x") else float(text)), name
+        assert getattr(module, name) == (
+            float.fromhex(text) if text.startswith("0x") else float(text)
+        ), name
 
 
 def test_structures_are_as_large_as_their_fields():
     """No field is padded on any platform: all are 8 bytes or pairs of 4."""
     for structure in STRUCTURES:
-        assert ctypes.sizeof(structure) == sum(ctypes.sizeof(kind) for _, kind in structure._fields_)
+        assert ctypes.sizeof(structure) == sum(
+            ctypes.sizeof(kind) for _, kind in structure._fields_
+        )

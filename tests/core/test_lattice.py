@@ -29,14 +29,17 @@ GRID = np.stack([N % 7 - 3, N // 7 - 3], axis=1) / 3.0  # of the photographs, -1
 
 def bent(size, turn=0.0, scale=1.0, perspective=0.0, bend=0.0, shift=(0, 0)):
     """Map from px (n, 2) to the lattice's -1..1."""
-    middle, half = np.array(size) / 2 + shift, 0.35 * min(size) * scale
+    middle = np.array(size) / 2 + shift
+    half = 0.35 * min(size) * scale
 
     def to_lattice(xy):
         x, y = ((xy - middle) / half).T
         x, y = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
         z = 1 + perspective * (x + 0.5 * y)
         x, y = x / z, y / z
-        return np.stack([x + bend * (np.sin(2 * y + 0.3) - x * x), y + bend * (np.cos(2.2 * x) - 1)], axis=1)
+        return np.stack(
+            [x + bend * (np.sin(2 * y + 0.3) - x * x), y + bend * (np.cos(2.2 * x) - 1)], axis=1
+        )
 
     return to_lattice
 
@@ -48,20 +51,32 @@ def seen_at(to_lattice, size, wanted=GRID):
     there = to_lattice(pixels)
     at = np.array([pixels[((there - place) ** 2).sum(axis=1).argmin()] for place in wanted])
     for _ in range(30):
-        j = np.stack([(to_lattice(at + d) - to_lattice(at - d)) / 0.02 for d in ([0.01, 0], [0, 0.01])], axis=2)
+        j = np.stack(
+            [(to_lattice(at + d) - to_lattice(at - d)) / 0.02 for d in ([0.01, 0], [0, 0.01])],
+            axis=2,
+        )
         at = at + np.linalg.solve(j, (wanted - to_lattice(at))[..., None])[..., 0]
     assert np.abs(to_lattice(at) - wanted).max() < 1e-9
     return at
 
 
 def photographed(to_lattice, size, radius=0.2, style="dots", level=None, sub=4):
-    """Light (h, w) of the lattice: radius of dots or half width of lines in spacings, level (49,) of each dot."""
+    """Light (h, w) of the lattice: radius of dots or half width
+    of lines in spacings, level (49,) of each dot.
+    """
     level = np.ones(49) if level is None else level
     y, x = np.mgrid[: size[1], : size[0]]
     light = np.zeros(x.size)
     for dy, dx in np.ndindex(sub, sub):
-        u, v = (to_lattice(np.stack([x.ravel() + (dx + 0.5) / sub, y.ravel() + (dy + 0.5) / sub], axis=1)) * 3 + 3).T
-        i, j = np.rint(u).clip(0, 6), np.rint(v).clip(0, 6)
+        u, v = (
+            to_lattice(
+                np.stack([x.ravel() + (dx + 0.5) / sub, y.ravel() + (dy + 0.5) / sub], axis=1)
+            )
+            * 3
+            + 3
+        ).T
+        i = np.rint(u).clip(0, 6)
+        j = np.rint(v).clip(0, 6)
         if style == "dots":
             light += (np.hypot(u - i, v - j) < radius) * level[(7 * j + i).astype(int)]
         else:
@@ -71,8 +86,11 @@ def photographed(to_lattice, size, radius=0.2, style="dots", level=None, sub=4):
 
 
 def blurred(image, sigma):
-    fy, fx = np.fft.fftfreq(image.shape[0])[:, None], np.fft.rfftfreq(image.shape[1])
-    return np.fft.irfft2(np.fft.rfft2(image) * np.exp(-2 * (np.pi * sigma) ** 2 * (fx**2 + fy**2)), image.shape)
+    fy = np.fft.fftfreq(image.shape[0])[:, None]
+    fx = np.fft.rfftfreq(image.shape[1])
+    return np.fft.irfft2(
+        np.fft.rfft2(image) * np.exp(-2 * (np.pi * sigma) ** 2 * (fx**2 + fy**2)), image.shape
+    )
 
 
 def as_jpeg(image, step=4):
@@ -83,7 +101,9 @@ def as_jpeg(image, step=4):
     blocks = 255 * image[: 8 * h, : 8 * w].reshape(h, 8, w, 8).transpose(0, 2, 1, 3)
     steps = step * (1 + 0.6 * (k + k[:, None]))
     blocks = cosines.T @ (np.rint(cosines @ blocks @ cosines.T / steps) * steps) @ cosines
-    return np.clip(np.rint(blocks.transpose(0, 2, 1, 3).reshape(8 * h, 8 * w)), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(blocks.transpose(0, 2, 1, 3).reshape(8 * h, 8 * w)), 0, 255).astype(
+        np.uint8
+    )
 
 
 def surroundings(size, random, n_streaks=2, n_blobs=3, n_specks=40):
@@ -92,14 +112,17 @@ def surroundings(size, random, n_streaks=2, n_blobs=3, n_specks=40):
     y, x = np.mgrid[:h, :w] + 0.5
     light = 0.12 + 0.15 * x / w + 0.1 * (y / h) ** 2
     for _ in range(n_streaks):
-        a, p = random.uniform(0, np.pi), random.uniform(0, size)
+        a = random.uniform(0, np.pi)
+        p = random.uniform(0, size)
         across = (x - p[0]) * np.sin(a) - (y - p[1]) * np.cos(a)
         light += random.uniform(0.2, 0.8) * np.exp(-((across / random.uniform(1, 4)) ** 2))
     for _ in range(n_blobs):
-        p, r = random.uniform(0, size), random.uniform(0.06, 0.12) * min(size)
+        p = random.uniform(0, size)
+        r = random.uniform(0.06, 0.12) * min(size)
         light += random.uniform(0.2, 0.6) * np.exp(-((np.hypot(x - p[0], y - p[1]) / r) ** 4))
     for _ in range(n_specks):
-        p, r = random.uniform(0, size), random.uniform(0.5, 2.5)
+        p = random.uniform(0, size)
+        r = random.uniform(0.5, 2.5)
         light += random.uniform(0.2, 1) * (np.hypot(x - p[0], y - p[1]) < r)
     return light
 
@@ -111,10 +134,15 @@ def rms(off):
 # Drawn
 
 
-@pytest.mark.parametrize(("columns", "rows", "size"), [(7, 7, (530, 411)), (5, 3, (530, 371)), (2, 4, (201, 400))])
+@pytest.mark.parametrize(
+    ("columns", "rows", "size"), [(7, 7, (530, 411)), (5, 3, (530, 371)), (2, 4, (201, 400))]
+)
 @pytest.mark.parametrize("style", ["dots", "grid"])
 def test_what_is_drawn_is_found(columns, rows, size, style):
-    """Points stand where uv says, also the larger dots that tell how it is turned; sharp lines to 0.15 px."""
+    """Points stand where uv says, also the larger dots that tell how it is turned.
+
+    Sharp lines to 0.15 px.
+    """
     lattice = Lattice(columns, rows, 0.5 / min(columns, rows))
     image = lattice.image(*size, style)
     assert image.shape == (size[1], size[0], 3)
@@ -149,7 +177,10 @@ def test_what_cannot_be_drawn_is_said(make, words):
 
 @pytest.mark.parametrize("style", ["dots", "grid"])
 def test_points_are_found_to_a_part_of_a_pixel(style):
-    """With 1 % of noise and dots of 15 px: 0.1 px rms is asked for, crossings 0.2; a fifth of that is kept."""
+    """With 1 % of noise and dots of 15 px: 0.1 px rms is asked for, crossings 0.2.
+
+    A fifth of that is kept.
+    """
     size = 340, 330
     to_lattice = bent(size, turn=0.2, perspective=0.03)
     true = seen_at(to_lattice, size)
@@ -176,16 +207,25 @@ def test_dots_of_5_to_60_pixels_are_found(spacing, radius):
 @pytest.mark.parametrize("style", ["dots", "grid"])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_bad_photograph_will_do(style, seed):
-    """Bent, turned, in perspective, dim at the rim, 0.2 to 1 bright, with reflections, dust, noise, as JPEG.
+    """Bent, turned, in perspective, dim at the rim, 0.2 to 1
+    bright, with reflections, dust, noise, as JPEG.
 
-    No point is taken for another; half of them are as good as the noise lets them be, those on a reflection less.
+    No point is taken for another; half of them are as good as
+    the noise lets them be, those on a reflection less.
     """
     size = 560, 500
     random = np.random.default_rng(seed)
     turn, scale, perspective, bend = random.uniform([-0.7, 0.75, -0.1, -0.1], [0.7, 1.0, 0.1, 0.1])
     to_lattice = bent(size, turn, scale, perspective, bend)
     true = seen_at(to_lattice, size)
-    image = photographed(to_lattice, size, 0.15 if style == "dots" else 0.04, style, random.uniform(0.2, 1, 49), sub=2)
+    image = photographed(
+        to_lattice,
+        size,
+        0.15 if style == "dots" else 0.04,
+        style,
+        random.uniform(0.2, 1, 49),
+        sub=2,
+    )
     y, x = np.mgrid[: size[1], : size[0]]
     image *= 1 - 0.6 * ((x / size[0] - 0.5) ** 2 + (y / size[1] - 0.5) ** 2)
     image = blurred(image + surroundings(size, random), 1.0) + random.normal(0, 0.02, image.shape)
@@ -198,7 +238,9 @@ def test_a_bad_photograph_will_do(style, seed):
 
 
 def test_what_is_dark_is_missing():
-    """A lattice of which two columns and a corner are dark: the others are found, and told apart."""
+    """A lattice of which two columns and a corner are dark: the others are found, and
+    told apart.
+    """
     size = 400, 400
     to_lattice = bent(size)
     true = seen_at(to_lattice, size)
@@ -213,7 +255,8 @@ def patches(random, size=(400, 450), n=300):
     y, x = np.mgrid[: size[0], : size[1]]
     image = np.zeros(size)
     for _ in range(n):
-        (px, py), r = random.uniform(0, size[::-1]), random.choice([3, 5, 8, 14, 25])
+        (px, py) = random.uniform(0, size[::-1])
+        r = random.choice([3, 5, 8, 14, 25])
         image += random.uniform(-0.4, 0.5) * np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * r * r))
     return image
 
@@ -248,16 +291,21 @@ def test_a_photograph_of_a_few_pixels_is_refused():
 @CASES
 @pytest.mark.parametrize("seed", range(25))
 def test_points_are_told_apart(seed):
-    """Shuffled, shifted, scaled, turned and bent, some inner ones missing, a few extra: each is what it was."""
+    """Shuffled, shifted, scaled, turned and bent, some inner
+    ones missing, a few extra: each is what it was.
+    """
     random = np.random.default_rng(seed)
     scale, turn, bend, perspective = random.uniform([0.5, -0.7, -0.1, -0.1], [2.0, 0.7, 0.1, 0.1])
     size = 900, 900
-    true = seen_at(bent(size, turn, scale, perspective, bend, shift=random.uniform(-300, 300, 2)), (900, 900))
+    true = seen_at(
+        bent(size, turn, scale, perspective, bend, shift=random.uniform(-300, 300, 2)), (900, 900)
+    )
     points = true + random.normal(0, 0.5, true.shape)
     inner = np.flatnonzero((N % 7 % 6 > 0) & (N // 7 % 6 > 0))
     missing = random.choice(inner, 5, replace=False)
     kept = np.delete(points, missing, axis=0)
-    low, high = kept.min(axis=0), kept.max(axis=0)
+    low = kept.min(axis=0)
+    high = kept.max(axis=0)
     extra = random.uniform(low - 100, high + 100, (3, 2))
     far = np.linalg.norm(extra[:, None] - true, axis=2).min(axis=1) > 0.4 * scale * 105
     found = match(random.permutation(np.concatenate([kept, extra[far]])), GRID * 315 + 450, SEVEN)
@@ -268,7 +316,8 @@ def test_points_are_told_apart(seed):
 
 def test_a_missing_row_is_that_which_was_expected_there():
     """Shifted by a fifth of a spacing it is clear, by half of one it is not."""
-    points, moved = np.delete(GRID * 300, N[:7], axis=0), np.array([20, 20])
+    points = np.delete(GRID * 300, N[:7], axis=0)
+    moved = np.array([20, 20])
     found = match(points + moved, GRID * 300, SEVEN)
     assert np.isnan(found[:7]).all()
     assert np.array_equal(found[7:], points + moved)
@@ -293,8 +342,10 @@ def test_what_cannot_be_told_apart_is_said():
 
 def test_three_points_without_a_place_are_left_out_and_four_are_refused():
     """Of nine dots, with more that go on as the lattice does."""
-    three, index = Lattice(3, 3, 0.1), N.reshape(7, 7)
-    nine, beyond = GRID[index[:3, :3].ravel()] * 300, GRID[index[:4, 3]] * 300
+    three = Lattice(3, 3, 0.1)
+    index = N.reshape(7, 7)
+    nine = GRID[index[:3, :3].ravel()] * 300
+    beyond = GRID[index[:4, 3]] * 300
     for n in (1, 2, 3):
         found = match(np.concatenate([nine, beyond[:n]]), nine, three)
         assert np.array_equal(found, nine)
@@ -303,8 +354,12 @@ def test_three_points_without_a_place_are_left_out_and_four_are_refused():
 
 
 def test_of_dots_in_one_place_the_strongest_is_found():
-    """Also where it is the smaller one, and the other's middle is beside it but within the larger one."""
-    small, large, apart = [50.0, 50, 2, 9], [52.5, 50, 2.9, 5], [54.0, 50, 2.9, 5]
+    """Also where it is the smaller one, and the other's
+    middle is beside it but within the larger one.
+    """
+    small = [50.0, 50, 2, 9]
+    large = [52.5, 50, 2.9, 5]
+    apart = [54.0, 50, 2.9, 5]
     assert _distinct(np.array([small, large])).tolist() == [small[:3]]
     assert _distinct(np.array([small, apart])).tolist() == [small[:3], apart[:3]]
 
@@ -326,7 +381,9 @@ def written(tmp_path, text, encoding="utf-8"):
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_a_file_says_which_point_is_which(tmp_path, delimiter):
-    """In any order, columns too, with a byte order mark, blank lines, blanks for what was not measured."""
+    """In any order, columns too, with a byte order mark,
+    blank lines, blanks for what was not measured.
+    """
     lines = ["y,Row,x,column", "10.5,1,20,2", "", "1e2,3,7.25,7", ",2,,2"]
     path = written(tmp_path, "\r\n".join(lines).replace(",", delimiter), "utf-8-sig")
     found = read_points(path, SEVEN, GRID)
@@ -355,10 +412,19 @@ def test_a_file_of_places_alone_is_matched(tmp_path):
         ("x,y\n1,two", "Line 2 of .* has 'two' where a number should be"),
         ("x,y\nnan,2", "Line 2 of .* has 'nan', which is no place"),
         ("x,y\n1,inf", "Line 2 of .* has 'inf', which is no place"),
-        ("column,row,x,y\n0,1,5,5", r"Line 2 of .* has a point \(0, 1\), but columns run from 1 to 7"),
-        ("column,row,x,y\n1,8,5,5", r"Line 2 of .* has a point \(1, 8\), but columns run from 1 to 7"),
+        (
+            "column,row,x,y\n0,1,5,5",
+            r"Line 2 of .* has a point \(0, 1\), but columns run from 1 to 7",
+        ),
+        (
+            "column,row,x,y\n1,8,5,5",
+            r"Line 2 of .* has a point \(1, 8\), but columns run from 1 to 7",
+        ),
         ("column,row,x,y\n1.5,1,5,5", r"Line 2 of .* has a point \(1.5, 1\)"),
-        ("column,row,x,y\n1,2,5,5\n\n1,2,6,6", r"Line 4 of .* has the point \(1, 2\) of line 2 again"),
+        (
+            "column,row,x,y\n1,2,5,5\n\n1,2,6,6",
+            r"Line 4 of .* has the point \(1, 2\) of line 2 again",
+        ),
     ],
 )
 def test_what_is_wrong_in_a_file_is_said(tmp_path, text, words):
@@ -405,7 +471,10 @@ def test_mirrored_and_turned_numbers_are_refused():
         with pytest.raises(ImageError, match="mirrored or turned"):
             check_way(GRID @ way.T, GRID)
     turn = np.radians(30)
-    check_way(1.7 * GRID @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 300, GRID)
+    check_way(
+        1.7 * GRID @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) + 300,
+        GRID,
+    )
 
 
 # On the bench
@@ -415,7 +484,9 @@ def lattice_bench(a_rig, **settings):
     """The rig with the lattice, 30 mm wide from border to border, as its picture."""
     a_rig = replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))
     u, v = SEVEN.uv.T - 0.5
-    return Bench(a_rig, Settings(**settings), a_rig.viewer.project(0.03 * np.stack([u, 0 * u, v], axis=1)))
+    return Bench(
+        a_rig, Settings(**settings), a_rig.viewer.project(0.03 * np.stack([u, 0 * u, v], axis=1))
+    )
 
 
 @pytest.mark.parametrize(
@@ -427,14 +498,19 @@ def lattice_bench(a_rig, **settings):
     ],
 )
 def test_smooth_light_is_no_mistake_and_mistakes_are_named(make):
-    """Uncompensated, with parts off by much and 1 px of noise nothing is said; of two swapped points both are named."""
+    """Uncompensated, with parts off by much and 1 px of noise nothing is said.
+
+    Of two swapped points both are named.
+    """
     a_rig = make()
     bench = lattice_bench(a_rig)
     random = np.random.default_rng(0)
     plain = lattice_bench(without_glass(a_rig), only_through_glass=False)
     n_checked = 0
     for k in range(4):
-        amounts = random.normal(0, 0.3, len(bench.parameters)) * [p.unit in ("mm", "deg") for p in bench.parameters]
+        amounts = random.normal(0, 0.3, len(bench.parameters)) * [
+            p.unit in ("mm", "deg") for p in bench.parameters
+        ]
         display = bench.display if k % 2 else plain.display
         seen = bench.seen(amounts, display=display)
         if np.isfinite(seen).all(axis=1).sum() < 20:
@@ -449,10 +525,14 @@ def test_smooth_light_is_no_mistake_and_mistakes_are_named(make):
             names = sorted([one, other])
             with pytest.raises(ImageError) as said:
                 check(wrong, SEVEN)
-            assert f"{SEVEN.name(names[0])} and {SEVEN.name(names[1])} seem swapped" in str(said.value)
+            assert f"{SEVEN.name(names[0])} and {SEVEN.name(names[1])} seem swapped" in str(
+                said.value
+            )
             wrong = seen.copy()
             wrong[one] += [80, -30]
-            with pytest.raises(ImageError, match="pixels from where its neighbours have it") as said:
+            with pytest.raises(
+                ImageError, match="pixels from where its neighbours have it"
+            ) as said:
                 check(wrong, SEVEN)
             assert SEVEN.name(one) in str(said.value)
     assert n_checked >= 3
@@ -466,7 +546,9 @@ def test_points_of_another_lattice_are_refused():
 
 @CASES
 def test_a_lattice_seen_through_the_cube_is_measured():
-    """The drawn lattice, solved for, seen by core and found in the image: where Bench has it, to 0.1 px."""
+    """The drawn lattice, solved for, seen by core and found
+    in the image: where Bench has it, to 0.1 px.
+    """
     image = np.concatenate([SEVEN.image(1024, 1024), np.ones((1024, 1024, 1), np.float32)], axis=2)
     a_rig = cube_rig(pixels=400, image=image)
     u, v = SEVEN.uv.T - 0.5

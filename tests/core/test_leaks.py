@@ -1,6 +1,8 @@
-"""Closed glass does not leak: not one ray at a vertex or an edge's middle escapes, of 5 k and of 82 k triangles.
+"""Closed glass does not leak: not one ray at a vertex or an
+edge's middle escapes, of 5 k and of 82 k triangles.
 
-Embree's robust mode alone loses 0.2 to 0.9 % of them. `dev.py extremes` asks all of the larger meshes, here a part.
+Embree's robust mode alone loses 0.2 to 0.9 % of them. `dev.py
+extremes` asks all of the larger meshes, here a part.
 """
 
 import numpy as np
@@ -26,9 +28,11 @@ EVERY = {0: 1, 1: 16}  # of the targets of the smaller and larger meshes
 
 @pytest.mark.parametrize("size", EVERY)
 def test_no_ray_at_a_vertex_or_edge_escapes(size):
-    """From outside and inside, straight on and refracted: all that goes in comes out, and nothing is passed through.
+    """From outside and inside, straight on and refracted: all that
+    goes in comes out, and nothing is passed through.
 
-    Straight on, light changes sides at each event: their number is even from outside and odd from inside.
+    Straight on, light changes sides at each event: their
+    number is even from outside and odd from inside.
     """
     for shape, kind, mesh in leak_cases(size):
         assert find_edges(mesh.triangles).n_open == 0
@@ -51,7 +55,9 @@ def test_without_its_rescue_the_ray_engine_leaks(monkeypatch):
 
 
 def test_a_ray_that_grazes_an_edge_of_a_fine_mesh_comes_out():
-    """It goes in by one facet and along the next, whose plane it meets far beside: it is not lost for that."""
+    """It goes in by one facet and along the next, whose plane
+    it meets far beside: it is not lost for that.
+    """
     ball = icosphere(0.025, 6)
     mesh = Mesh(ball.vertices, ball.triangles)
     targets = aims_at(mesh).targets[[69514, 77798]]

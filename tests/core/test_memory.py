@@ -41,7 +41,8 @@ def picture(side):
 a_rig, settings = {rig}, Settings(tolerance={tolerance})
 before = status("VmRSS")
 view_map = {work}
-print(json.dumps([status("VmHWM") - before, sum(memory.estimated(a_rig, settings, view_map).values())]))
+told = memory.estimated(a_rig, settings, view_map)
+print(json.dumps([status("VmHWM") - before, sum(told.values())]))
 """
 SOLVE = "finish(Session().solve(a_rig, settings)).view_map"
 TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
@@ -53,7 +54,11 @@ TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
     [
         ("ball_rig(3, pixels=1024, display_pixels=256)", 0.1, SOLVE),
         ("ball_rig(3, pixels=128, display_pixels=2048)", 0.1, SOLVE),
-        ("rig(uv_ellipsoid(0.025, 512, 160), pixels=64, display_pixels=64)", 0.1, SOLVE),  # triangles
+        (
+            "rig(uv_ellipsoid(0.025, 512, 160), pixels=64, display_pixels=64)",
+            0.1,
+            SOLVE,
+        ),  # triangles
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(3000))", 0.1, SOLVE),
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(2999))", 0.1, SOLVE),
         ("ball_rig(3, pixels=256, display_pixels=512)", 1e-3, SOLVE),  # quads
@@ -64,7 +69,11 @@ TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
         ("rig(lathe('facets'), pixels=384)", 0.1, SOLVE),
         ("rig(bottle(), pixels=192)", 0.1, SOLVE),
         ("rig(icosphere(0.025, 3, smooth=False), pixels=192)", 0.1, SOLVE),
-        ("rig(box([0.3, 0.03, 0.3]), pixels=256, display_pixels=512)", 1e-6, SOLVE),  # flat: no more for the tolerance
+        (
+            "rig(box([0.3, 0.03, 0.3]), pixels=256, display_pixels=512)",
+            1e-6,
+            SOLVE,
+        ),  # flat: no more for the tolerance
     ],
 )
 def test_the_estimate_is_what_is_taken(rig, tolerance, work):
@@ -72,7 +81,11 @@ def test_the_estimate_is_what_is_taken(rig, tolerance, work):
     code = MEASURE.format(rig=rig, tolerance=tolerance, work=work)
     path = os.pathsep.join(map(str, (link_package(), Path(__file__).parent)))
     process = subprocess.run(
-        [sys.executable, "-c", code], env={"PYTHONPATH": path}, check=True, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code],
+        env={"PYTHONPATH": path},
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     taken, told = json.loads(process.stdout)
     assert 0.5 * taken < told < 2 * taken

@@ -1,4 +1,6 @@
-"""Benches whose parts are off: against closed forms, against re-tracing, and found again from what is seen."""
+"""Benches whose parts are off: against closed forms,
+against re-tracing, and found again from what is seen.
+"""
 
 from dataclasses import replace
 
@@ -52,31 +54,41 @@ def cube():
 
 
 def test_a_bare_plate_moves_the_image_as_a_mirror_does(bare):
-    """A display that is shifted by 1 mm shifts the image by 1 mm, a plate that is tilted by a turns it by 2 a."""
+    """A display that is shifted by 1 mm shifts the image by 1
+    mm, a plate that is tilted by a turns it by 2 a.
+    """
     mm = PX / 50
     assert moves(bare, "display: shift right") == pytest.approx(np.tile([mm, 0], (49, 1)), abs=0.01)
     # the display's way away from the viewer is the image's way down
     assert moves(bare, "display: shift away") == pytest.approx(np.tile([0, -mm], (49, 1)), abs=0.01)
-    # about the viewer's right axis, through the plate's middle: the image's middle, 150 mm away, goes up or down
+    # about the viewer's right axis, through the plate's middle: the
+    # image's middle, 150 mm away, goes up or down
     turned = moves(bare, "plate: turn about right")[24]
     assert np.abs(turned) == pytest.approx([0, 2 * np.radians(1) * 150 * mm], rel=0.01, abs=0.6)
-    # layers crossed wrong by 1 degree turn the image by 2 about the plate's normal; its middle is 106 mm beside that
+    # layers crossed wrong by 1 degree turn the image by 2 about the
+    # plate's normal; its middle is 106 mm beside that
     assert np.abs(moves(bare, "plate: crossing angle")[24]) == pytest.approx(
         [2 * np.radians(1) * 150 / np.sqrt(2) * mm, 0], rel=0.01, abs=1.0
     )
     # h tan(theta in glass) of shift sideways in the symmetric plane, for each mm of h
-    assert np.abs(moves(bare, "plate: mirror height")[24]) == pytest.approx([0.5256 * mm, 0], rel=2e-3, abs=0.01)
+    assert np.abs(moves(bare, "plate: mirror height")[24]) == pytest.approx(
+        [0.5256 * mm, 0], rel=2e-3, abs=0.01
+    )
 
 
 def test_a_viewer_that_turns_sees_all_turn(bare):
     pixel = 0.05 / PX / 100.0
-    assert moves(bare, "viewer: turn about up")[24] == pytest.approx([np.radians(1) / pixel, 0], rel=1e-3, abs=0.5)
+    assert moves(bare, "viewer: turn about up")[24] == pytest.approx(
+        [np.radians(1) / pixel, 0], rel=1e-3, abs=0.5
+    )
     zoomed = moves(bare, "viewer: focal length")
     assert zoomed == pytest.approx((bare.view - PX / 2) / 100, rel=1e-3, abs=1e-3)
 
 
 @FITS
-@pytest.mark.parametrize("make", [lambda: cube_rig(pixels=PX), lambda: ball_rig(4, pixels=PX, display=0.1)])
+@pytest.mark.parametrize(
+    "make", [lambda: cube_rig(pixels=PX), lambda: ball_rig(4, pixels=PX, display=0.1)]
+)
 def test_derivatives_are_what_re_tracing_finds(make):
     """To 1 % of each parameter's largest movement, over the points that stay on their branch."""
     found = bench(make())
@@ -98,15 +110,22 @@ def test_derivatives_are_what_re_tracing_finds(make):
 def test_all_parts_can_be_off(cube):
     names = [parameter.name for parameter in cube.parameters]
     assert len(names) == len(set(names)) == 4 * 6 + 4
-    assert all(any(name.startswith(part) for name in names) for part in ("glass", "plate", "display", "viewer"))
+    assert all(
+        any(name.startswith(part) for name in names)
+        for part in ("glass", "plate", "display", "viewer")
+    )
     assert len(parameters(cube_rig())) == 4 * 6 + 2  # an ideal plate has no make
 
 
 def test_random_benches_spread_as_the_tolerances_say(cube):
-    """One parameter alone: mean length of a normal distribution; all together: by the root of the sum of squares."""
+    """One parameter alone: mean length of a normal distribution.
+
+    All together: by the root of the sum of squares.
+    """
     d = cube.sensitivity()
     tolerances = np.zeros(len(d))
-    tolerances[5], size = 0.1, np.linalg.norm(d[5], axis=1).mean()
+    tolerances[5] = 0.1
+    size = np.linalg.norm(d[5], axis=1).mean()
     lengths = spread(d, tolerances, 20_000)
     assert lengths.mean() == pytest.approx(0.1 * size * np.sqrt(2 / np.pi), rel=0.03)
     assert np.array_equal(spread(d, tolerances, 10), spread(d, tolerances, 10))
@@ -119,7 +138,9 @@ def tolerances_of(found):
 @FITS
 @pytest.mark.parametrize("seed", range(3))
 def test_hidden_errors_are_made_up_for(cube, seed):
-    """0.3 px of noise, one point in ten missing: solved again with the fit, what is left is below 1 px."""
+    """0.3 px of noise, one point in ten missing: solved again
+    with the fit, what is left is below 1 px.
+    """
     random = np.random.default_rng(seed)
     tolerances = tolerances_of(cube)
     hidden = random.standard_normal(len(tolerances)) * tolerances
@@ -148,9 +169,14 @@ def test_points_that_are_none_of_this_bench_are_refused(cube):
 
 
 def test_a_bench_on_which_most_points_have_no_light_is_refused():
-    """The plate is too small for two thirds of them; the others would do for a fit, but not of this photograph."""
+    """The plate is too small for two thirds of them.
+
+    The others would do for a fit, but not of this photograph.
+    """
     whole, small = (bench(cube_rig(pixels=256, plate=plate)) for plate in (0.488, 0.03))
-    with pytest.raises(RigError, match="Only 15 of 49 measured points can be followed to the display"):
+    with pytest.raises(
+        RigError, match="Only 15 of 49 measured points can be followed to the display"
+    ):
         finish(fit(small, whole.view, tolerances_of(small)))
 
 
@@ -184,14 +210,17 @@ def test_another_photograph_tells_more(cube):
     for extra in extras:
         assert (extra.errors <= found.errors * (1 + 1e-9)).all()
         assert extra.condition <= found.condition
-    # of a part turned about the line of sight the first photograph tells little, one from the side more
+    # of a part turned about the line of sight the first
+    # photograph tells little, one from the side more
     side = next(extra for extra in extras if "right" in extra.where)
     (k,) = [k for k, p in enumerate(cube.parameters) if p.name == "plate: turn about right"]
     assert side.errors[k] < 0.7 * found.errors[k]
 
 
 def test_what_is_known_is_not_fitted(cube):
-    """With the index and all shifts known, the other amounts and another photograph are told as ever."""
+    """With the index and all shifts known, the other
+    amounts and another photograph are told as ever.
+    """
     among = [p for p in cube.parameters if p.kind not in {"index", "shift"}]
     some = Bench(cube.rig, cube.settings, cube.view, among)
     tolerances = tolerances_of(some)
@@ -204,7 +233,11 @@ def test_what_is_known_is_not_fitted(cube):
 
 def test_amounts_by_name_take_the_picture_along(cube):
     """Where the viewer's own place is off, what is wanted stays in the same pixels."""
-    amounts = {"viewer: turn about up": 0.3, "viewer: shift away": 20.0, "viewer: focal length": 2.0}
+    amounts = {
+        "viewer: turn about up": 0.3,
+        "viewer: shift away": 20.0,
+        "viewer: focal length": 2.0,
+    }
     planned = cube.rig
     rig, unknown = with_amounts(planned, {**amounts, "lamp: shift up": 1.0})
     assert unknown == ("lamp: shift up",)
@@ -213,4 +246,6 @@ def test_amounts_by_name_take_the_picture_along(cube):
     assert np.abs(seen - wanted).max() < 1e-6
     motions = part_motions(planned, rig)
     assert motions.keys() == {"viewer"}
-    assert motions["viewer"].points(planned.viewer.position) == pytest.approx(rig.viewer.position, abs=1e-12)
+    assert motions["viewer"].points(planned.viewer.position) == pytest.approx(
+        rig.viewer.position, abs=1e-12
+    )

@@ -10,7 +10,9 @@ from kiriko.core.bench.offset import turned
 from kiriko.core.glass.motion import find_motion
 from kiriko.core.rig import Mesh
 
-SQUARE = Mesh(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+SQUARE = Mesh(
+    np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+)
 
 
 def moved(mesh, motion):
@@ -23,7 +25,9 @@ def test_a_motion_is_found_again(mesh):
     random = np.random.default_rng(0)
     for _ in range(50):
         axis = random.standard_normal(3)
-        there = turned(axis / np.linalg.norm(axis), random.uniform(-180, 180), random.standard_normal(3))
+        there = turned(
+            axis / np.linalg.norm(axis), random.uniform(-180, 180), random.standard_normal(3)
+        )
         found = find_motion(mesh, moved(mesh, there))
         assert np.linalg.det(found.rotation) == pytest.approx(1)
         assert np.abs(found.rotation - there.rotation).max() < 1e-12
@@ -37,9 +41,13 @@ def test_a_mirror_image_and_another_size_are_no_motion():
     assert find_motion(SQUARE, Mesh(1.001 * SQUARE.vertices, SQUARE.triangles)) is None
 
 
-@pytest.mark.parametrize("other", ["triangles", "is_smooth", "is_smooth, given", "surface", "has_mean_normals"])
+@pytest.mark.parametrize(
+    "other", ["triangles", "is_smooth", "is_smooth, given", "surface", "has_mean_normals"]
+)
 def test_vertices_in_place_are_not_all(other):
-    """Other triangles between the same vertices, other shading, another surface that is meant: no motion."""
+    """Other triangles between the same vertices, other
+    shading, another surface that is meant: no motion.
+    """
     solid = box([0.05, 0.04, 0.03])
     changes = {
         "triangles": {"triangles": solid.triangles[::-1]},
@@ -47,7 +55,9 @@ def test_vertices_in_place_are_not_all(other):
         "surface": {"surface": "facets"},
         "has_mean_normals": {"has_mean_normals": True},
     }
-    before = replace(solid, is_smooth=np.zeros(len(solid.triangles), bool)) if "," in other else solid
+    before = (
+        replace(solid, is_smooth=np.zeros(len(solid.triangles), bool)) if "," in other else solid
+    )
     after = replace(solid, **changes[other.partition(",")[0]])
     assert find_motion(before, before) is not None
     assert find_motion(before, after) is None

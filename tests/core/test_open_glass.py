@@ -1,4 +1,6 @@
-"""Glass with gaps: what light does there, how much of it is told, and no word where no light comes by."""
+"""Glass with gaps: what light does there, how much of it
+is told, and no word where no light comes by.
+"""
 
 from dataclasses import replace
 
@@ -22,7 +24,9 @@ BACK = np.array([0, 1.0, 0])
 
 def without(mesh, normal):
     """The mesh without its faces that look along a normal."""
-    across = np.cross(mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0])
+    across = np.cross(
+        mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]
+    )
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     return replace(mesh, triangles=mesh.triangles[across @ normal < 0.9])
 
@@ -44,16 +48,24 @@ def traced(a_rig, n=41):
 
 @pytest.mark.parametrize("before", [True, False], ids=["two solids", "one solid"])
 def test_light_that_leaves_by_a_gap_enters_the_next_glass_from_air(before):
-    """Behind a slab without a back it goes on as within glass; the next slab takes it in as from air, and lets it out.
+    """Behind a slab without a back it goes on as within glass; the
+    next slab takes it in as from air, and lets it out.
 
-    The slab that follows is of another cluster, whose mask has fewer solids than that of the two that touch.
+    The slab that follows is of another cluster, whose mask has
+    fewer solids than that of the two that touch.
     """
     first = (slab(-0.01),) if before else ()
-    plan, d, landings = traced(rig(glasses(*first, without(slab(0.01), BACK), slab(0.08)), display=0.2))
-    inside, _, _ = refract(d, -np.broadcast_to(BACK, d.shape), np.ones(len(d)), np.full(len(d), 1.49))
+    plan, d, landings = traced(
+        rig(glasses(*first, without(slab(0.01), BACK), slab(0.08)), display=0.2)
+    )
+    inside, _, _ = refract(
+        d, -np.broadcast_to(BACK, d.shape), np.ones(len(d)), np.full(len(d), 1.49)
+    )
     expected = plane_symmetry(inside, np.tile(np.array([0, 1, -1]) / 2**0.5, (len(d), 1)))
     assert landings.has_arrived.mean() > 0.9
-    np.testing.assert_allclose(landings.directions[landings.has_arrived], expected[landings.has_arrived], atol=1e-14)
+    np.testing.assert_allclose(
+        landings.directions[landings.has_arrived], expected[landings.has_arrived], atol=1e-14
+    )
     assert (landings.leak == len(first)).all()
     assert drain(leaks(plan)) == (0.0,) * len(first) + (pytest.approx(1.0), 0.0)
 
@@ -66,8 +78,11 @@ def test_light_that_comes_in_by_a_gap_is_told():
 
 
 def test_a_gap_that_no_light_comes_by_is_not_told():
-    """A slab without one of its sides, far from the picture's light, is as good as a closed one: no note."""
-    whole, holed = slab(0.0), without(slab(0.0), np.array([0, 0, 1.0]))
+    """A slab without one of its sides, far from the picture's
+    light, is as good as a closed one: no note.
+    """
+    whole = slab(0.0)
+    holed = without(slab(0.0), np.array([0, 0, 1.0]))
     _, _, closed = traced(rig(whole))
     plan, _, open_ = traced(rig(holed))
     assert plan.n_open == (4,)
@@ -78,20 +93,33 @@ def test_a_gap_that_no_light_comes_by_is_not_told():
 
 @pytest.mark.parametrize("share", [0.25, 0.5])
 def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
-    """A back that ends in the middle of the picture lets half of its light through, and so on: the note says so."""
-    holed, edge = without(slab(0.0), BACK), 0.015 - 0.03 * share
-    ends = [[edge, 0.01, 0.15], [edge, 0.01, -0.15]]  # the back is drawn from corners 2 and 3 on so far
-    holed = Mesh(np.concatenate([holed.vertices, ends]), np.concatenate([holed.triangles, [[2, 3, 8], [2, 8, 9]]]))
+    """A back that ends in the middle of the picture lets half of
+    its light through, and so on: the note says so.
+    """
+    holed = without(slab(0.0), BACK)
+    edge = 0.015 - 0.03 * share
+    ends = [
+        [edge, 0.01, 0.15],
+        [edge, 0.01, -0.15],
+    ]  # the back is drawn from corners 2 and 3 on so far
+    holed = Mesh(
+        np.concatenate([holed.vertices, ends]),
+        np.concatenate([holed.triangles, [[2, 3, 8], [2, 8, 9]]]),
+    )
     a_rig = rig(holed, pixels=64)
     (found,) = drain(measure(make_plan(a_rig, Settings()))).leaks
     assert found == pytest.approx(share, abs=0.02)
     (note,) = [note for note in solve(a_rig).notes if "gaps" in note]
-    assert note.startswith(f"{100 * found:.0f} % of the picture's light goes through gaps in the glass 'glass'")
+    assert note.startswith(
+        f"{100 * found:.0f} % of the picture's light goes through gaps in the glass 'glass'"
+    )
     assert solve(a_rig).warnings == (note,)
 
 
 def test_closed_glass_has_no_leak():
-    """No ray through a smooth ball comes upon a face from the wrong side, and none is asked about it."""
+    """No ray through a smooth ball comes upon a face from
+    the wrong side, and none is asked about it.
+    """
     plan, _, landings = traced(ball_rig(4))
     assert plan.open_parts == ()
     assert (landings.leak == -1).all()
@@ -99,7 +127,9 @@ def test_closed_glass_has_no_leak():
 
 
 def test_what_left_by_a_gap_and_misses_all_is_not_lost_inside():
-    """Light that left through a gap and meets nothing more has missed the plate, as all that is outside."""
+    """Light that left through a gap and meets nothing more
+    has missed the plate, as all that is outside.
+    """
     a_rig = rig(glasses(without(slab(0.0), BACK)), plate=0.001)
     _, _, landings = traced(a_rig)
     assert (landings.leak == 0).all()
@@ -108,17 +138,26 @@ def test_what_left_by_a_gap_and_misses_all_is_not_lost_inside():
 
 
 def test_glass_without_its_front_is_refused_for_its_gap():
-    """No ray meets its front, so that by the rule of fronts none meets the glass: the gap is why."""
+    """No ray meets its front, so that by the rule of fronts none meets the glass: the
+    gap is why.
+    """
     mesh = box([0.05] * 3)
     is_front = mesh.vertices[mesh.triangles][..., 1].max(axis=1) < 0  # the viewer stands at -y
     a_rig = rig(replace(mesh, triangles=mesh.triangles[~is_front]), pixels=16)
-    with pytest.raises(RigError, match=r"100 % of the picture's light goes through gaps in the glass 'glass': close"):
+    with pytest.raises(
+        RigError,
+        match=r"100 % of the picture's light goes through gaps in the glass 'glass': close",
+    ):
         solve(a_rig)
 
 
 def test_flat_glass_is_refused():
-    """A plane encloses nothing, however it is turned; a sheet a thousandth as thick as wide does."""
-    right, up = np.array([2, -1, 0]) / 5**0.5, np.array([3, 6, -5]) / 70**0.5
+    """A plane encloses nothing, however it is turned.
+
+    A sheet a thousandth as thick as wide does.
+    """
+    right = np.array([2, -1, 0]) / 5**0.5
+    up = np.array([3, 6, -5]) / 70**0.5
     with pytest.raises(MeshError, match="'glass' is no closed body, but flat: give it a thickness"):
         solve(rig(replace(rectangle(np.zeros(3), right, up, 0.05, 0.03), uv=None), pixels=8))
     assert not box([0.05, 5e-5, 0.05]).is_flat
@@ -126,10 +165,15 @@ def test_flat_glass_is_refused():
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [1, 0, 2], [2, 1, 0]])
 def test_of_several_gaps_the_nearest_is_told(order):
-    """Of faces that a ray comes upon from the wrong side, asked at once or one after the other, in whatever order."""
-    rays, distance, part = (np.array(column)[order] for column in ([0, 0, 1], [2.0, 1.0, 5.0], [7, 8, 9]))
+    """Of faces that a ray comes upon from the wrong side, asked
+    at once or one after the other, in whatever order.
+    """
+    rays, distance, part = (
+        np.array(column)[order] for column in ([0, 0, 1], [2.0, 1.0, 5.0], [7, 8, 9])
+    )
     sides = object.__new__(_Sides)
-    sides.gap, sides.gap_distance = np.full(3, -1), np.full(3, np.inf)
+    sides.gap = np.full(3, -1)
+    sides.gap_distance = np.full(3, np.inf)
     sides._note_gaps(rays, distance, part, np.ones(3, bool))
     sides._note_gaps(rays, distance + 1, part + 10, np.ones(3, bool))
     sides._note_gaps(rays, distance / 2, part + 20, np.zeros(3, bool))

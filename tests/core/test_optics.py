@@ -1,4 +1,7 @@
-"""The laws of core/light/optics.py against what physics keeps; test_judge.py holds them to fifty digits."""
+"""The laws of core/light/optics.py against what physics keeps.
+
+Test_judge.py holds them to fifty digits.
+"""
 
 import numpy as np
 
@@ -27,7 +30,9 @@ def test_equal_indices_leave_the_direction_bit_for_bit():
 
 
 def test_fresnel_equals_the_textbook_and_is_the_same_both_ways():
-    """T = 1 - (Rs + Rp) / 2 with the angle form of Fresnel's equations; T(1 -> 2) = T(2 -> 1) along the same path."""
+    """T = 1 - (Rs + Rp) / 2 with the angle form of Fresnel's
+    equations; T(1 -> 2) = T(2 -> 1) along the same path.
+    """
     angle = np.linspace(0.001, 1.55, 200)
     normals = np.tile([0.0, 0.0, 1.0], (200, 1))
     directions = np.stack([np.sin(angle), 0 * angle, -np.cos(angle)], axis=1)

@@ -19,7 +19,8 @@ CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def turned(width, height, degrees, centre=(0.002, 0.0, -0.001)):
     """A picture turned in its plane, across the viewer's line of sight."""
     a = np.radians(degrees)
-    right, up = [np.cos(a), 0, np.sin(a)], [-np.sin(a), 0, np.cos(a)]
+    right = [np.cos(a), 0, np.sin(a)]
+    up = [-np.sin(a), 0, np.cos(a)]
     return rectangle(np.array(centre), right, up, width, height)
 
 
@@ -35,8 +36,16 @@ def area(polygon):
 @pytest.mark.parametrize("degrees", [0, 3, 20, 45])
 @pytest.mark.parametrize(("pixels", "display_pixels"), [(64, 64), (50, 150), (160, 48)])
 def test_a_white_picture_shows_how_much_of_each_pixel_it_covers(degrees, pixels, display_pixels):
-    """Index 1, no perspective: a display pixel is as bright as the part of it in the outline, by a polygon clipper."""
-    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels, projection="orthographic")
+    """Index 1, no perspective: a display pixel is as bright as
+    the part of it in the outline, by a polygon clipper.
+    """
+    a_rig = rig(
+        box([0.3, 0.01, 0.3]),
+        ior=1.0,
+        pixels=pixels,
+        display_pixels=display_pixels,
+        projection="orthographic",
+    )
     a_rig = white(a_rig, turned(0.021, 0.013, degrees))
     solution = solve(a_rig)
     corners = view_of_picture(a_rig.picture, a_rig.viewer, CORNERS)
@@ -48,9 +57,13 @@ def test_a_white_picture_shows_how_much_of_each_pixel_it_covers(degrees, pixels,
     np.testing.assert_allclose(solution.source[..., 0].ravel(), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("a_rig", [ball_rig(4, pixels=128), cube_rig(pixels=128)], ids=["ball", "cube"])
+@pytest.mark.parametrize(
+    "a_rig", [ball_rig(4, pixels=128), cube_rig(pixels=128)], ids=["ball", "cube"]
+)
 def test_no_light_is_lost_or_won_at_the_outline(a_rig):
-    """The weighted sum of a white picture's source image is the area on which it is seen: single precision, 1e-6."""
+    """The weighted sum of a white picture's source image is the
+    area on which it is seen: single precision, 1e-6.
+    """
     a_rig = white(a_rig, turned(0.017, 0.011, 25))
     solution = solve(a_rig)
     assert solution.picture_coverage > 1 - 1e-9
@@ -60,7 +73,8 @@ def test_no_light_is_lost_or_won_at_the_outline(a_rig):
 
 @pytest.mark.parametrize("k", [3, 4])
 def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
-    """Cut pieces have the area of the whole on both images and its throughput, and lie in the outline or beside it.
+    """Cut pieces have the area of the whole on both images and
+    its throughput, and lie in the outline or beside it.
 
     What was cut has no image any more.
     """
@@ -68,10 +82,13 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     a_picture = replace(a_rig.picture, mesh=turned(0.021, 0.013, 20))
     random = np.random.default_rng(3)
     n = 3000
-    view = random.uniform(0, 32, (n, 1, 2)) + random.uniform(0.2, 4, (n, 1, 1)) * (CORNERS[:k] - 0.5)
+    view = random.uniform(0, 32, (n, 1, 2)) + random.uniform(0.2, 4, (n, 1, 1)) * (
+        CORNERS[:k] - 0.5
+    )
     view[:50] = np.round(view[:50])  # corners and edges on top of each other
     display = view @ np.array([[1.5, 0.3], [-0.2, 0.8]]) + 3
-    throughput, branch = random.random(n), random.integers(0, 1 << 60, n).astype(np.uint64)
+    throughput = random.random(n)
+    branch = random.integers(0, 1 << 60, n).astype(np.uint64)
     branch_of = dict(zip(throughput.tolist(), branch.tolist(), strict=True))
     pieces = iter([Piece(view, display.copy(), throughput, branch)])
     found = [
@@ -81,7 +98,11 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     assert len(found[0].view) < n
     lines = outline_in_view(a_picture, a_rig.viewer)
     for images, whole in ((0, view), (1, display)):
-        areas = [(area(polygon), t) for piece in found for polygon, t in zip(piece[images], piece[2], strict=True)]
+        areas = [
+            (area(polygon), t)
+            for piece in found
+            for polygon, t in zip(piece[images], piece[2], strict=True)
+        ]
         expected = [(area(polygon), t) for polygon, t in zip(whole, throughput, strict=True)]
         for moment in (0, 1, 2):
             sums = [sum(a * t**moment for a, t in some) for some in (areas, expected)]
@@ -96,11 +117,15 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
 
 
 def test_what_has_no_straight_outline_is_not_cut():
-    """The pieces of a picture in the viewer's own pixels, and of a bent one, are handed on as they are."""
+    """The pieces of a picture in the viewer's own pixels, and
+    of a bent one, are handed on as they are.
+    """
     a_rig = ball_rig(2, pixels=32)
     bent = a_rig.picture.mesh
     bent = replace(bent, vertices=bent.vertices + np.array([[0, 0.001, 0]] + 3 * [[0, 0, 0]]))
     pieces = [Piece(CORNERS[None] + 8, CORNERS[None], np.ones(1), np.ones(1, np.uint64))]
     for mesh in (None, bent):
-        found = list(cut_along_outline(iter(pieces), replace(a_rig.picture, mesh=mesh), a_rig.viewer))
+        found = list(
+            cut_along_outline(iter(pieces), replace(a_rig.picture, mesh=mesh), a_rig.viewer)
+        )
         assert found == pieces

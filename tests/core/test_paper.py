@@ -26,17 +26,24 @@ def points(a_rig, n=200):
 
 
 def test_before_a_slab_infloasion_undoes_half_of_the_shift():
-    """A slab that faces the viewer, cut through its middle: half of the bending is undone, ray by ray."""
+    """A slab that faces the viewer, cut through its middle:
+    half of the bending is undone, ray by ray.
+    """
     a_rig = rig(box([0.3, 0.03, 0.3]))
     xy = points(a_rig)
     wanted = landings(without_glass(a_rig), xy)
-    bent, half = landings(a_rig, xy) - wanted, landings(infloasion(a_rig), xy) - wanted
+    bent = landings(a_rig, xy) - wanted
+    half = landings(infloasion(a_rig), xy) - wanted
     assert np.linalg.norm(bent, axis=1).max() > 1e-4
-    np.testing.assert_allclose(half, bent / 2, atol=GAP)  # the air before the display, and rays are less than 45 deg
+    np.testing.assert_allclose(
+        half, bent / 2, atol=GAP
+    )  # the air before the display, and rays are less than 45 deg
 
 
 def test_infloasion_leaves_the_bending_on_the_viewers_side_of_the_aerial_plane():
-    """The turned cube: light lands where the ray bent by the first face alone meets the aerial plane, mirrored."""
+    """The turned cube: light lands where the ray bent by the
+    first face alone meets the aerial plane, mirrored.
+    """
     a_rig = cube_rig()
     xy = points(a_rig)
     origins, directions = a_rig.viewer.rays(xy)
@@ -49,7 +56,9 @@ def test_infloasion_leaves_the_bending_on_the_viewers_side_of_the_aerial_plane()
     inside, is_tir, _ = refract(directions, normals[face], np.ones(len(xy)), np.full(len(xy), 1.49))
     assert not is_tir.any()
     aerial = place - place[:, 1:2] / inside[:, 1:2] * inside
-    wanted = 0.025 + np.stack([aerial[:, 0], -aerial[:, 2]], axis=1)  # as a mirror has it, rows count from the top
+    wanted = 0.025 + np.stack(
+        [aerial[:, 0], -aerial[:, 2]], axis=1
+    )  # as a mirror has it, rows count from the top
     np.testing.assert_allclose(landings(infloasion(a_rig), xy), wanted, atol=2 * GAP)
 
 
@@ -61,8 +70,13 @@ def test_without_refraction_infloasion_changes_nothing():
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_a_cut_solid_is_closed_and_has_its_part_of_the_volume(share):
-    """The divergence theorem over a box cut across; outward faces count positive, so the volume tells both."""
-    a, b, c = np.radians(15.8), 0.05, 0.03
+    """The divergence theorem over a box cut across.
+
+    Outward faces count positive, so the volume tells both.
+    """
+    a = np.radians(15.8)
+    b = 0.05
+    c = 0.03
     normal = np.array([np.cos(a), np.sin(a), 0.0])
     solid = box([b, c, b], degrees_about_z=15.8, centre=(1.0, 2.0, 3.0))
     half = half_before(solid, np.array([1.0, 2.0, 3.0]) + (0.5 - share) * b * normal, normal)

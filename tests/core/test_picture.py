@@ -20,7 +20,13 @@ def viewer(projection, shift=0.0):
     axes = np.array([[np.cos(a), np.sin(a), 0], [0, 0, 1], [-np.sin(a), np.cos(a), 0]])
     half = 0.05 if projection == "perspective" else 0.06
     return Viewer(
-        "v", projection, np.array([0.02, 0, 0.06]) - axes[2], axes, (-half + shift, half + shift, -half, half), 40, 30
+        "v",
+        projection,
+        np.array([0.02, 0, 0.06]) - axes[2],
+        axes,
+        (-half + shift, half + shift, -half, half),
+        40,
+        30,
     )
 
 
@@ -34,7 +40,9 @@ TILTED = rectangle([0.02, 0, 0.05], [0.8, 0.6, 0], [0, 0, 1], 0.07, 0.05)
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_the_short_way_equals_tracing(projection, monkeypatch):
-    """The homography gives the picture's pixels and footprints that straight rays to its triangles give."""
+    """The homography gives the picture's pixels and
+    footprints that straight rays to its triangles give.
+    """
     v = viewer(projection)
     x, y = np.meshgrid(np.linspace(0, 40, 33), np.linspace(0, 30, 29))
     xy = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -50,23 +58,31 @@ def test_the_short_way_equals_tracing(projection, monkeypatch):
     assert np.array_equal(long.cover > 0, short.cover >= 0.5)
     np.testing.assert_allclose(short.xy[inside], long.xy[inside], atol=1e-9)
     size = long.covariance[:, inside].max(axis=0)
-    np.testing.assert_allclose(short.covariance[:, inside] / size, long.covariance[:, inside] / size, atol=1e-3)
+    np.testing.assert_allclose(
+        short.covariance[:, inside] / size, long.covariance[:, inside] / size, atol=1e-3
+    )
     np.testing.assert_allclose(short.footprint[inside], long.footprint[inside], rtol=1e-2)
 
 
 def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
-    """Viewer.project and picture_from_view are inverse to each other on the picture, with lens shift."""
+    """Viewer.project and picture_from_view are inverse to
+    each other on the picture, with lens shift.
+    """
     v = viewer("perspective", shift=0.01)
     uv = np.random.default_rng(3).random((50, 2))
     a, b, _, d = TILTED.vertices
     points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
     found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points))
-    np.testing.assert_allclose(found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9)
+    np.testing.assert_allclose(
+        found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("size", [(40, 30), (263, 129)])
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-@pytest.mark.parametrize("mesh", [TILTED, replace(TILTED, vertices=TILTED.vertices * 3), "behind", None])
+@pytest.mark.parametrize(
+    "mesh", [TILTED, replace(TILTED, vertices=TILTED.vertices * 3), "behind", None]
+)
 def test_the_cover_of_all_pixels_is_that_of_each(mesh, projection, size):
     """Blocks of pixels well within the picture, or beside it, are told by their middles alone."""
     v = replace(viewer(projection), width=size[0], height=size[1])
@@ -87,11 +103,18 @@ def test_the_cover_of_all_pixels_is_that_of_each(mesh, projection, size):
         ((0, 3, 0, 0), (1, 0), 0.05, "which is outside its view: move it into the camera's frame"),
         ((0, 0, 0, 0), (0, 1), 0.05, "which is seen edge-on: turn it to the viewer"),
         ((3, 0, 0, 0), (0, 1), 0.05, "which is outside its view: move it into the camera's frame"),
-        ((1e-3, 1e-3, 0, 0), (1, 0), 1e-5, "which is smaller than a viewer pixel: make it larger, or raise"),
+        (
+            (1e-3, 1e-3, 0, 0),
+            (1, 0),
+            1e-5,
+            "which is smaller than a viewer pixel: make it larger, or raise",
+        ),
     ],
 )
 def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, why):
-    """Behind the viewer, outside its view, edge-on and too small are told apart, and none of them is seen at all."""
+    """Behind the viewer, outside its view, edge-on and too small
+    are told apart, and none of them is seen at all.
+    """
     v = viewer(projection)
     right, up, forward = v.axes
     x, y, _, ahead = middle
@@ -101,7 +124,9 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
         mesh = replace(mesh, triangles=mesh.triangles[:1], uv=mesh.uv[:1])
     a_picture = Picture("p", ramp(), mesh)
     pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1).reshape(-1, 2)
-    if projection == "perspective" or ahead >= 0:  # an orthographic viewer sees what is behind it all the same
+    if (
+        projection == "perspective" or ahead >= 0
+    ):  # an orthographic viewer sees what is behind it all the same
         assert picture_from_view(a_picture, v, pixels, of_square(1.0)).cover.sum() < 1e-6
     assert why_unseen(a_picture, v).startswith(why)
 
@@ -109,7 +134,9 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
 def test_a_picture_seen_from_behind_or_edge_on_is_finite():
     """No NaN, whatever side the viewer looks from."""
     v = viewer("perspective")
-    edge_on = Mesh(np.array([[0, -1, 0], [0, 1, 0], [0, 1, 1], [0, -1, 1.0]]), TILTED.triangles, uv=TILTED.uv)
+    edge_on = Mesh(
+        np.array([[0, -1, 0], [0, 1, 0], [0, 1, 1], [0, -1, 1.0]]), TILTED.triangles, uv=TILTED.uv
+    )
     behind = rectangle([0, -3, 0], [1, 0, 0], [0, 0, 1], 1, 1)
     for mesh in (edge_on, behind):
         image = ideal_image(Picture("p", ramp(), mesh), v)
@@ -118,7 +145,9 @@ def test_a_picture_seen_from_behind_or_edge_on_is_finite():
 
 
 def test_a_linear_picture_is_read_exactly_at_any_footprint():
-    """Away from its edges a linear ramp is the same at every level of the pyramid: a mean of a linear function."""
+    """Away from its edges a linear ramp is the same at every
+    level of the pyramid: a mean of a linear function.
+    """
     image = ramp(64, 128)
     pyramid = Pyramid(image)
     random = np.random.default_rng(0)
@@ -134,12 +163,16 @@ def test_every_level_of_the_pyramid_keeps_the_mean(shape):
     """Halving is an exact area mean, for odd sizes too."""
     image = np.random.default_rng(1).random((*shape, 4)).astype(np.float32)
     for level in Pyramid(image).levels:
-        found, expected = level.mean(axis=(1, 2), dtype=float), image[..., :3].mean(axis=(0, 1), dtype=float)
+        found = level.mean(axis=(1, 2), dtype=float)
+        expected = image[..., :3].mean(axis=(0, 1), dtype=float)
         np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_a_pyramid_knows_its_own_picture():
-    """A copy of its picture is its own; another value, another size and the picture changed in its place are not."""
+    """A copy of its picture is its own.
+
+    Another value, another size and the picture changed in its place are not.
+    """
     image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
     pyramid = Pyramid(image)
     assert pyramid.is_of(image.copy())
@@ -149,14 +182,18 @@ def test_a_pyramid_knows_its_own_picture():
         other = image.copy()
         other[4, 5, channel] += 1e-6
         assert not pyramid.is_of(other)
-    planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)  # in memory as the pyramid has it
+    planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(
+        1, 2, 0
+    )  # in memory as the pyramid has it
     pyramid = Pyramid(planar)
     planar[0, 0, 0] += 1
     assert not pyramid.is_of(planar)
 
 
 def level_by_level(image, points):
-    """Colours (n, 3) of PicturePoints, one by one, from levels made of means of 2 x 2: the sizes are powers of two."""
+    """Colours (n, 3) of PicturePoints, one by one, from levels made
+    of means of 2 x 2: the sizes are powers of two.
+    """
     levels = [image[..., :3].astype(float)]
     while len(levels[-1]) > 1:
         n = len(levels[-1]) // 2
@@ -166,13 +203,20 @@ def level_by_level(image, points):
         n = len(level)
         x, y = (np.clip(v / 2 ** (len(levels) - n.bit_length()) - 0.5, 0, n - 1) for v in (x, y))
         column, row = (min(int(v), max(n - 2, 0)) for v in (x, y))
-        s, t, right, below = x - column, y - row, min(column + 1, n - 1), min(row + 1, n - 1)
+        s = x - column
+        t = y - row
+        right = min(column + 1, n - 1)
+        below = min(row + 1, n - 1)
         upper, lower = ((1 - s) * level[r, column] + s * level[r, right] for r in (row, below))
         return (1 - t) * upper + t * lower
 
     def at_size(x, y, variance):
-        spread = [4.0**k for k in range(len(levels))]  # the variance of level k is this, less 1 / 3, by 4
-        k = int(np.clip(np.searchsorted(spread, 1 + 4 * variance, side="right") - 1, 0, len(levels) - 1))
+        spread = [
+            4.0**k for k in range(len(levels))
+        ]  # the variance of level k is this, less 1 / 3, by 4
+        k = int(
+            np.clip(np.searchsorted(spread, 1 + 4 * variance, side="right") - 1, 0, len(levels) - 1)
+        )
         one = read(levels[k], x, y)
         if k + 1 == len(levels):
             return one
@@ -184,18 +228,27 @@ def level_by_level(image, points):
         spread, left = apart(points.covariance[:, i])
         order = [1, 0] if spread[0, 0] < pyramid_module.UPRIGHT * spread[1, 1] else [0, 1]
         turned = spread[np.ix_(order, order)]
-        steps = np.linalg.cholesky(turned + 1e-15 * np.trace(turned) * np.eye(2))[order] if turned.any() else turned
+        steps = (
+            np.linalg.cholesky(turned + 1e-15 * np.trace(turned) * np.eye(2))[order]
+            if turned.any()
+            else turned
+        )
         signs = [(i, j) for i in (-1, 1) for j in (-1, 1)]
-        found[i] = cover * np.mean([at_size(*(middle + steps @ sign), left) for sign in signs], axis=0)
+        found[i] = cover * np.mean(
+            [at_size(*(middle + steps @ sign), left) for sign in signs], axis=0
+        )
     return found
 
 
 def apart(covariance):
-    """What of a footprint's covariance the places of its reads make up (2, 2), and the variance that each has left."""
+    """What of a footprint's covariance the places of its reads make
+    up (2, 2), and the variance that each has left.
+    """
     xx, xy, yy = covariance
     (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
     length = np.clip((greater - lesser) / pyramid_module.ROUND - 1, 0, 1)
-    middle, half = (lesser + greater) / 2, (greater - lesser) / 2 * length
+    middle = (lesser + greater) / 2
+    half = (greater - lesser) / 2 * length
     width = np.clip(2 * (middle - half) / pyramid_module.WIDE - 1, 0, 1)
     left = (middle - half) * (1 - 0.75 * width)
     return axes @ np.diag([middle - half - left, middle + half - left]) @ axes.T, left
@@ -203,32 +256,47 @@ def apart(covariance):
 
 def footprints(random, n, most=2.0):
     """Covariances (3, n) of any size and shape, some of them points and lines."""
-    sides, turn = 10 ** random.uniform(-2, most, (2, n)), random.uniform(0, np.pi, n)
+    sides = 10 ** random.uniform(-2, most, (2, n))
+    turn = random.uniform(0, np.pi, n)
     sides[random.random((2, n)) < 0.1] = 0
-    (a, b), c, s = sides**2 / 12, np.cos(turn), np.sin(turn)
+    (a, b) = sides**2 / 12
+    c = np.cos(turn)
+    s = np.sin(turn)
     return np.stack([a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c])
 
 
 def test_points_are_read_as_one_by_one():
-    """Any places and footprints, beyond the picture's edges and larger than it, too: single precision, 1e-6."""
+    """Any places and footprints, beyond the picture's edges and
+    larger than it, too: single precision, 1e-6.
+    """
     random = np.random.default_rng(9)
-    image, n = random.random((32, 32, 4)).astype(np.float32), 400
+    image = random.random((32, 32, 4)).astype(np.float32)
+    n = 400
     points = picture_module.PicturePoints(
-        random.uniform(-4, 36, (n, 2)), np.clip(random.uniform(-0.5, 1.5, n), 0, 1), footprints(random, n)
+        random.uniform(-4, 36, (n, 2)),
+        np.clip(random.uniform(-0.5, 1.5, n), 0, 1),
+        footprints(random, n),
     )
-    np.testing.assert_allclose(Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6)
+    np.testing.assert_allclose(
+        Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6
+    )
 
 
 def all_reads(covariance):
-    """Places (n, 2), weights (n,) and variances (n,) of the reads of one point at the origin of weight 1."""
-    points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.array(covariance, float)[:, None])
+    """Places (n, 2), weights (n,) and variances (n,) of the
+    reads of one point at the origin of weight 1.
+    """
+    points = picture_module.PicturePoints(
+        np.zeros((1, 2)), np.ones(1), np.array(covariance, float)[:, None]
+    )
     number, x, y, part, left = pyramid_module._reads(points, np.zeros(1, np.int32), np.ones(1))
     assert (number == 0).all()
     return np.stack([x, y], axis=1), part, left
 
 
 def test_reads_reach_as_far_as_the_footprint():
-    """All reads of a point together have its weight, its middle and its footprint's covariance, to rounding.
+    """All reads of a point together have its weight, its
+    middle and its footprint's covariance, to rounding.
 
     Of one that is nearly round they have the mean of both variances.
     """
@@ -242,7 +310,9 @@ def test_reads_reach_as_far_as_the_footprint():
         np.testing.assert_allclose(weights @ places, 0, atol=1e-12)
         found = np.einsum("n,ni,nj->ij", weights, places, places) + left[0] * np.eye(2)
         spread, expected_left = apart(covariance)
-        np.testing.assert_allclose(found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15)
+        np.testing.assert_allclose(
+            found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15
+        )
         xx, xy, yy = covariance
         if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.ROUND:
             np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
@@ -269,9 +339,19 @@ def test_reads_do_not_jump():
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():
-    """Seen straight on with two picture pixels a viewer pixel, the ideal image is the mean of 2 x 2 to 1 %."""
+    """Seen straight on with two picture pixels a viewer
+    pixel, the ideal image is the mean of 2 x 2 to 1 %.
+    """
     image = lattice_image(128)
-    v = Viewer("v", "orthographic", np.array([0, -1.0, 0]), np.eye(3)[[0, 2, 1]], (-0.5, 0.5, -0.5, 0.5), 64, 64)
+    v = Viewer(
+        "v",
+        "orthographic",
+        np.array([0, -1.0, 0]),
+        np.eye(3)[[0, 2, 1]],
+        (-0.5, 0.5, -0.5, 0.5),
+        64,
+        64,
+    )
     seen = ideal_image(Picture("p", image, rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 1, 1)), v)
     mean = image[..., :3].reshape(64, 2, 64, 2, 3).mean(axis=(1, 3))
     assert np.abs(seen - mean).max() < 0.2
@@ -286,8 +366,12 @@ def test_a_picture_without_pixels_is_refused(shape):
 
 @pytest.mark.parametrize("degrees", [0, 1e-6, 1e-3, 30, 45, 89.999, 90 - 1e-6, 90])
 def test_rounding_moves_no_read_of_a_line(degrees):
-    """A long and narrow footprint, along an axis or not, that single precision rounds is read at the same places."""
-    random, (c, s) = np.random.default_rng(12), (np.cos(np.radians(degrees)), np.sin(np.radians(degrees)))
+    """A long and narrow footprint, along an axis or not, that
+    single precision rounds is read at the same places.
+    """
+    random = np.random.default_rng(12)
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
     for long in (0.2, 1.0, 18.0, 300.0):
         covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])
         expected, *_ = all_reads(covariance)

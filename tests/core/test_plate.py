@@ -1,4 +1,6 @@
-"""The mirror array in closed form: against marching, fifty digits, a mesh of its mirrors, and what a plate must do."""
+"""The mirror array in closed form: against marching, fifty
+digits, a mesh of its mirrors, and what a plate must do.
+"""
 
 from dataclasses import replace
 
@@ -29,8 +31,13 @@ from kiriko.core.steps import finish
 
 EPS = np.finfo(float).eps
 LAYOUTS = "crossed", "holes", "radial"
-IMAGED, STRAY_1, STRAY_2, THROUGH = PlatePath.IMAGED, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.THROUGH
-GRID = 200  # phases a direction, at the middle of equal steps: a share of them is off by 1 / GRID an end at the most
+IMAGED = PlatePath.IMAGED
+STRAY_1 = PlatePath.STRAY_1
+STRAY_2 = PlatePath.STRAY_2
+THROUGH = PlatePath.THROUGH
+# phases a direction, at the middle of equal steps: a share
+# of them is off by 1 / GRID an end at the most
+GRID = 200
 
 
 def frame_of(array, seed=None):
@@ -44,16 +51,24 @@ def frame_of(array, seed=None):
 
 
 def light_on(frame, n, least=0.03, seed=0):
-    """Light (n, 3) on a plate of 0.4 m, both ways, cosines to its normal from `least` to 1, equally in logarithms."""
+    """Light (n, 3) on a plate of 0.4 m, both ways, cosines to
+    its normal from `least` to 1, equally in logarithms.
+    """
     rng = np.random.default_rng(seed)
     cosine = least ** rng.uniform(0, 1, n)
-    azimuth, sine = rng.uniform(0, 2 * np.pi, n), np.sqrt(1 - cosine**2)
-    local = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine * rng.choice([-1, 1], n)], axis=1)
+    azimuth = rng.uniform(0, 2 * np.pi, n)
+    sine = np.sqrt(1 - cosine**2)
+    local = np.stack(
+        [sine * np.cos(azimuth), sine * np.sin(azimuth), cosine * rng.choice([-1, 1], n)], axis=1
+    )
     return frame.centre + rng.uniform(-0.2, 0.2, (n, 2)) @ frame.axes[:2], unit(local @ frame.axes)
 
 
 def at_angle(degrees, azimuth=0.0, way=1):
-    """A unit direction at an angle to the normal z; azimuth 0 is the symmetric plane, 45 across the first mirrors."""
+    """A unit direction at an angle to the normal z.
+
+    Azimuth 0 is the symmetric plane, 45 across the first mirrors.
+    """
     a, b = np.radians([degrees, azimuth])
     return np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), way * np.cos(a)])
 
@@ -67,14 +82,18 @@ def all_phases(array, direction, n=GRID):
 
 
 def pitches_crossed(array, direction):
-    """|r| of the two layers: by how many pitches light would pass mirrors, by Snell's law in angles."""
+    """|r| of the two layers: by how many pitches light would
+    pass mirrors, by Snell's law in angles.
+    """
     inside = np.arcsin(np.hypot(*direction[:2]) / array.ior)
     across = np.arctan2(direction[1], direction[0]) - np.pi / 4 * np.array([1, 3])
     return np.abs(array.height * np.tan(inside) * np.cos(across)) / array.pitch
 
 
 def odd(r):
-    """Share of phases with an odd number of mirrors between 0 and r: r up to one pitch, then falling, and so on."""
+    """Share of phases with an odd number of mirrors between 0 and
+    r: r up to one pitch, then falling, and so on.
+    """
     r = r % 2
     return r if r <= 1 else 2 - r
 
@@ -93,42 +112,62 @@ ARRAYS = {
 @CASES
 @pytest.mark.parametrize("name", ARRAYS)
 def test_a_fold_comes_out_where_marching_from_mirror_to_mirror_does(name):
-    """Number of reflections equal; place within 8 eps (|place| + way) k / cos^2, direction within 16 eps k / cos.
+    """Number of reflections equal; place within 8 eps (|place| +
+    way) k / cos^2, direction within 16 eps k / cos.
 
-    k is 1 + the number of reflections, each of which rounds once in the march. A plate met at a small cosine turns a
-    rounding of the direction into one of the place by 1 / cos^2: once as light runs to the face, once as it runs back.
+    k is 1 + the number of reflections, each of which rounds once in the march. A plate met at a
+    small cosine turns a rounding of the direction into one of the place by 1 / cos^2: once as light
+    runs to the face, once as it runs back.
     """
     array = replace(ARRAYS[name], reflectance=0.5, has_fresnel=False)
     frame = frame_of(array, seed=3)
     light = light_on(frame, 20_000)
-    found, expected = frame.folded(*light), march(array, frame.centre, frame.axes, *light)
-    assert expected.clearance.min() > 1e-13, "a ray so near to an edge that rounding decides: choose another seed"
+    found = frame.folded(*light)
+    expected = march(array, frame.centre, frame.axes, *light)
+    assert expected.clearance.min() > 1e-13, (
+        "a ray so near to an edge that rounding decides: choose another seed"
+    )
     n_reflections = expected.n_reflections.sum(axis=0)
     assert np.array_equal(found.throughput, 0.5**n_reflections)
     is_odd = expected.n_reflections % 2 == 1
-    assert np.array_equal(found.path, np.array([[THROUGH, STRAY_2], [STRAY_1, IMAGED]])[tuple(is_odd.astype(int))])
+    assert np.array_equal(
+        found.path, np.array([[THROUGH, STRAY_2], [STRAY_1, IMAGED]])[tuple(is_odd.astype(int))]
+    )
     assert np.bincount(found.path, minlength=5)[1:5].min() > 1000
-    k, cosine = 1 + n_reflections, np.abs(light[1] @ frame.axes[2])
+    k = 1 + n_reflections
+    cosine = np.abs(light[1] @ frame.axes[2])
     apart = np.linalg.norm(found.positions - expected.positions, axis=1)
-    assert (apart < 8 * EPS * (np.linalg.norm(light[0], axis=1) + expected.path) * k / cosine**2).all()
-    assert (np.abs(found.directions - expected.directions).max(axis=1) < 16 * EPS * k / cosine).all()
+    assert (
+        apart < 8 * EPS * (np.linalg.norm(light[0], axis=1) + expected.path) * k / cosine**2
+    ).all()
+    assert (
+        np.abs(found.directions - expected.directions).max(axis=1) < 16 * EPS * k / cosine
+    ).all()
 
 
 def test_light_at_everyday_angles_comes_out_within_a_picometre_of_the_march():
-    """Up to 70 degrees on a plate of 0.4 m the two agree to 1e-14 m and 1e-14 rad, and none is left out."""
+    """Up to 70 degrees on a plate of 0.4 m the two agree to
+    1e-14 m and 1e-14 rad, and none is left out.
+    """
     frame = frame_of(MirrorArray(reflectance=0.5, has_fresnel=False), seed=5)
     light = light_on(frame, 50_000, least=np.cos(np.radians(70)))
-    found, expected = frame.folded(*light), march(frame.array, frame.centre, frame.axes, *light)
+    found = frame.folded(*light)
+    expected = march(frame.array, frame.centre, frame.axes, *light)
     assert np.array_equal(found.throughput, 0.5 ** expected.n_reflections.sum(axis=0))
     assert np.abs(found.positions - expected.positions).max() < 1e-14
     assert np.abs(found.directions - expected.directions).max() < 1e-14
 
 
 def test_the_march_reflects_as_a_single_mirror_does():
-    """The judge judged, by hand: in at 0.1 p from a mirror, reflected half way, out at 0.1 p again."""
+    """The judge judged, by hand: in at 0.1 p from a mirror, reflected half way, out at
+    0.1 p again.
+    """
     array = MirrorArray("holes", pitch=1e-3, height=2e-3, ior=1.0, has_fresnel=False)
-    u, v = np.array([1, 1, 0]) / np.sqrt(2), np.array([-1, 1, 0]) / np.sqrt(2)
-    direction = unit(np.array([-0.2e-3 * u + [0, 0, 2e-3]]))  # 0.2 pitches towards the mirror while it crosses
+    u = np.array([1, 1, 0]) / np.sqrt(2)
+    v = np.array([-1, 1, 0]) / np.sqrt(2)
+    direction = unit(
+        np.array([-0.2e-3 * u + [0, 0, 2e-3]])
+    )  # 0.2 pitches towards the mirror while it crosses
     entry = 0.1e-3 * u + 0.5e-3 * v - [0, 0, 1e-3]
     middle = entry + direction * (1e-3 / direction[0, 2])
     found = march(array, np.zeros(3), np.eye(3), middle, direction)
@@ -150,14 +189,17 @@ slopes = st.one_of(st.floats(-5, 5), st.floats(-1e4, 1e4), st.integers(-50, 50).
 @example(q=3.0, travel=-2.0)
 @example(q=0.9999999999999999, travel=2e-16)
 def test_a_fold_agrees_with_fifty_digits(q, travel):
-    """q' is within one rounding of q + travel of the exact fold, and in the same slit; so is n, but at an edge itself.
+    """q' is within one rounding of q + travel of the exact fold, and
+    in the same slit; so is n, but at an edge itself.
 
-    The fold is continuous where light comes out at a mirror's edge: there rounding may decide on one reflection more.
+    The fold is continuous where light comes out at a mirror's edge:
+    there rounding may decide on one reflection more.
     """
     out, n_reflections = (float(a[0]) for a in fold(np.array([q]), np.array([travel])))
     with mpmath.workdps(50):
         unfolded = mpmath.mpf(q) + mpmath.mpf(travel)
-        slit, into = mpmath.floor(q), mpmath.floor(unfolded)
+        slit = mpmath.floor(q)
+        into = mpmath.floor(unfolded)
         n = abs(into - slit)
         exact = slit + (unfolded - into if n % 2 == 0 else 1 - (unfolded - into))
         rounding = EPS * max(1, abs(q), abs(unfolded))
@@ -169,7 +211,9 @@ def test_a_fold_agrees_with_fifty_digits(q, travel):
 
 @given(q=st.floats(0.01, 0.99), slit=st.integers(-500, 500), travel=st.floats(-8, 8))
 def test_a_fold_sent_back_ends_where_it_began(q, slit, travel):
-    """Light that comes out at q' with its slope turned n times, sent back, comes out at q after n reflections."""
+    """Light that comes out at q' with its slope turned n
+    times, sent back, comes out at q after n reflections.
+    """
     out, n = fold(np.array([slit + q]), np.array([travel]))
     assume(1e-9 < out[0] - slit < 1 - 1e-9)
     back, m = fold(out, -travel * (-1.0) ** n)
@@ -187,23 +231,34 @@ arrays = st.builds(
     has_fresnel=st.booleans(),
     phase=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
 )
-# whole multiples of a tenth of the pitch are among them: light through mirrors' edges and through the centre
-places = st.tuples(st.floats(-100, 100), st.floats(-100, 100)) | st.tuples(st.integers(-9, 9), st.integers(-9, 9))
+# whole multiples of a tenth of the pitch are among them: light
+# through mirrors' edges and through the centre
+places = st.tuples(st.floats(-100, 100), st.floats(-100, 100)) | st.tuples(
+    st.integers(-9, 9), st.integers(-9, 9)
+)
 azimuths = st.floats(0, 2 * np.pi) | st.sampled_from(list(np.pi / 4 * np.arange(8)))
 cosines = st.floats(0, 1) | st.sampled_from([0.0, 1e-300, 1e-15, 1e-13, 1e-12, 1e-9, 1e-5, 1.0])
 
 
 def one_ray(array, place, azimuth, cosine, way):
-    """A frame in its own axes and a ray (1, 3) met at a place given in pitches along the mirrors' normals."""
+    """A frame in its own axes and a ray (1, 3) met at a place
+    given in pitches along the mirrors' normals.
+    """
     u, v = place
     position = array.pitch * np.array([[u - v, u + v, 0.0]]) / np.sqrt(2)
     sine = np.sqrt((1 - cosine) * (1 + cosine))
-    return frame_of(array), position, np.array([[sine * np.cos(azimuth), sine * np.sin(azimuth), way * cosine]])
+    return (
+        frame_of(array),
+        position,
+        np.array([[sine * np.cos(azimuth), sine * np.sin(azimuth), way * cosine]]),
+    )
 
 
 @given(arrays, places, azimuths, cosines, st.sampled_from([1.0, -1.0]))
 def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cosine, way):
-    """Nothing is NaN or infinite, directions are unit to 4 eps, on the right side, and throughput is from 0 to 1."""
+    """Nothing is NaN or infinite, directions are unit to 4 eps,
+    on the right side, and throughput is from 0 to 1.
+    """
     frame, position, direction = one_ray(array, place, azimuth, cosine, way)
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         for light in (frame.imaged, frame.folded, frame.reflected):
@@ -212,7 +267,9 @@ def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cos
             assert np.linalg.norm(found.directions[0]) == pytest.approx(1, abs=4 * EPS)
             assert 0 <= found.throughput[0] <= 1
             if cosine > 0:
-                assert np.sign(found.directions[0, 2]) == (-way if light == frame.reflected else way)
+                assert np.sign(found.directions[0, 2]) == (
+                    -way if light == frame.reflected else way
+                )
             # along the plate light keeps its slope, whichever way it is turned
             slopes_along = np.linalg.norm([found.directions[0, :2], direction[0, :2]], axis=1)
             assert slopes_along[0] == pytest.approx(slopes_along[1], abs=4 * EPS)
@@ -221,7 +278,9 @@ def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cos
 @CASES
 @given(arrays, places, azimuths, st.floats(0.02, 1), st.sampled_from([1.0, -1.0]))
 def test_light_sent_back_comes_out_where_it_came_in(array, place, azimuth, cosine, way):
-    """Reversed, light takes its own way: place, direction, path and throughput, where it does not touch an edge."""
+    """Reversed, light takes its own way: place, direction, path
+    and throughput, where it does not touch an edge.
+    """
     assume(array.layout != "radial")  # there mirrors turn with the place at which light comes in
     frame, position, direction = one_ray(array, place, azimuth, cosine, way)
     size = np.abs(position).max() + (array.thickness + array.pitch) / cosine
@@ -268,7 +327,9 @@ def fresnel(cosine, n):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
-    """What is reflected lies on the ray that a mirror at the near face sends back; R is Fresnel's and R + T = 1."""
+    """What is reflected lies on the ray that a mirror at the
+    near face sends back; R is Fresnel's and R + T = 1.
+    """
     frame = frame_of(MirrorArray(layout, reflectance=1.0), seed=6)
     positions, directions = light_on(frame, 3000, least=0.05)
     normal = frame.axes[2]
@@ -276,12 +337,17 @@ def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
     found = frame.reflected(positions, directions)
     to_face = frame.array.thickness / 2 / np.abs(cosine)
     face = positions - to_face[:, None] * directions
-    assert np.abs((face - frame.centre) @ normal + np.sign(cosine) * frame.array.thickness / 2).max() < 1e-14
+    assert (
+        np.abs((face - frame.centre) @ normal + np.sign(cosine) * frame.array.thickness / 2).max()
+        < 1e-14
+    )
     mirrored = reflect(directions, np.broadcast_to(normal, directions.shape))
     assert np.abs(found.directions - mirrored).max() < 1e-15
     assert np.abs(np.cross(face - found.positions, mirrored)).max() < 1e-14
     assert np.abs(found.throughput - fresnel(np.abs(cosine), 1.52)).max() < 1e-12
-    transmitted = np.sqrt(frame.folded(positions, directions).throughput)  # both faces, mirrors that lose nothing
+    transmitted = np.sqrt(
+        frame.folded(positions, directions).throughput
+    )  # both faces, mirrors that lose nothing
     assert np.abs(found.throughput + transmitted - 1).max() < 1e-14
     assert (found.path == PlatePath.REFLECTED).all()
     bare = replace(frame, array=replace(frame.array, has_fresnel=False))
@@ -289,10 +355,14 @@ def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
 
 
 def test_without_a_change_of_index_grazing_light_passes_the_faces():
-    """At n = 1 a face reflects nothing, down to 1e-11 of grazing, however steep the Fresnel formula is there."""
+    """At n = 1 a face reflects nothing, down to 1e-11 of
+    grazing, however steep the Fresnel formula is there.
+    """
     frame = frame_of(MirrorArray(ior=1.0))
     cosine = 10.0 ** np.linspace(-11, 0, 200)
-    directions = np.stack([np.sqrt((1 - cosine) * (1 + cosine)) * np.cos(0.3), 0 * cosine, cosine], axis=1)
+    directions = np.stack(
+        [np.sqrt((1 - cosine) * (1 + cosine)) * np.cos(0.3), 0 * cosine, cosine], axis=1
+    )
     directions[:, 1] = np.sqrt((1 - cosine) * (1 + cosine)) * np.sin(0.3)
     assert np.abs(frame.reflected(np.zeros((200, 3)), directions).throughput).max() < 1e-14
 
@@ -308,14 +378,25 @@ SHARES = [
 
 @pytest.mark.parametrize(("degrees", "expected"), SHARES)
 def test_the_table_of_shares_in_the_symmetric_plane(degrees, expected):
-    """Mid-air, stray and through: the formula gives the table's three digits, phases in 2000 steps count the same."""
-    array, direction = MirrorArray(), at_angle(degrees)
+    """Mid-air, stray and through: the formula gives the table's
+    three digits, phases in 2000 steps count the same.
+    """
+    array = MirrorArray()
+    direction = at_angle(degrees)
     first, second = map(odd, pitches_crossed(array, direction))
-    formula = first * second, first * (1 - second) + second * (1 - first), (1 - first) * (1 - second)
+    formula = (
+        first * second,
+        first * (1 - second) + second * (1 - first),
+        (1 - first) * (1 - second),
+    )
     assert np.abs(np.subtract(formula, expected)).max() <= 0.0005
     # both layers see the same r here: one phase of the first suffices, and Pu = Pv
     steps = array.pitch * (np.arange(2000) + 0.5) / 2000
-    path = frame_of(array).folded(steps[:, None] * np.array([1, 1, 0]) / np.sqrt(2), np.tile(direction, (2000, 1))).path
+    path = (
+        frame_of(array)
+        .folded(steps[:, None] * np.array([1, 1, 0]) / np.sqrt(2), np.tile(direction, (2000, 1)))
+        .path
+    )
     is_odd = np.isin(path, (IMAGED, STRAY_1)).mean()
     counted = is_odd**2, 2 * is_odd * (1 - is_odd), (1 - is_odd) ** 2
     assert np.abs(np.subtract(counted, expected)).max() < 0.0005 + 1 / 1000
@@ -325,30 +406,43 @@ def test_the_table_of_shares_in_the_symmetric_plane(degrees, expected):
 @pytest.mark.parametrize("degrees", [5, 20, 45, 60, 80])
 @pytest.mark.parametrize("azimuth", [0, 17, 45, 80, 200, 290])
 @pytest.mark.parametrize("way", [1, -1])
-def test_shares_are_those_of_the_formula_in_and_out_of_the_symmetric_plane(layout, degrees, azimuth, way):
-    """Pu Pv are imaged, Pu (1 - Pv) and (1 - Pu) Pv stray in one layer, the rest goes through: to 2 steps of phase."""
+def test_shares_are_those_of_the_formula_in_and_out_of_the_symmetric_plane(
+    layout, degrees, azimuth, way
+):
+    """Pu Pv are imaged, Pu (1 - Pv) and (1 - Pu) Pv stray in one
+    layer, the rest goes through: to 2 steps of phase.
+    """
     array = MirrorArray(layout)
     direction = at_angle(degrees, azimuth, way)
     path = frame_of(array).folded(*all_phases(array, direction)).path
     share = np.bincount(path, minlength=5) / len(path)
     first, second = map(odd, pitches_crossed(array, direction))
-    expected = first * second, first * (1 - second), (1 - first) * second, (1 - first) * (1 - second)
+    expected = (
+        first * second,
+        first * (1 - second),
+        (1 - first) * second,
+        (1 - first) * (1 - second),
+    )
     assert np.abs(share[[IMAGED, STRAY_1, STRAY_2, THROUGH]] - expected).max() < 2 / GRID
 
 
 @STATISTICS
 @pytest.mark.parametrize("layout", ["crossed", "holes"])
-@pytest.mark.parametrize(("degrees", "azimuth", "way"), [(30, 0, 1), (45, 10, -1), (65, 25, 1), (48.4, 180, 1)])
+@pytest.mark.parametrize(
+    ("degrees", "azimuth", "way"), [(30, 0, 1), (45, 10, -1), (65, 25, 1), (48.4, 180, 1)]
+)
 def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, azimuth, way):
-    """Over all phases: mean place of the mid-air class and its share of light are those of `imaged`; blur is uniform.
+    """Over all phases: mean place of the mid-air class and its
+    share of light are those of `imaged`; blur is uniform.
 
-    A mean over equal steps of phase is off by half a step an end; the blur's quantiles by two. Light comes out within
-    +-p P(r) of the image along each normal, wherever it came in.
+    A mean over equal steps of phase is off by half a step an end; the blur's quantiles by two.
+    Light comes out within +-p P(r) of the image along each normal, wherever it came in.
     """
     array = MirrorArray(layout, has_fresnel=False)
     frame = frame_of(array)
     positions, directions = all_phases(array, at_angle(degrees, azimuth, way))
-    crossed, imaged = frame.folded(positions, directions), frame.imaged(positions, directions)
+    crossed = frame.folded(positions, directions)
+    imaged = frame.imaged(positions, directions)
     assert (imaged.path == IMAGED).all()
     is_image = crossed.path == IMAGED
     assert np.abs(crossed.directions[is_image] - imaged.directions[is_image]).max() < 1e-15
@@ -356,7 +450,9 @@ def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, a
     assert imaged.throughput == pytest.approx(np.full(len(positions), share), abs=2 / GRID)
     off = (crossed.positions - imaged.positions)[is_image] / array.pitch
     assert np.abs(off[:, 2]).max() < 1e-12
-    for normal, r in zip(np.array([[1, 1], [-1, 1]]) / np.sqrt(2), pitches_crossed(array, directions[0]), strict=True):
+    for normal, r in zip(
+        np.array([[1, 1], [-1, 1]]) / np.sqrt(2), pitches_crossed(array, directions[0]), strict=True
+    ):
         blur = np.sort(off[:, :2] @ normal)
         assert np.abs(blur).max() <= odd(r) + 1e-12
         assert abs(blur.mean()) < 1 / GRID
@@ -364,11 +460,19 @@ def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, a
         assert np.abs(blur - uniform).max() < 4 / GRID
 
 
-@pytest.mark.parametrize(("degrees", "azimuth", "way"), [(45, 0, 1), (45, 0, -1), (30, 70, 1), (70, 200, -1)])
+@pytest.mark.parametrize(
+    ("degrees", "azimuth", "way"), [(45, 0, 1), (45, 0, -1), (30, 70, 1), (70, 200, -1)]
+)
 def test_two_layers_shift_the_image_sideways_by_the_tangent_in_the_glass(degrees, azimuth, way):
-    """Beside the ideal plate's, the image is h tan(theta in glass) off; one layer of holes shifts nothing."""
-    position, direction = np.array([[0.03, -0.02, 0.0]]), at_angle(degrees, azimuth, way)[None]
-    crossed, holes = (frame_of(MirrorArray(layout)).imaged(position, direction) for layout in ("crossed", "holes"))
+    """Beside the ideal plate's, the image is h tan(theta in glass) off.
+
+    One layer of holes shifts nothing.
+    """
+    position = np.array([[0.03, -0.02, 0.0]])
+    direction = at_angle(degrees, azimuth, way)[None]
+    crossed, holes = (
+        frame_of(MirrorArray(layout)).imaged(position, direction) for layout in ("crossed", "holes")
+    )
     ideal = plane_symmetry(direction, np.array([[0.0, 0.0, 1.0]]))
     shift = 1.25e-3 * np.tan(np.arcsin(np.sin(np.radians(degrees)) / 1.52))
     moved = (crossed.positions - position)[0]
@@ -384,11 +488,15 @@ def test_two_layers_shift_the_image_sideways_by_the_tangent_in_the_glass(degrees
 @pytest.mark.parametrize("error", [0.01, -0.05])
 @pytest.mark.parametrize("way", [1, -1])
 def test_layers_crossed_wrong_turn_the_image_by_twice_the_error(error, way):
-    """Crossed at 90 + eps degrees light leaves turned by 2 eps about the normal; against the normal by -2 eps."""
+    """Crossed at 90 + eps degrees light leaves turned by 2 eps about the normal.
+
+    Against the normal by -2 eps.
+    """
     frame = frame_of(MirrorArray(crossing_error=error), seed=8)
     positions, directions = light_on(frame, 1000, least=0.2)
     chosen = np.sign(directions @ frame.axes[2]) == way
-    positions, directions = positions[chosen], directions[chosen]
+    positions = positions[chosen]
+    directions = directions[chosen]
     ideal = plane_symmetry(directions, np.broadcast_to(frame.axes[2], directions.shape))
     across = (ideal @ frame.axes[2])[:, None] * frame.axes[2]
     expected = across + turned(ideal - across, frame.axes[2], 2 * way * error)
@@ -399,38 +507,52 @@ def test_layers_crossed_wrong_turn_the_image_by_twice_the_error(error, way):
     assert np.abs(crossed.directions - expected)[is_image].max() < 1e-14
 
 
-@pytest.mark.parametrize(("layout", "error"), [("crossed", 0.0), ("crossed", 0.02), ("holes", 0.0), ("radial", 0.0)])
+@pytest.mark.parametrize(
+    ("layout", "error"), [("crossed", 0.0), ("crossed", 0.02), ("holes", 0.0), ("radial", 0.0)]
+)
 def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
-    """Its two directions change places, phases change places and sign, and so do the two kinds of stray light."""
+    """Its two directions change places, phases change places and
+    sign, and so do the two kinds of stray light.
+    """
     array = MirrorArray(layout, phase=(0.3, -0.1), crossing_error=error)
     turned_round = replace(array, phase=(0.1, -0.3))
     frame = frame_of(array, seed=9)
-    c, s, (x, y, z) = np.cos(error), np.sin(error), frame.axes
-    # what is now the first layer was the second, turned by the error: from it sides and mirrors are told
+    c = np.cos(error)
+    s = np.sin(error)
+    (x, y, z) = frame.axes
+    # what is now the first layer was the second, turned by
+    # the error: from it sides and mirrors are told
     side = c * x + s * y
     other = ArrayFrame(turned_round, frame.centre, np.stack([side, np.cross(-z, side), -z]))
     light = light_on(frame, 5000, least=0.1)
-    one, two = frame.folded(*light), other.folded(*light)
+    one = frame.folded(*light)
+    two = other.folded(*light)
     assert np.abs(one.positions - two.positions).max() < 1e-12
     assert np.abs(one.directions - two.directions).max() < 1e-13
     assert np.array_equal(one.throughput, two.throughput)
     swapped = np.arange(6)
     swapped[[STRAY_1, STRAY_2]] = STRAY_2, STRAY_1
     assert np.array_equal(one.path, swapped[two.path])
-    same, reversed_ = frame.imaged(*light), other.imaged(*light)
+    same = frame.imaged(*light)
+    reversed_ = other.imaged(*light)
     assert np.abs(same.positions - reversed_.positions).max() < 1e-12
     assert np.abs(same.directions - reversed_.directions).max() < 1e-13
     assert np.abs(same.throughput - reversed_.throughput).max() < 1e-12
 
 
 def test_the_closed_form_agrees_with_a_mesh_of_all_mirrors():
-    """Through Embree, the nearer a ray goes on to the mirror just met, the more come out the same; in the end all.
+    """Through Embree, the nearer a ray goes on to the mirror just
+    met, the more come out the same; in the end all.
 
-    A step off a mirror moves the ray, so a share of rays, about as large as step / pitch, passes an edge on the other
-    side. The plate is 40 mm wide, so that float32 can still tell a step of 3e-5 mm.
+    A step off a mirror moves the ray, so a share of rays, about as large as step / pitch, passes an
+    edge on the other side. The plate is 40 mm wide, so that float32 can still tell a step of 3e-5
+    mm.
     """
     mesh = MirrorMesh(plate_frame(side=0.04, is_own=True), side=0.04)
-    assert mesh.n_mirrors == [114, 114]  # as many odd multiples of p / 2 are within +-40 mm / sqrt(2)
+    assert mesh.n_mirrors == [
+        114,
+        114,
+    ]  # as many odd multiples of p / 2 are within +-40 mm / sqrt(2)
     light = random_light(mesh.frame, 50_000, side=0.04)
     found = [agreement(mesh, light, offset) for offset in (1e-2, 1e-3, 3e-4, 3e-5)]
     shares = [each.path for each in found]
@@ -443,13 +565,20 @@ def test_the_closed_form_agrees_with_a_mesh_of_all_mirrors():
 
 
 def test_the_frame_of_a_plate_stands_where_its_mesh_does():
-    """Its centre is the middle of the extent or as told; its rows are a side, the other, the normal: a right hand."""
-    mesh = rectangle(np.array([0.1, 0.2, 0.3]), np.array([0, 0.6, 0.8]), np.array([1.0, 0, 0]), 0.2, 0.1)
+    """Its centre is the middle of the extent or as told.
+
+    Its rows are a side, the other, the normal: a right hand.
+    """
+    mesh = rectangle(
+        np.array([0.1, 0.2, 0.3]), np.array([0, 0.6, 0.8]), np.array([1.0, 0, 0]), 0.2, 0.1
+    )
     normal = np.cross([0, 0.6, 0.8], [1.0, 0, 0])
     frame = array_frame(Plate("plate", mesh, MirrorArray()), normal)
     assert np.abs(frame.centre - [0.1, 0.2, 0.3]).max() < 1e-15
     assert np.abs(frame.axes - [[0, 0.6, 0.8], [1, 0, 0], normal]).max() < 1e-14
-    told = Plate("plate", mesh, MirrorArray(), side=np.array([1.0, 0, 0]), centre=np.array([0.12, 0.2, 0.3]))
+    told = Plate(
+        "plate", mesh, MirrorArray(), side=np.array([1.0, 0, 0]), centre=np.array([0.12, 0.2, 0.3])
+    )
     frame = array_frame(told, normal)
     assert np.abs(frame.axes - [[1, 0, 0], np.cross(normal, [1, 0, 0]), normal]).max() < 1e-14
     assert np.abs(frame.centre - [0.12, 0.2, 0.3]).max() < 1e-15
@@ -493,7 +622,9 @@ def test_a_plate_that_cannot_be_made_is_refused_in_one_sentence(words):
     assert sentence.endswith(".")
 
 
-@pytest.mark.parametrize("array", [*PRESETS.values(), *ARRAYS.values(), MirrorArray(reflectance=1e-3, ior=1)])
+@pytest.mark.parametrize(
+    "array", [*PRESETS.values(), *ARRAYS.values(), MirrorArray(reflectance=1e-3, ior=1)]
+)
 def test_a_plate_that_can_be_made_is_not_refused(array):
     """Presets, and the ends of each range, pass."""
     with_array(array).check()
@@ -501,7 +632,10 @@ def test_a_plate_that_can_be_made_is_not_refused(array):
 
 def test_a_plate_smaller_than_a_pitch_is_refused_in_one_sentence():
     """It has no two mirrors: the plan says how wide it is and how far mirrors are apart."""
-    with pytest.raises(RigError, match=r"'plate' is 0\.4 mm wide, less than the 0\.5 mm from mirror to mirror: scale"):
+    with pytest.raises(
+        RigError,
+        match=r"'plate' is 0\.4 mm wide, less than the 0\.5 mm from mirror to mirror: scale",
+    ):
         make_plan(with_array(MirrorArray(), plate=0.4e-3), Settings())
     make_plan(with_array(MirrorArray(), plate=0.6e-3), Settings())
     strip = rectangle(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), 0.1, 0.3e-3)
@@ -511,7 +645,10 @@ def test_a_plate_smaller_than_a_pitch_is_refused_in_one_sentence():
 
 @pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
 def test_light_in_the_plates_own_plane_passes_it_by(light):
-    """Exactly in the plane it meets no plate; a hair beside it meets it at grazing. No number is lost either way."""
+    """Exactly in the plane it meets no plate.
+
+    A hair beside it meets it at grazing. No number is lost either way.
+    """
     rig = with_array(MirrorArray())
     x, y, z = np.eye(3)
     plate = replace(rig.plates[0], mesh=rectangle(0.15 * y, x, y, 0.1, 0.1))
@@ -540,18 +677,30 @@ def test_a_viewer_in_the_plates_plane_is_told_so_in_one_sentence():
 
 
 def two_plates(second_centre, second_normal):
-    """Two plates with mirrors, the second where light of the first comes by, in a room that is the display."""
+    """Two plates with mirrors, the second where light of the
+    first comes by, in a room that is the display.
+    """
     x, y, z = np.eye(3)
     bench = with_array(None)
     up = unit(np.cross(second_normal, x))
     plates = (
-        Plate("first", rectangle(0.15 * y, x, unit(y + z), 0.4, 0.4), MirrorArray(phase=(0.1, 0.2))),
-        Plate("second", rectangle(second_centre, x, up, 1.0, 1.0), MirrorArray(pitch=0.3e-3, height=0.6e-3)),
+        Plate(
+            "first", rectangle(0.15 * y, x, unit(y + z), 0.4, 0.4), MirrorArray(phase=(0.1, 0.2))
+        ),
+        Plate(
+            "second",
+            rectangle(second_centre, x, up, 1.0, 1.0),
+            MirrorArray(pitch=0.3e-3, height=0.6e-3),
+        ),
     )
     room = box([3.0] * 3)
-    inward = replace(room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1)))
+    inward = replace(
+        room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1))
+    )
     shard = replace(bench.glasses[0], mesh=box([0.01] * 3, (0.0, -1.2, 0.0)))
-    shown = replace(bench, glasses=(shard,), plates=plates, displays=(replace(bench.display, mesh=inward),))
+    shown = replace(
+        bench, glasses=(shard,), plates=plates, displays=(replace(bench.display, mesh=inward),)
+    )
     return make_plan(shown, Settings(only_through_glass=False, brightness=True))
 
 
@@ -565,12 +714,16 @@ def onto(frame, positions, directions):
 def slanted(n=4000):
     """Light (n, 3) from before the first plate onto its middle, within 20 degrees of +y."""
     rng = np.random.default_rng(11)
-    directions = unit(np.stack([rng.uniform(-0.25, 0.25, n), np.ones(n), rng.uniform(-0.25, 0.25, n)], axis=1))
+    directions = unit(
+        np.stack([rng.uniform(-0.25, 0.25, n), np.ones(n), rng.uniform(-0.25, 0.25, n)], axis=1)
+    )
     return rng.uniform(-0.02, 0.02, (n, 3)), directions
 
 
 def test_of_two_plates_the_first_that_did_not_image_decides():
-    """One behind the other: the path of the first, of the second where the first imaged, throughputs multiplied."""
+    """One behind the other: the path of the first, of the
+    second where the first imaged, throughputs multiplied.
+    """
     plan = two_plates(np.array([0, 0.17, 0.0]), np.array([0, -1.0, 1.0]) / np.sqrt(2))
     first, second = plan.arrays.values()
     light = slanted()
@@ -581,11 +734,19 @@ def test_of_two_plates_the_first_that_did_not_image_decides():
     assert np.array_equal(found.plate_path, np.where(one.path == IMAGED, two.path, one.path))
     assert found.throughput == pytest.approx(one.throughput * two.throughput, rel=1e-9)
     pairs = {(int(a), int(b)) for a, b in zip(one.path, two.path, strict=True)}
-    assert {(IMAGED, STRAY_1), (STRAY_1, IMAGED), (STRAY_1, STRAY_2), (STRAY_2, STRAY_1), (THROUGH, IMAGED)} <= pairs
+    assert {
+        (IMAGED, STRAY_1),
+        (STRAY_1, IMAGED),
+        (STRAY_1, STRAY_2),
+        (STRAY_2, STRAY_1),
+        (THROUGH, IMAGED),
+    } <= pairs
 
 
 def test_light_is_reflected_by_the_first_plate_only():
-    """What the first's face sends onto the second goes through that as light does that is not reflected."""
+    """What the first's face sends onto the second goes
+    through that as light does that is not reflected.
+    """
     plan = two_plates(np.array([0, 0.15, 0.3]), unit(np.array([0.0, 1, 1])))
     first, second = plan.arrays.values()
     light = slanted()
@@ -598,14 +759,18 @@ def test_light_is_reflected_by_the_first_plate_only():
 
 
 def test_plates_in_one_plane_are_one_sheet_however_far_apart():
-    """But for the float32 of Blender's places, which is coarser the further a plate is from the origin."""
-    normal, along = np.array([0.6, 0.8, 0]), np.array([0.8, -0.6, 0])
+    """But for the float32 of Blender's places, which is
+    coarser the further a plate is from the origin.
+    """
+    normal = np.array([0.6, 0.8, 0])
+    along = np.array([0.8, -0.6, 0])
     near = make_surface(rectangle(np.zeros(3), along, [0, 0, 1], 0.1, 0.1))
     place = rectangle(100 * along, along, [0, 0, 1], 0.1, 0.1)
     rounded = replace(place, vertices=place.vertices.astype(np.float32).astype(float))
     assert np.abs(rounded.vertices @ normal).max() > 1e-7
     beside = replace(place, vertices=place.vertices + 1e-3 * normal)
-    far, off = make_surface(rounded), make_surface(beside)
+    far = make_surface(rounded)
+    off = make_surface(beside)
     kind = np.full(3, Kind.PLATE)
     assert find_sheets([near, far, off], kind).tolist() == [0, 0, 2]
     assert find_sheets([near, far, off], np.full(3, Kind.MIRROR)).tolist() == [0, 1, 2]

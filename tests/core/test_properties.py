@@ -29,10 +29,14 @@ EPS = np.finfo(float).eps
 RAYS = 300
 BESIDE = 1e-6  # m: so far behind an interface it is asked what the light is in
 # no state is kept between runs: what fails once fails again by the numbers that hypothesis prints
-few, more = (settings(max_examples=n, deadline=None, database=None, derandomize=True) for n in (12, 40))
+few, more = (
+    settings(max_examples=n, deadline=None, database=None, derandomize=True) for n in (12, 40)
+)
 
 seeds = st.integers(0, 2**32 - 1)
-indices = st.one_of(st.floats(1.01, 2.5), st.floats(0.5, 0.99), st.sampled_from([1.0, 1 + 1e-9, 1.49, 4.0]))
+indices = st.one_of(
+    st.floats(1.01, 2.5), st.floats(0.5, 0.99), st.sampled_from([1.0, 1 + 1e-9, 1.49, 4.0])
+)
 sizes = st.floats(0.01, 0.05)
 
 
@@ -56,7 +60,9 @@ def subdivided(mesh, times):
         ab, bc, ca = (at.ravel() + len(vertices)).reshape(3, -1)
         vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
         a, b, c = t.T
-        t = np.concatenate([np.stack(x, axis=1) for x in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+        t = np.concatenate(
+            [np.stack(x, axis=1) for x in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
+        )
     return Mesh(vertices, t)
 
 
@@ -89,10 +95,12 @@ def out_of_the_way(glasses):
 @more
 @given(seeds, indices, indices)
 def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
-    """|direction| = 1, n sin a is kept as a vector, and what is transmitted and what is reflected are all the light.
+    """|direction| = 1, n sin a is kept as a vector, and what is
+    transmitted and what is reflected are all the light.
 
-    What is transmitted goes by Fresnel's amplitudes behind the face, of which the code knows nothing. In cosines c of
-    light, its part of the power is off by as much as they are, in parts of themselves.
+    What is transmitted goes by Fresnel's amplitudes behind the face, of which the code knows
+    nothing. In cosines c of light, its part of the power is off by as much as they are, in parts of
+    themselves.
     """
     random = np.random.default_rng(seed)
     m = unit(random.normal(size=(RAYS, 3)))
@@ -104,14 +112,19 @@ def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
     steep = max(1, n1 / n2) ** 2
     assert np.abs(np.linalg.norm(out, axis=1) - 1).max() < 8 * EPS * steep
     behind = np.where(is_tir, n1, n2)[:, None]
-    assert np.abs(behind * np.cross(out, m) - n1 * np.cross(d, m)).max() < 16 * EPS * (n1 + n2) * steep
+    assert (
+        np.abs(behind * np.cross(out, m) - n1 * np.cross(d, m)).max() < 16 * EPS * (n1 + n2) * steep
+    )
     assert np.array_equal((out * m).sum(axis=1) > 0, is_tir)
     assert np.array_equal(out[is_tir], reflect(d, m)[is_tir])
     assert (transmittance[is_tir] == 1).all()
     some = np.flatnonzero(~is_tir)
-    c1, c2 = c1[some], -(out * m).sum(axis=1)[some]
+    c1 = c1[some]
+    c2 = -(out * m).sum(axis=1)[some]
     flux = n2 * c2 / (n1 * c1)
-    reflected = ((n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2)) ** 2 + ((n2 * c1 - n1 * c2) / (n2 * c1 + n1 * c2)) ** 2
+    reflected = ((n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2)) ** 2 + (
+        (n2 * c1 - n1 * c2) / (n2 * c1 + n1 * c2)
+    ) ** 2
     amplitudes = (2 * n1 * c1 / (n1 * c1 + n2 * c2)) ** 2 + (2 * n1 * c1 / (n2 * c1 + n1 * c2)) ** 2
     rounding = 64 * EPS * steep / np.minimum(np.minimum(c1, c2), 1) ** 2
     assert (np.abs(transmittance[some] - flux * amplitudes / 2) < rounding).all()
@@ -124,7 +137,9 @@ def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
 
 
 def parity(mesh, points):
-    """Is each point (n, 3) inside a closed mesh: does a ray from it cross its triangles an odd number of times?"""
+    """Is each point (n, 3) inside a closed mesh: does a ray from
+    it cross its triangles an odd number of times?
+    """
     way = np.array([0.3141592, 0.2718281, 0.9096])
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     e1, e2 = b - a, c - a
@@ -133,12 +148,15 @@ def parity(mesh, points):
     s = points[:, None] - a
     u = f * np.einsum("nti,ti->nt", s, h)
     q = np.cross(s, e1)
-    v, t = f * (q @ way), f * np.einsum("nti,ti->nt", q, e2)
+    v = f * (q @ way)
+    t = f * np.einsum("nti,ti->nt", q, e2)
     return ((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)).sum(axis=1) % 2 == 1
 
 
 def index_at(glasses, points):
-    """Index (n,) at points: of the glass of highest priority they are in, among equals of the smallest; air outside."""
+    """Index (n,) at points: of the glass of highest priority they
+    are in, among equals of the smallest; air outside.
+    """
     volume = [abs(np.linalg.det(g.mesh.corners).sum()) for g in glasses]
     found = np.ones(len(points))
     for k in sorted(range(len(glasses)), key=lambda k: (glasses[k].priority, -volume[k])):
@@ -153,16 +171,22 @@ def flat(mesh):
 @cache
 def faceted():
     """Shapes of flat facets that are neither boxes nor, all of them, convex."""
-    return flat(icosphere(0.02, 1)), flat(torus(0.018, 0.007, 16, 8)), flat(uv_ellipsoid((0.025, 0.01, 0.015), 12, 8))
+    return (
+        flat(icosphere(0.02, 1)),
+        flat(torus(0.018, 0.007, 16, 8)),
+        flat(uv_ellipsoid((0.025, 0.01, 0.015), 12, 8)),
+    )
 
 
 @CASES
 @few
 @given(flat_glasses(most=2), st.integers(-1, 2), seeds)
 def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
-    """After each event the index that light is in is that of the solids around it, by the parity of crossings.
+    """After each event the index that light is in is that of
+    the solids around it, by the parity of crossings.
 
-    Places from which the next interface is nearer than twice as far as they are looked at are left out.
+    Places from which the next interface is nearer than twice
+    as far as they are looked at are left out.
     """
     random = np.random.default_rng(seed)
     if shape >= 0:
@@ -176,7 +200,9 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
         further = Rays(o, d, None, False)
         finish(_following(replace(plan, settings=Settings(max_events=events + 1)), further))
         way = np.linalg.norm(further.positions - rays.positions, axis=1)
-        some = np.flatnonzero((rays.n_events == events) & ((way > 2 * BESIDE) | (further.n_events == events)))
+        some = np.flatnonzero(
+            (rays.n_events == events) & ((way > 2 * BESIDE) | (further.n_events == events))
+        )
         at = rays.positions[some] + BESIDE * rays.directions[some]
         now = plan.media.index(rays.last_part[some], rays.mask[some])
         assert np.array_equal(now, index_at(glasses, at))
@@ -189,10 +215,11 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
 @few
 @given(flat_glasses(), seeds)
 def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
-    """From the display back through plate and glass the ray goes through the point it came from, against its way.
+    """From the display back through plate and glass the ray goes
+    through the point it came from, against its way.
 
-    Of rays that meet as many interfaces: one within rounding of an edge or of the critical angle may not. The error
-    is that of rounding, times what grazing interfaces make of it.
+    Of rays that meet as many interfaces: one within rounding of an edge or of the critical angle
+    may not. The error is that of rounding, times what grazing interfaces make of it.
     """
     random = np.random.default_rng(seed)
     a_rig = rig(glasses, display=0.4)
@@ -202,7 +229,9 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
     found = landings.has_arrived
     if not found.any():
         return
-    screen = Display("eye", rectangle(viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 20, 20), 10, 10)
+    screen = Display(
+        "eye", rectangle(viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 20, 20), 10, 10
+    )
     back = trace_all(
         make_plan(replace(a_rig, displays=(screen,)), Settings()),
         landings.positions[found],
@@ -240,7 +269,9 @@ def landings_of(a_rig, xy):
 
 
 def assert_same(here, there, least=0.99):
-    """Landings on the same display pixels to 1e-6, but where rounding tells which of two faces is met."""
+    """Landings on the same display pixels to 1e-6, but where
+    rounding tells which of two faces is met.
+    """
     same = (here.reason == there.reason) & (here.n_events == there.n_events)
     assert same.mean() >= least
     apart = np.abs(here.xy - there.xy)[same & here.has_arrived]
@@ -256,14 +287,18 @@ def curved():
 @CASES
 @few
 @given(flat_glasses(), st.integers(-1, 2), seeds, st.floats(-3, 3), st.floats(0, 4))
-def test_turned_scaled_and_moved_a_rig_lands_on_the_same_pixels(glasses, shape, seed, log_scale, log_shift):
+def test_turned_scaled_and_moved_a_rig_lands_on_the_same_pixels(
+    glasses, shape, seed, log_scale, log_shift
+):
     """Any rotation, 1e-3 to 1e3 of the size, moved by up to 1e4 times it: 1e-6 display px."""
     random = np.random.default_rng(seed)
     if shape >= 0:
         glasses = (Glass("curved", curved()[shape], ConstantIndex(1.49)),)
     a_rig = rig(glasses)
     scale = 10**log_scale
-    other = taken(a_rig, rotation(random), scale, scale * 0.1 * 10**log_shift * unit(random.normal(size=3)))
+    other = taken(
+        a_rig, rotation(random), scale, scale * 0.1 * 10**log_shift * unit(random.normal(size=3))
+    )
     xy = random.uniform(0, a_rig.viewer.width, (RAYS, 2))
     assert_same(landings_of(a_rig, xy), landings_of(other, xy))
 
@@ -272,7 +307,9 @@ def test_turned_scaled_and_moved_a_rig_lands_on_the_same_pixels(glasses, shape, 
 @few
 @given(flat_glasses(), st.integers(1, 3), seeds)
 def test_subdividing_flat_faces_changes_nothing(glasses, times, seed):
-    """12 triangles in float64, or 48 to 768 by way of the ray engine: the same landings, events and branches."""
+    """12 triangles in float64, or 48 to 768 by way of the ray
+    engine: the same landings, events and branches.
+    """
     a_rig = rig(glasses)
     finer = tuple(replace(glass, mesh=subdivided(glass.mesh, times)) for glass in glasses)
     xy = np.random.default_rng(seed).uniform(0, a_rig.viewer.width, (RAYS, 2))
@@ -286,9 +323,13 @@ def test_subdividing_flat_faces_changes_nothing(glasses, times, seed):
 def wild_glasses():
     """Curved, hollow, open, inside out, of index 1 and less: whatever may be drawn."""
     ball, ring, slab = curved()
-    inside_out = replace(ball, triangles=ball.triangles[:, ::-1], corner_normals=-ball.corner_normals[:, ::-1])
+    inside_out = replace(
+        ball, triangles=ball.triangles[:, ::-1], corner_normals=-ball.corner_normals[:, ::-1]
+    )
     half = ball.vertices[ball.triangles].mean(axis=1)[:, 2] > 0
-    shell = Mesh(ball.vertices, ball.triangles[half], ball.corner_normals[half], ball.is_smooth[half])
+    shell = Mesh(
+        ball.vertices, ball.triangles[half], ball.corner_normals[half], ball.is_smooth[half]
+    )
     cracked = Mesh(ball.vertices, ball.triangles[7:])
     inner = icosphere(0.015, 2, smooth=False)
     hollow = Mesh(
@@ -300,11 +341,19 @@ def wild_glasses():
 
 @CASES
 @more
-@given(st.integers(0, 9), flat_glasses(most=1), indices, seeds, st.sampled_from(["imaged", "folded", "reflected"]))
+@given(
+    st.integers(0, 9),
+    flat_glasses(most=1),
+    indices,
+    seeds,
+    st.sampled_from(["imaged", "folded", "reflected"]),
+)
 def test_nothing_that_is_no_number_comes_of_any_ray(shape, others, n, seed, light):
-    """Places, directions and throughput are finite, directions unit; a pixel is NaN exactly where nothing landed.
+    """Places, directions and throughput are finite, directions unit;
+    a pixel is NaN exactly where nothing landed.
 
-    Rays from anywhere, through vertices and along axes and edges among them, past a mirror and a blocker.
+    Rays from anywhere, through vertices and along axes and
+    edges among them, past a mirror and a blocker.
     """
     random = np.random.default_rng(seed)
     mesh = wild_glasses()[shape]
@@ -344,12 +393,20 @@ def shoelace(polygon):
 
 @CASES
 @few
-@given(st.floats(-40, 40), st.floats(1.1, 2), st.floats(0.02, 0.2), st.integers(8, 40), st.integers(8, 40))
+@given(
+    st.floats(-40, 40),
+    st.floats(1.1, 2),
+    st.floats(0.02, 0.2),
+    st.integers(8, 40),
+    st.integers(8, 40),
+)
 def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, display_pixels):
-    """Viewer's side: the area whose rays land on the display. Display's side: the area they land on.
+    """Viewer's side: the area whose rays land on the
+    display. Display's side: the area they land on.
 
-    A tilted slab maps the viewer's whole image one to one. Where the display is larger than its image, both areas are
-    known: all viewer pixels, and the polygon that the viewer's border lands on. Where it is smaller, it is all covered.
+    A tilted slab maps the viewer's whole image one to one. Where the display is larger than its
+    image, both areas are known: all viewer pixels, and the polygon that the viewer's border lands
+    on. Where it is smaller, it is all covered.
     """
     a_rig = rig(
         box([0.3, 0.02, 0.3], degrees_about_z=degrees),
@@ -359,11 +416,16 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         display_pixels=display_pixels,
     )
     solution = finish(Session().solve(a_rig, Settings(tolerance=0.01)))
-    viewed, shown, seen, lit = 0.0, 0.0, 0.0, 0.0
+    viewed = 0.0
+    shown = 0.0
+    seen = 0.0
+    lit = 0.0
     for shares in solution.shares:
         ones = np.ones(len(shares))
-        viewed, shown = viewed + shares.area.sum(), shown + shares.display_area.sum()
-        seen, lit = seen + to_view(shares, ones).sum(), lit + to_display(shares, ones).sum()
+        viewed = viewed + shares.area.sum()
+        shown = shown + shares.display_area.sum()
+        seen = seen + to_view(shares, ones).sum()
+        lit = lit + to_display(shares, ones).sum()
     assert abs(seen - viewed) < 1e-9 * viewed
     assert abs(lit - viewed) < 1e-9 * viewed
     t = np.linspace(0, pixels, 400, endpoint=False)
@@ -376,7 +438,9 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         assert abs(shown - shoelace(xy)) < 1e-4 * shown + 1e-3
     else:
         fine = (np.arange(512) + 0.5) * pixels / 512
-        landed = landings_of(a_rig, np.stack(np.meshgrid(fine, fine), axis=-1).reshape(-1, 2)).has_arrived
+        landed = landings_of(
+            a_rig, np.stack(np.meshgrid(fine, fine), axis=-1).reshape(-1, 2)
+        ).has_arrived
         assert abs(viewed / pixels**2 - landed.mean()) < 4 / 512
         assert shown < display_pixels**2 * (1 + 1e-9)
     assert solution.display_coverage.max() <= 1
@@ -385,13 +449,17 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
 
 @st.composite
 def lossy_rigs(draw):
-    """Rigs that lose light in all ways: flat facets, gaps, small plates and displays, odd UV maps, few surfaces."""
+    """Rigs that lose light in all ways: flat facets, gaps, small
+    plates and displays, odd UV maps, few surfaces.
+    """
     random = np.random.default_rng(draw(seeds))
     shape = draw(st.sampled_from(["boxes", "facets", "gap", "smooth"]))
     ball = icosphere(0.02, draw(st.integers(0, 2)), smooth=shape == "smooth")
     glass = {
         "boxes": lambda: draw(flat_glasses(2)),
-        "gap": lambda: replace(ball, triangles=ball.triangles[random.random(len(ball.triangles)) < 0.9]),
+        "gap": lambda: replace(
+            ball, triangles=ball.triangles[random.random(len(ball.triangles)) < 0.9]
+        ),
     }.get(shape, lambda: ball)()
     n = draw(st.integers(4, 24))
     a_rig = rig(
@@ -411,7 +479,9 @@ def lossy_rigs(draw):
 @more
 @given(lossy_rigs(), st.integers(2, 12), st.booleans())
 def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_glass):
-    """What of the picture is shown, and what is not, by reason, are shares of it, and 1 together."""
+    """What of the picture is shown, and what is not, by reason, are shares of it, and 1
+    together.
+    """
     how = Settings(max_events=max_events, only_through_glass=only_through_glass, tolerance=0.5)
     try:
         found = finish(Session().solve(a_rig, how))
@@ -424,15 +494,18 @@ def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_gla
 
 @pytest.mark.parametrize("shape", ["facets", "gap", "ball", "cut"])
 def test_shares_by_reason_are_those_of_rays(shape):
-    """Rays through random points of the viewer's image, each weighed by what it sees of the picture, end as told.
+    """Rays through random points of the viewer's image, each
+    weighed by what it sees of the picture, end as told.
 
-    Within a hundredth: rays tell it to a few thousandths, and slivers along borders, narrower than a pixel, which
-    are not shown, take half a hundredth of so many pixels.
+    Within a hundredth: rays tell it to a few thousandths, and slivers along borders, narrower
+    than a pixel, which are not shown, take half a hundredth of so many pixels.
     """
     ball = icosphere(0.02, 4 if shape == "ball" else 1, smooth=shape == "ball")
     if shape == "gap":
         ball = replace(ball, triangles=np.delete(ball.triangles, np.s_[::9], axis=0))
-    options = {"plate": 0.08, "display": 0.03} if shape == "ball" else {"plate": 0.2, "display": 0.06}
+    options = (
+        {"plate": 0.08, "display": 0.03} if shape == "ball" else {"plate": 0.2, "display": 0.06}
+    )
     a_rig = rig(ball, ior=1.7, pixels=256, display_pixels=64, picture=0.034, **options)
     how = Settings(max_events=5 if shape == "cut" else 32)
     found = finish(Session().solve(a_rig, how))
@@ -441,7 +514,9 @@ def test_shares_by_reason_are_those_of_rays(shape):
     cover = picture_from_view(a_rig.picture, a_rig.viewer, xy).cover
     seen = cover > 0
     landings = trace_all(make_plan(a_rig, how), *a_rig.viewer.rays(xy[seen]))
-    reason = np.where(landings.has_arrived & (landings.xy < 0).any(axis=1), Reason.MISSED_DISPLAY, landings.reason)
+    reason = np.where(
+        landings.has_arrived & (landings.xy < 0).any(axis=1), Reason.MISSED_DISPLAY, landings.reason
+    )
     of_reason = np.bincount(reason, cover[seen], len(Reason)) / cover.sum()
     assert found.picture_coverage == pytest.approx(of_reason[Reason.ARRIVED], abs=0.01)
     told = dict(found.misses)

@@ -1,4 +1,6 @@
-"""What is told of a solution: each note names the cause that was measured, and a remedy that helps."""
+"""What is told of a solution: each note names the cause that was measured, and a remedy
+that helps.
+"""
 
 from dataclasses import replace
 
@@ -25,13 +27,18 @@ def small(**options):
 
 
 def test_what_a_display_cannot_show_is_told():
-    """With brightness a white picture asks for more than white: the note says how much of the image that is."""
+    """With brightness a white picture asks for more than
+    white: the note says how much of the image that is.
+    """
     white = np.ones((4, 4, 4), np.float32)
     a_rig = rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16, image=white)
     assert not solve(a_rig).notes
     (note,) = solve(a_rig, brightness=True).notes
     assert "brighter than a display's white" in note
-    assert "clipped: turn Brightness off, make the image of 'picture' darker in an image editor, or export" in note
+    assert (
+        "clipped: turn Brightness off, make the image of 'picture' darker in an image editor, or"
+        " export" in note
+    )
 
 
 def encoded(value):
@@ -41,18 +48,31 @@ def encoded(value):
 
 @pytest.mark.parametrize(
     ("white", "is_told"),
-    [(1.0000242, False), (encoded(254.9 / 255), False), (encoded(255.49 / 255), False), (encoded(255.51 / 255), True)],
+    [
+        (1.0000242, False),
+        (encoded(254.9 / 255), False),
+        (encoded(255.49 / 255), False),
+        (encoded(255.51 / 255), True),
+    ],
 )
 def test_white_as_files_have_it_is_not_clipped(white, is_told):
-    """A 16-bit PNG's white is read as 1.0000242: half a step of 8 bits is no clipping; more is, and names the image."""
+    """A 16-bit PNG's white is read as 1.0000242: half a step of 8 bits is no clipping.
+
+    More is, and names the image.
+    """
     image = np.full((4, 4, 4), white, np.float32)
     notes = solve(rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16, image=image)).notes
-    told = ["clipped: make the image of 'picture' darker in an image editor" in note for note in notes]
+    told = [
+        "clipped: make the image of 'picture' darker in an image editor" in note for note in notes
+    ]
     assert told == [True] * is_told
 
 
 def test_places_far_from_the_origin_are_told():
-    """A rig far away, and one whose vertices are far from their object's origin; not one at the origin."""
+    """A rig far away, and one whose vertices are far from their object's origin.
+
+    Not one at the origin.
+    """
     a_rig = small()
     (glass,) = a_rig.glasses
     odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, rounding=1e-5)),))
@@ -67,7 +87,8 @@ def test_places_far_from_the_origin_are_told():
 
 def test_a_view_that_changes_within_a_pixel_is_told():
     """A bottle's rim at 64 pixels: the share is the error's own. A ball has no such place."""
-    bent, plain = solve(rig(bottle(), pixels=64)), solve(ball_rig(4, pixels=64))
+    bent = solve(rig(bottle(), pixels=64))
+    plain = solve(ball_rig(4, pixels=64))
     share = bent.map_error.facet_limited + bent.map_error.unresolved - bent.map_error.noise
     assert share > BEYOND
     assert [f"{percent(share)} of what is seen" in note for note in bent.warnings] == [True]
@@ -75,7 +96,10 @@ def test_a_view_that_changes_within_a_pixel_is_told():
 
 
 def test_a_coarse_mesh_is_told_and_a_flat_one_has_no_tessellation_error():
-    """The note comes above a tenth of a display pixel; where all is flat no ray is traced for it."""
+    """The note comes above a tenth of a display pixel.
+
+    Where all is flat no ray is traced for it.
+    """
     coarse = rig(replace(icosphere(0.025, 2), surface="facets"), pixels=48, image=lattice_image(64))
     found = solve(coarse)
     assert found.tessellation_error > 0.1
@@ -86,18 +110,29 @@ def test_a_coarse_mesh_is_told_and_a_flat_one_has_no_tessellation_error():
 
 
 def irregular_ball(levels=4, aside=0.0, noise=0.0, surface="smooth"):
-    """A ball whose vertices were moved on it by up to a part of an edge, and off it, as of a scan, in parts of it."""
-    mesh, random = icosphere(1.0, levels), np.random.default_rng(6)
+    """A ball whose vertices were moved on it by up to a part of an
+    edge, and off it, as of a scan, in parts of it.
+    """
+    mesh = icosphere(1.0, levels)
+    random = np.random.default_rng(6)
     edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
     v = mesh.vertices + aside * edge * random.uniform(-1, 1, mesh.vertices.shape)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     normals = v.copy()
     v *= 0.025 * (1 + noise * random.normal(size=(len(v), 1)))
-    return replace(mesh, vertices=v, corner_normals=normals[mesh.triangles], has_mean_normals=True, surface=surface)
+    return replace(
+        mesh,
+        vertices=v,
+        corner_normals=normals[mesh.triangles],
+        has_mean_normals=True,
+        surface=surface,
+    )
 
 
 def true_and_told(mesh):
-    """Error of landings against the closed form of the ball, rms display px, and what is told of it."""
+    """Error of landings against the closed form of the
+    ball, rms display px, and what is told of it.
+    """
     a_rig = rig(mesh, picture=0.015)
     plan = make_plan(a_rig, Settings())
     at = np.linspace(0, 512, 65)
@@ -105,20 +140,26 @@ def true_and_told(mesh):
     landings = trace_all(plan, o, d)
     exact = closed_forms.landing(a_rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
     error = np.linalg.norm(landings.xy - exact, axis=1)[landings.has_arrived]
-    true = np.sqrt(np.nanmean(np.sort(error)[: int(0.98 * len(error))] ** 2))  # without the rays that graze
+    true = np.sqrt(
+        np.nanmean(np.sort(error)[: int(0.98 * len(error))] ** 2)
+    )  # without the rays that graze
     return true, drain(tessellation(plan))
 
 
 def notes_without_solving(mesh, error=NO_ERROR):
     """What is told of a mesh by a sample of rays."""
     plan = make_plan(rig(mesh), Settings())
-    remarks = remarks_on(plan.rig, plan, drain(measure(plan)), error, {}, np.zeros((1, 1, 3), np.float32))
+    remarks = remarks_on(
+        plan.rig, plan, drain(measure(plan)), error, {}, np.zeros((1, 1, 3), np.float32)
+    )
     return [remark.told() for remark in remarks]
 
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.0, 1e-2), (0.0, 1e-3), (0.0, 1e-4), (0.2, 1e-3)])
 def test_the_error_of_noisy_meshes_is_told(aside, noise):
-    """The estimate is not less than the error against the ball that was meant, nor ten times as much; it names why."""
+    """The estimate is not less than the error against the ball
+    that was meant, nor ten times as much; it names why.
+    """
     true, told = true_and_told(irregular_ball(3, aside, noise))
     assert true < told.error < 10 * true
     assert told.cause == "jumps"
@@ -126,8 +167,11 @@ def test_the_error_of_noisy_meshes_is_told(aside, noise):
 
 
 def test_an_irregular_mesh_on_its_surface_is_followed():
-    """Vertices anywhere on the ball, and not beside it, are no noise: the error stays that of a regular mesh."""
-    (true, told), (regular, _) = true_and_told(irregular_ball(4, 0.3)), true_and_told(irregular_ball(4))
+    """Vertices anywhere on the ball, and not beside it, are no
+    noise: the error stays that of a regular mesh.
+    """
+    (true, told) = true_and_told(irregular_ball(4, 0.3))
+    (regular, _) = true_and_told(irregular_ball(4))
     assert true < 20 * regular
     assert true < told.error
     assert told.cause == "order"
@@ -136,24 +180,38 @@ def test_an_irregular_mesh_on_its_surface_is_followed():
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.3, 1e-3), (0.0, 1e-2), (0.0, 1e-3)])
 def test_automatic_helps_where_it_is_told_to(aside, noise):
-    """Where the note says to set Surface to Automatic, that brings landings nearer to the surface that was meant."""
+    """Where the note says to set Surface to Automatic, that
+    brings landings nearer to the surface that was meant.
+    """
     mesh = irregular_ball(4, aside, noise)
     (note,) = [note for note in notes_without_solving(mesh) if "The mesh costs" in note]
-    assert "the curved faces of 'glass' contradict each other at their edges: set its Surface to Automatic" in note
+    assert (
+        "the curved faces of 'glass' contradict each other at their edges: set its Surface to"
+        " Automatic" in note
+    )
     automatic = replace(mesh, surface="automatic")
     assert true_and_told(automatic)[0] < true_and_told(mesh)[0]
     notes = notes_without_solving(automatic)
-    assert "'glass' is followed as drawn: its mesh is too irregular or too coarse to tell the curved surface." in notes
+    assert (
+        "'glass' is followed as drawn: its mesh is too irregular or too coarse to tell the curved"
+        " surface." in notes
+    )
     assert not any("set its Surface" in note for note in notes)
 
 
 @pytest.mark.parametrize("has_mean_normals", [False, True])
-@pytest.mark.parametrize("size", [(0.015, 0.010, 32, 16), (0.020, 0.005, 48, 12), (0.018, 0.007, 48, 24)])
+@pytest.mark.parametrize(
+    "size", [(0.015, 0.010, 32, 16), (0.020, 0.005, 48, 12), (0.018, 0.007, 48, 24)]
+)
 def test_another_surface_is_not_told_where_it_makes_things_worse(size, has_mean_normals):
-    """A regular torus, Blender's own among them: its normals jump because it is coarse, and facets are further off."""
+    """A regular torus, Blender's own among them: its normals jump
+    because it is coarse, and facets are further off.
+    """
     mesh = torus(*size)
     mesh = mean_normals(mesh) if has_mean_normals else mesh
-    fine, curved, drawn = (traced_torus(m) for m in (torus(*size[:2], 256, 128), mesh, replace(mesh, surface="facets")))
+    fine, curved, drawn = (
+        traced_torus(m) for m in (torus(*size[:2], 256, 128), mesh, replace(mesh, surface="facets"))
+    )
     assert 4 * rms_apart(fine, curved) < rms_apart(fine, drawn)
     notes = notes_without_solving(mesh, replace(NO_ERROR, facet_limited=0.1))
     assert any("a finer mesh" in note for note in notes)
@@ -164,12 +222,15 @@ def traced_torus(mesh):
     a_rig = rig(mesh, pixels=64)
     at = np.arange(64) + 0.5
     return trace_all(
-        make_plan(a_rig, Settings()), *a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2))
+        make_plan(a_rig, Settings()),
+        *a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)),
     )
 
 
 def rms_apart(one, other):
-    """Of landings by the same number of surfaces, display px, without the fiftieth of them that graze."""
+    """Of landings by the same number of surfaces, display px,
+    without the fiftieth of them that graze.
+    """
     same = one.has_arrived & other.has_arrived & (one.n_events == other.n_events)
     off = np.sort(np.linalg.norm(one.xy - other.xy, axis=1)[same])
     return np.sqrt((off[: int(0.98 * len(off))] ** 2).mean())
@@ -183,27 +244,42 @@ def test_a_coarse_but_regular_mesh_is_told_to_be_subdivided():
 
 
 def test_light_that_max_events_cuts_off_is_told_by_its_name():
-    """A diamond of flat faces: the share cut off is told with the limit, and gone when that is raised."""
+    """A diamond of flat faces: the share cut off is told
+    with the limit, and gone when that is raised.
+    """
     point = np.array([[0, 0, -0.02], [0, 0, 0.01]])
     a = 2 * np.pi * np.arange(7) / 7
     rim = np.stack([0.02 * np.cos(a), 0.02 * np.sin(a), 0 * a], axis=1)
     k = np.arange(7)
     triangles = np.concatenate([
-        np.stack([0 * k, 2 + (k + 1) % 7, 2 + k], axis=1), np.stack([0 * k + 1, 2 + k, 2 + (k + 1) % 7], axis=1)
+        np.stack([0 * k, 2 + (k + 1) % 7, 2 + k], axis=1), np.stack([0 * k + 1, 2 + k,
+        2 + (k + 1) % 7], axis=1)
     ])  # fmt: skip
-    a_rig = rig(Mesh(np.concatenate([point, rim]), triangles), ior=2.42, pixels=32, plate=5.0, display=0.5)
-    few, many = solve(a_rig, max_events=5), solve(a_rig, max_events=200)
+    a_rig = rig(
+        Mesh(np.concatenate([point, rim]), triangles), ior=2.42, pixels=32, plate=5.0, display=0.5
+    )
+    few = solve(a_rig, max_events=5)
+    many = solve(a_rig, max_events=200)
     share = few.misses["cut off by Max Events"]
     assert share > 0.01
-    told = f"{percent(share)} of the picture's light meets more than 5 surfaces and is cut off: raise Max Events."
+    told = (
+        f"{percent(share)} of the picture's light meets more than 5 surfaces and is cut off:"
+        f" raise Max Events."
+    )
     assert told in few.warnings
-    assert "cut off by Max Events" not in many.misses or many.misses["cut off by Max Events"] < share / 10
+    assert (
+        "cut off by Max Events" not in many.misses
+        or many.misses["cut off by Max Events"] < share / 10
+    )
     assert not any("cut off" in note for note in many.notes)
 
 
 @pytest.mark.parametrize(("share", "is_told"), [(0.0009, False), (0.0011, True)])
 def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
-    """Light that goes through gaps, and light that is cut off; by whether more surfaces would set it free."""
+    """Light that goes through gaps, and light that is cut off.
+
+    By whether more surfaces would set it free.
+    """
     plan = make_plan(ball_rig(1, pixels=8), Settings())
     for leaked, cut_off, caught, words in (
         (share, 0.0, 0.0, "goes through gaps in the glass 'glass'"),
@@ -213,7 +289,9 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
     ):
         accuracy = Accuracy(Tessellation(), 0.0, (leaked,), caught)
         misses = {"cut off by Max Events": cut_off}
-        found = remarks_on(plan.rig, plan, accuracy, NO_ERROR, misses, np.zeros((1, 1, 3), np.float32))
+        found = remarks_on(
+            plan.rig, plan, accuracy, NO_ERROR, misses, np.zeros((1, 1, 3), np.float32)
+        )
         assert [words in remark.text and remark.is_warning for remark in found] == [True] * is_told
 
 
@@ -227,24 +305,34 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
     ],
 )
 def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, noise, remedy):
-    """Of a view that changes within pixels: where cut-off light is most of it, Max Events; noise is no cause."""
+    """Of a view that changes within pixels: where cut-off light is most of it, Max Events.
+
+    Noise is no cause.
+    """
     plan = make_plan(ball_rig(3, pixels=8), Settings())
     accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0)
-    error = replace(NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise)
+    error = replace(
+        NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise
+    )
     (remark,) = remarks_on(plan.rig, plan, accuracy, error, {}, np.zeros((1, 1, 3), np.float32))
     assert remedy in remark.text
     assert remark.text.startswith(percent(bends + unresolved - noise))
 
 
 def test_light_that_no_limit_sets_free_is_not_told_to_raise_it():
-    """A hollow that shares a face with the outside of its block, as a notch is often drawn: light is caught in it."""
-    block, hollow = box([0.3, 0.02, 0.3]), box([0.1, 0.01, 0.1], (0, -0.005, 0))
+    """A hollow that shares a face with the outside of its block,
+    as a notch is often drawn: light is caught in it.
+    """
+    block = box([0.3, 0.02, 0.3])
+    hollow = box([0.1, 0.01, 0.1], (0, -0.005, 0))
     a_rig = rig(joined(block, hollow), pixels=32, field=0.3, picture=0.2, display=0.3)
-    few, many = solve(a_rig, max_events=32), solve(a_rig, max_events=500)
+    few = solve(a_rig, max_events=32)
+    many = solve(a_rig, max_events=500)
     share = few.misses["cut off by Max Events"]
     assert share == many.misses["cut off by Max Events"] > 0.2
     assert any(
-        note.startswith(f"{percent(share)} of the picture's light is caught in the glass") for note in few.warnings
+        note.startswith(f"{percent(share)} of the picture's light is caught in the glass")
+        for note in few.warnings
     )
     assert not any("raise Max Events" in note for note in few.notes)
 
@@ -260,8 +348,13 @@ def test_light_that_no_limit_sets_free_is_not_told_to_raise_it():
     ids=["ball of 1280 facets", "smooth ball", "icosahedron", "cube"],
 )
 def test_smooth_shading_is_advised_for_facets_that_stand_for_a_curve(mesh, is_so):
-    """Many flat faces that meet at small angles; not what is smooth already, nor a solid of few faces."""
+    """Many flat faces that meet at small angles.
+
+    Not what is smooth already, nor a solid of few faces.
+    """
     assert is_facetted(mesh) == is_so
     if is_so:
         found = solve(rig(mesh, pixels=24, image=lattice_image(64)))
-        assert any("hade 'glass' smooth if it is meant to be curved" in note for note in found.warnings)
+        assert any(
+            "hade 'glass' smooth if it is meant to be curved" in note for note in found.warnings
+        )

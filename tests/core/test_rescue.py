@@ -1,4 +1,6 @@
-"""Looking for lost rays in float64 takes little memory and short steps, however many faces they may meet."""
+"""Looking for lost rays in float64 takes little memory and
+short steps, however many faces they may meet.
+"""
 
 import tracemalloc
 
@@ -11,21 +13,29 @@ from kiriko.core.light.ray_engine import Layer
 
 
 def test_lost_rays_are_looked_for_in_pieces():
-    """5000 rays within a lathe, among all its curved faces: under 60 MB at once, in many steps, most of them found."""
+    """5000 rays within a lathe, among all its curved faces: under
+    60 MB at once, in many steps, most of them found.
+    """
     s = np.linspace(0, 1, 29)
     radius = np.where((s > 0) & (s < 1), 0.014 + 0.007 * np.sin(7 * s + 0.3), 0)
     surface = make_surface(lathed(radius, 0.05 * (s - 0.5)))
-    layer, random = Layer(surface.corners, surface.curved), np.random.default_rng(0)
-    origins, away = random.uniform(-0.006, 0.006, (5000, 3)), random.normal(size=(5000, 3))
+    layer = Layer(surface.corners, surface.curved)
+    random = np.random.default_rng(0)
+    origins = random.uniform(-0.006, 0.006, (5000, 3))
+    away = random.normal(size=(5000, 3))
     away /= np.linalg.norm(away, axis=1, keepdims=True)
-    hits, rays = Hits.none(5000, surface.curved), np.arange(5000)
+    hits = Hits.none(5000, surface.curved)
+    rays = np.arange(5000)
 
     def accept(i, found):
         return ~found.enters & (found.distance > 1e-9), np.zeros(len(i), bool)
 
     tracemalloc.start()
     try:
-        steps = sum(1 for _ in layer._test_in_float64(origins, away, rays, accept, np.ones(5000, bool), hits))
+        steps = sum(
+            1
+            for _ in layer._test_in_float64(origins, away, rays, accept, np.ones(5000, bool), hits)
+        )
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -15,7 +15,8 @@ def test_a_rule_changes_nothing_but_rounding(name):
     """The same reasons and branches for all rays, and landings within 1e-9 of the display."""
     rule = RULES[name]
     a_rig = rule.rig()
-    w, h = a_rig.viewer.width, a_rig.viewer.height
+    w = a_rig.viewer.width
+    h = a_rig.viewer.height
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, (w, h), (20_000, 2)))
     obeyed, broken = (trace_all(make(a_rig), *rays) for make in (rule.obeyed, rule.broken))
     assert obeyed.has_arrived.sum() > 4_000

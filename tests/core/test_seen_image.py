@@ -28,7 +28,10 @@ CASES = {
 @ORDER
 @pytest.mark.parametrize("name", CASES)
 def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
-    """Uncompensated dots stand where the closed form puts them, to the mesh's own error; compensated ones as wanted."""
+    """Uncompensated dots stand where the closed form puts them, to the mesh's own error.
+
+    Compensated ones as wanted.
+    """
     make, through, shape = CASES[name]
     a_rig = make(pixels=400, field=0.044, display_pixels=512, image=lattice_image(512))
     solution = solve(a_rig, tolerance=0.05)
@@ -47,7 +50,9 @@ def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     assert after.mean < 0.02
     assert after.largest < 0.08
     # and the source image undoes the closed form's warp too, not only Kiriko's own
-    undone = dot_centroids(closed_forms.seen_image(a_rig, solution.source, through, **shape)) - dot_centroids(ideal)
+    undone = dot_centroids(
+        closed_forms.seen_image(a_rig, solution.source, through, **shape)
+    ) - dot_centroids(ideal)
     assert np.linalg.norm(undone, axis=2).mean() < 0.03
 
 
@@ -72,6 +77,8 @@ def test_dots_are_told_apart_wherever_they_stand():
 def test_a_dot_seen_twice_counts_where_most_of_it_is():
     """A small second image of a dot does not pull its centroid."""
     y, x = np.mgrid[:200, :200] + 0.5
-    cover = np.clip(10.5 - np.hypot(x - 50, y - 60), 0, 1) + np.clip(4.5 - np.hypot(x - 150, y - 20), 0, 1)
+    cover = np.clip(10.5 - np.hypot(x - 50, y - 60), 0, 1) + np.clip(
+        4.5 - np.hypot(x - 150, y - 20), 0, 1
+    )
     image = cover[..., None] * np.array([1, 1 / 8, 1 / 8])
     assert np.abs(dot_centroids(image)[0, 0] - [50, 60]).max() < 0.01

@@ -1,4 +1,7 @@
-"""What is computed again and what is not; and one clear sentence for each rig that cannot be solved."""
+"""What is computed again and what is not.
+
+And one clear sentence for each rig that cannot be solved.
+"""
 
 from dataclasses import replace
 
@@ -45,7 +48,9 @@ def small(**options):
 
 
 def test_a_new_picture_alone_traces_nothing(monkeypatch):
-    """Same optics, other picture: equal to a solve from scratch, with no ray traced and no place looked for."""
+    """Same optics, other picture: equal to a solve from
+    scratch, with no ray traced and no place looked for.
+    """
     kept = Session()
     a_rig = small()
     solve(a_rig, kept)
@@ -61,7 +66,9 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
 
 @pytest.mark.parametrize("brightness", [False, True])
 def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
-    """Kept or made again, some at a time: images and coverages agree to rounding, also for a new picture."""
+    """Kept or made again, some at a time: images and
+    coverages agree to rounding, also for a new picture.
+    """
     a_rig = ball_rig(3, pixels=48, display_pixels=300, image=lattice_image(64))
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
@@ -80,14 +87,18 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
         np.testing.assert_allclose(found.source, one.source, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(found.seen(), one.seen(), rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(found.weight, one.weight, rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(found.display_coverage, one.display_coverage, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            found.display_coverage, one.display_coverage, rtol=1e-9, atol=1e-12
+        )
         np.testing.assert_allclose(found.view_coverage, one.view_coverage, rtol=1e-9)
         assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
     assert found.n_rays == 0
 
 
 def test_a_picture_changed_in_its_place_is_painted_anew():
-    """A picture is known by its values, a place or size of it by those: nothing of the old one is left."""
+    """A picture is known by its values, a place or size of it
+    by those: nothing of the old one is left.
+    """
     kept = Session()
     a_rig = small()
     first = solve(a_rig, kept)
@@ -95,17 +106,24 @@ def test_a_picture_changed_in_its_place_is_painted_anew():
     found = solve(a_rig, kept)
     assert not np.array_equal(found.source, first.source)
     assert np.array_equal(found.source, solve(a_rig).source)
-    wide = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[:, :40].copy()),))
+    wide = replace(
+        a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[:, :40].copy()),)
+    )
     assert np.array_equal(solve(wide, kept).source, solve(wide).source)
-    shifted = replace(a_rig.picture, mesh=replace_vertices(a_rig.picture.mesh, np.array([0.001, 0, 0])))
+    shifted = replace(
+        a_rig.picture, mesh=replace_vertices(a_rig.picture.mesh, np.array([0.001, 0, 0]))
+    )
     aside = replace(a_rig, pictures=(shifted,))
-    found, expected = solve(aside, kept), solve(aside)
+    found = solve(aside, kept)
+    expected = solve(aside)
     assert np.array_equal(found.source, expected.source)
     assert found.picture_coverage == expected.picture_coverage != first.picture_coverage
 
 
 def test_only_a_changed_mesh_builds_an_engine(monkeypatch):
-    """The ray engine is known by the shape of the triangles in it, not by their place or by the rest of the rig."""
+    """The ray engine is known by the shape of the triangles in
+    it, not by their place or by the rest of the rig.
+    """
     kept = Session()
     a_rig = small()
     solve(a_rig, kept)
@@ -146,13 +164,17 @@ def test_settings_and_index_are_part_of_the_optics():
 
 
 def test_a_failed_or_stopped_solve_leaves_the_session_as_it_was():
-    """After an error and after a stop in the middle the next solve of the old rig needs no tracing."""
+    """After an error and after a stop in the middle the next solve of the old rig needs
+    no tracing.
+    """
     kept = Session()
     a_rig = small()
     solve(a_rig, kept)
     with pytest.raises(RigError):
         solve(replace(a_rig, plates=()), kept)
-    stopped = kept.solve(replace(a_rig, glasses=(replace(a_rig.glasses[0], ior=ConstantIndex(1.7)),)), Settings())
+    stopped = kept.solve(
+        replace(a_rig, glasses=(replace(a_rig.glasses[0], ior=ConstantIndex(1.7)),)), Settings()
+    )
     next(stopped)
     stopped.close()
     assert solve(a_rig, kept).n_rays == 0
@@ -164,7 +186,9 @@ def without(part):
 
 def broken(**changes):
     a_rig = small()
-    return replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(a_rig.glasses[0].mesh, **changes)),))
+    return replace(
+        a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(a_rig.glasses[0].mesh, **changes)),)
+    )
 
 
 def nan_vertices():
@@ -175,7 +199,10 @@ def nan_vertices():
 
 def moved_away(parts):
     part = getattr(small(), parts)[0]
-    return replace(small(), **{parts: (replace(part, mesh=replace_vertices(part.mesh, np.array([3.0, 0, 0]))),)})
+    return replace(
+        small(),
+        **{parts: (replace(part, mesh=replace_vertices(part.mesh, np.array([3.0, 0, 0]))),)},
+    )
 
 
 def turned_display():
@@ -187,14 +214,19 @@ def turned_display():
 
 def with_uv(factor):
     mesh = small().display.mesh
-    return replace(small(), displays=(replace(small().display, mesh=replace(mesh, uv=mesh.uv * factor)),))
+    return replace(
+        small(), displays=(replace(small().display, mesh=replace(mesh, uv=mesh.uv * factor)),)
+    )
 
 
 def bent_plate():
     a_rig = small()
     vertices = a_rig.plates[0].mesh.vertices.copy()
     vertices[0] += [0, 0.01, 0]
-    return replace(a_rig, plates=(replace(a_rig.plates[0], mesh=replace(a_rig.plates[0].mesh, vertices=vertices)),))
+    return replace(
+        a_rig,
+        plates=(replace(a_rig.plates[0], mesh=replace(a_rig.plates[0].mesh, vertices=vertices)),),
+    )
 
 
 def picture_behind():
@@ -208,7 +240,9 @@ def second_plate(part=0.5, shift=(0.0, 0.0, 0.0)):
     a_rig = small()
     (plate,) = a_rig.plates
     middle = plate.mesh.vertices.mean(axis=0)
-    smaller = replace(plate.mesh, vertices=middle + part * (plate.mesh.vertices - middle) + np.array(shift))
+    smaller = replace(
+        plate.mesh, vertices=middle + part * (plate.mesh.vertices - middle) + np.array(shift)
+    )
     return replace(a_rig, plates=(plate, replace(plate, name="other", mesh=smaller)))
 
 
@@ -218,19 +252,38 @@ def viewing(**changes):
 
 
 BAD = {
-    "viewer nowhere": (lambda: viewing(position=np.array([0, np.nan, 0])), RigError, "viewer 'viewer' has a place"),
-    "viewer shifted by no number": (lambda: viewing(window=(np.nan, 1, 0, 1)), RigError, "lens or shift that is no"),
-    "viewer that sees nothing": (lambda: viewing(window=(0.1, 0.1, 0, 1)), RigError, "'viewer' sees nothing"),
+    "viewer nowhere": (
+        lambda: viewing(position=np.array([0, np.nan, 0])),
+        RigError,
+        "viewer 'viewer' has a place",
+    ),
+    "viewer shifted by no number": (
+        lambda: viewing(window=(np.nan, 1, 0, 1)),
+        RigError,
+        "lens or shift that is no",
+    ),
+    "viewer that sees nothing": (
+        lambda: viewing(window=(0.1, 0.1, 0, 1)),
+        RigError,
+        "'viewer' sees nothing",
+    ),
     "no glass": (without("glasses"), RigError, "no glass"),
     "no plate": (without("plates"), RigError, "no plate"),
     "no display": (without("displays"), RigError, "no display"),
     "no picture": (without("pictures"), RigError, "no picture"),
     "no viewer": (without("viewers"), RigError, "no viewer"),
-    "two pictures": (lambda: replace(small(), pictures=small().pictures * 2), RigError, "2 pictures"),
+    "two pictures": (
+        lambda: replace(small(), pictures=small().pictures * 2),
+        RigError,
+        "2 pictures",
+    ),
     "empty mesh": (lambda: broken(triangles=np.empty((0, 3), int)), MeshError, "no faces"),
     "NaN vertices": (nan_vertices, MeshError, "not finite"),
     "no UV": (
-        lambda: replace(small(), displays=(replace(small().display, mesh=replace(small().display.mesh, uv=None)),)),
+        lambda: replace(
+            small(),
+            displays=(replace(small().display, mesh=replace(small().display.mesh, uv=None)),),
+        ),
         MeshError,
         "no UV map",
     ),
@@ -248,11 +301,17 @@ BAD = {
     "plate bent": (bent_plate, RigError, "not flat"),
     "picture out of view": (picture_behind, RigError, "does not see the picture"),
     "blocked": (
-        lambda: replace(small(), blockers=(Blocker("b", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1)),)),
+        lambda: replace(
+            small(), blockers=(Blocker("b", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1)),)
+        ),
         RigError,
         "blocked",
     ),
-    "glass out of view": (lambda: rig(box([0.01] * 3, (3, 0, 0)), pixels=16), RigError, "no ray from the viewer meets"),
+    "glass out of view": (
+        lambda: rig(box([0.01] * 3, (3, 0, 0)), pixels=16),
+        RigError,
+        "no ray from the viewer meets",
+    ),
 }
 
 
@@ -269,10 +328,14 @@ def test_a_rig_that_cannot_be_solved_is_told_in_one_sentence(name):
 
 
 def test_solutions_say_what_was_left_out():
-    """A rig of few flat faces builds no engine and says so, as others say which; overlapping solids are counted."""
+    """A rig of few flat faces builds no engine and says so, as others say which.
+
+    Overlapping solids are counted.
+    """
     few = rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16)
     with kernel.off():
-        flat, curved = solve(few), solve(small())
+        flat = solve(few)
+        curved = solve(small())
     assert "ray engine (few flat faces)" in flat.left_out
     assert "ray engine (Embree)" in curved.used
     assert any(words.startswith("compiled kernel") for words in curved.left_out)
@@ -305,12 +368,16 @@ def test_a_picture_through_a_moved_viewer_fits_no_surface_again(monkeypatch):
 
 
 def test_normals_that_contradict_the_shape_are_told():
-    """Two triangles whose normals were turned in are followed flat, and the note says how many and of what."""
+    """Two triangles whose normals were turned in are followed
+    flat, and the note says how many and of what.
+    """
     a_rig = small()
     glass = a_rig.glasses[0]
     normals = glass.mesh.corner_normals.copy()
     normals[:2] *= -1
-    odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, corner_normals=normals)),))
+    odd = replace(
+        a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, corner_normals=normals)),)
+    )
     notes = solve(odd).notes
     assert any("2 smooth triangles of 'glass' contradict" in note for note in notes)
     assert not any("contradict" in note for note in solve(a_rig).notes)
@@ -323,7 +390,9 @@ SHAPES = {"ball": (0.025,) * 3, "ellipsoid": (0.025, 0.020, 0.015)}
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("levels", [2, 3, 4])
 def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, surface):
-    """Facets: within a factor of 4 of the error against the closed form. Curved faces: not less than it."""
+    """Facets: within a factor of 4 of the error against the
+    closed form. Curved faces: not less than it.
+    """
     radii = SHAPES[shape]
     a_rig = rig(replace(icosphere(radii, levels), surface=surface), picture=0.015)
     plan = make_plan(a_rig, Settings())
@@ -365,7 +434,13 @@ def test_glass_that_touches_with_the_same_triangles_leaves_nothing_undecided(n):
         rig(mean_normals(wavy_slab(8))),
         rig(mean_normals(torus(0.018, 0.007, 12, 6))),
     ],
-    ids=["filled cavity", "wall of a micrometre", "coarse ellipsoid", "coarse wavy slab", "coarse torus"],
+    ids=[
+        "filled cavity",
+        "wall of a micrometre",
+        "coarse ellipsoid",
+        "coarse wavy slab",
+        "coarse torus",
+    ],
 )
 def test_thin_walls_and_coarse_meshes_leave_no_light_undecided(a_rig):
     assert drain(tessellation(make_plan(a_rig, Settings()))).undecided == 0.0
@@ -384,7 +459,9 @@ ROUNDED = {
 @pytest.mark.parametrize("far", [1.0, 10.0])
 @pytest.mark.parametrize("shape", ROUNDED)
 def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
-    """Vertices rounded to float32 far from their object's origin: not below half of what 99 % of the landings show."""
+    """Vertices rounded to float32 far from their object's origin:
+    not below half of what 99 % of the landings show.
+    """
     mesh = ROUNDED[shape]
     a_rig = rig(mesh)
     o, d = rays_of(a_rig)
@@ -401,7 +478,9 @@ def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
 
 
 def test_a_fine_mesh_is_left_flat():
-    """Where no normal turns by more than a quarter of a degree over a triangle, facets serve as well."""
+    """Where no normal turns by more than a quarter of a
+    degree over a triangle, facets serve as well.
+    """
     fine = icosphere(0.025, 4)
     assert surfaces.make_surface(fine).curved is not None
     # normals that hardly leave those of the facets turn as little as those of a very fine mesh
@@ -411,7 +490,9 @@ def test_a_fine_mesh_is_left_flat():
 
 
 def test_a_mesh_whose_rounding_shows_is_left_flat():
-    """Vertices rounded so coarsely that a fine face's slope is lost in it are not made to carry curved faces."""
+    """Vertices rounded so coarsely that a fine face's slope is
+    lost in it are not made to carry curved faces.
+    """
     fine = icosphere(0.025, 5)
     assert surfaces.make_surface(replace(fine, rounding=1e-9)).curved is not None
     assert surfaces.make_surface(replace(fine, rounding=1e-6)).curved is None
@@ -423,7 +504,10 @@ def test_a_mesh_whose_rounding_shows_is_left_flat():
     ids=["the same", "on it", "over its edge", "beside it"],
 )
 def test_plates_in_one_plane_act_as_one(part, shift):
-    """Light that crossed one is beyond the other, too; before, it went to and fro between the two for ever."""
+    """Light that crossed one is beyond the other, too.
+
+    Before, it went to and fro between the two for ever.
+    """
     alone, both = (landings_of(a_rig) for a_rig in (small(), second_plate(part, shift)))
     assert alone.has_arrived.mean() > 0.3
     assert both.has_arrived[alone.has_arrived].all()
@@ -452,23 +536,34 @@ def test_an_error_is_one_line_whatever_a_name_holds():
 
 
 def test_a_bevel_and_faces_without_area_are_no_matter_of_rounding():
-    """Most faces of a finely bevelled block are tiny, but most light goes through the large ones."""
+    """Most faces of a finely bevelled block are tiny, but most light goes through the
+    large ones.
+    """
     block = box([0.05] * 3)
     strips = icosphere(2e-5, 3, smooth=False, centre=(0.025, 0.025, 0.025))
     for other in (strips, Mesh(np.zeros((3, 3)), np.zeros((40, 3), int))):
-        mesh = replace(joined(block, replace(other, corner_normals=None, is_smooth=None)), rounding=1.5e-9)
+        mesh = replace(
+            joined(block, replace(other, corner_normals=None, is_smooth=None)), rounding=1.5e-9
+        )
         plan = make_plan(rig(block), Settings())
-        plan = replace(plan, rig=replace(plan.rig, glasses=(replace(plan.rig.glasses[0], mesh=mesh),)))
+        plan = replace(
+            plan, rig=replace(plan.rig, glasses=(replace(plan.rig.glasses[0], mesh=mesh),))
+        )
         assert rounding_error(plan) < 0.01
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, 1e-9, 1e3, float("nan"), float("inf")])
 def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance):
-    """Refused in one sentence that names the range, before any work; the session stays as it was."""
+    """Refused in one sentence that names the range, before any work.
+
+    The session stays as it was.
+    """
     kept = Session()
     a_rig = small()
     solve(a_rig, kept)
-    with pytest.raises(RigError, match=r"^The tolerance is .* display pixels: set one from 1e-06 to 100\.$"):
+    with pytest.raises(
+        RigError, match=r"^The tolerance is .* display pixels: set one from 1e-06 to 100\.$"
+    ):
         solve(a_rig, kept, tolerance=tolerance)
     assert solve(a_rig, kept).n_rays == 0
 
@@ -486,17 +581,23 @@ def test_the_measured_error_goes_with_the_tolerance():
 
 
 def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
-    """Where the view map is told to be all of the work the rest of it goes on from there: `solve` looks at that."""
+    """Where the view map is told to be all of the work the rest
+    of it goes on from there: `solve` looks at that.
+    """
     monkeypatch.setattr(reach, "AFTER_A_PIXEL", 0.0)
     monkeypatch.setattr(reach, "AFTER_A_RAY", 0.0)
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 
 def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
-    """Live rests while Solve runs, which lets go of the shares of before: what is kept then is of the right batches."""
+    """Live rests while Solve runs, which lets go of the shares of
+    before: what is kept then is of the right batches.
+    """
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 1 << 9)
     monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
-    a_rig, session, dice = small(), Session(), np.random.default_rng(0)
+    a_rig = small()
+    session = Session()
+    dice = np.random.default_rng(0)
 
     def painted():
         image = np.append(dice.random((64, 64, 3)), np.ones((64, 64, 1)), axis=2).astype(np.float32)
@@ -508,7 +609,8 @@ def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
 
     drain(session.solve(a_rig))
     assert len(session._placed.strokes) > 6
-    first, other = session.solve(painted()), replace(a_rig.viewer, position=a_rig.viewer.position + 0.001)
+    first = session.solve(painted())
+    other = replace(a_rig.viewer, position=a_rig.viewer.position + 0.001)
     steps(first, 4)
     second = session.solve(replace(a_rig, viewers=(other,)))
     while session._placed.strokes:
@@ -525,19 +627,30 @@ def with_triangles(a_rig, corner):
     mesh = a_rig.glasses[0].mesh
     triangles = mesh.triangles.copy()
     triangles[0, 0] = corner
-    return replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(mesh, triangles=triangles)),))
+    return replace(
+        a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(mesh, triangles=triangles)),)
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda r: replace(r, viewers=(replace(r.viewer, width=0),)), "The viewer 'viewer' has no pixels: set its"),
+        (
+            lambda r: replace(r, viewers=(replace(r.viewer, width=0),)),
+            "The viewer 'viewer' has no pixels: set its",
+        ),
         (
             lambda r: replace(r, displays=(replace(r.display, height=-1),)),
             "The display 'display' has no pixels: set its",
         ),
-        (lambda r: with_triangles(r, 8), "The glass 'glass' has faces with corners that it has no vertices for"),
-        (lambda r: with_triangles(r, -1), "The glass 'glass' has faces with corners that it has no vertices for"),
+        (
+            lambda r: with_triangles(r, 8),
+            "The glass 'glass' has faces with corners that it has no vertices for",
+        ),
+        (
+            lambda r: with_triangles(r, -1),
+            "The glass 'glass' has faces with corners that it has no vertices for",
+        ),
     ],
     ids=["viewer", "display", "corner too many", "corner below 0"],
 )

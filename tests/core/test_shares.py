@@ -36,7 +36,8 @@ def convex_quads(random, n, size, spread):
     a = random.normal(size=(n, 1, 2)) * size
     b = random.normal(size=(n, 1, 2)) * size
     bend = random.uniform(-0.4, 0.4, (n, 1, 2))
-    s, t = SQUARE[:, 0, None] - 0.5, SQUARE[:, 1, None] - 0.5
+    s = SQUARE[:, 0, None] - 0.5
+    t = SQUARE[:, 1, None] - 0.5
     # c = bend[0] a + bend[1] b with |bend[0]| + |bend[1]| < 2 keeps the quad convex
     quads = s * a + t * b + s * t * (bend[..., :1] * a + bend[..., 1:] * b)
     return quads + random.uniform(0, spread, (n, 1, 2))
@@ -47,7 +48,12 @@ def inverse_bilinear(quad, point):
     st = np.array([0.5, 0.5])
     for _ in range(30):
         s, t = st
-        here = (1 - s) * (1 - t) * quad[0] + s * (1 - t) * quad[1] + s * t * quad[2] + (1 - s) * t * quad[3]
+        here = (
+            (1 - s) * (1 - t) * quad[0]
+            + s * (1 - t) * quad[1]
+            + s * t * quad[2]
+            + (1 - s) * t * quad[3]
+        )
         ds = (1 - t) * (quad[1] - quad[0]) + t * (quad[2] - quad[3])
         dt = (1 - s) * (quad[3] - quad[0]) + s * (quad[2] - quad[1])
         st = st + np.linalg.solve(np.stack([ds, dt], axis=1), point - here)
@@ -67,9 +73,14 @@ def coverage(*batches):
 
 @pytest.mark.parametrize("size", [0.02, 0.3, 1.0, 6.0])
 def test_quads_agree_with_clipper(size):
-    """Each share has the area and centroid of cell and pixel cut with each other; tolerance: rounding, 1e-11 px."""
+    """Each share has the area and centroid of cell and pixel cut with each other.
+
+    Tolerance: rounding, 1e-11 px.
+    """
     random = np.random.default_rng(1)
-    width, height, n = 37, 23, 12 if size < 6 else 6
+    width = 37
+    height = 23
+    n = 12 if size < 6 else 6
     quads = convex_quads(random, n * n, size, 40) - 5
     shares = rasterise((width, height), (n, n), grid(n), quads)
     for number, members in enumerate(by_polygon(shares)):
@@ -86,15 +97,26 @@ def test_quads_agree_with_clipper(size):
                 expected_st = inverse_bilinear(quads[number], np.array([x, y]))
                 # a centroid is a quotient of areas: 1e-11 over the share's part of the cell
                 if shares.display_area[i] != pytest.approx(total, rel=1e-9):
-                    np.testing.assert_allclose(shares.view_xy[i] - cell, expected_st, atol=1e-11 / area + 1e-9)
+                    np.testing.assert_allclose(
+                        shares.view_xy[i] - cell, expected_st, atol=1e-11 / area + 1e-9
+                    )
 
 
 def test_triangles_agree_with_exact_clipper():
-    """In rational numbers a triangle's shares differ from the exact ones by rounding only, 1e-13 px^2."""
+    """In rational numbers a triangle's shares differ from
+    the exact ones by rounding only, 1e-13 px^2.
+    """
     random = np.random.default_rng(2)
-    width, height, n = 16, 16, 40
-    corners = random.uniform(-4, 20, (n, 1, 2)) + random.normal(size=(n, 3, 2)) * random.choice([0.1, 1, 8], (n, 1, 1))
-    view = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) + np.stack([np.arange(n), np.zeros(n)], axis=1)[:, None]
+    width = 16
+    height = 16
+    n = 40
+    corners = random.uniform(-4, 20, (n, 1, 2)) + random.normal(size=(n, 3, 2)) * random.choice(
+        [0.1, 1, 8], (n, 1, 1)
+    )
+    view = (
+        np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        + np.stack([np.arange(n), np.zeros(n)], axis=1)[:, None]
+    )
     shares = rasterise((width, height), (n, 1), view, corners)
     for number, members in enumerate(by_polygon(shares)):
         expected = clipped(corners[number], width, height, exact=True)
@@ -103,28 +125,37 @@ def test_triangles_agree_with_exact_clipper():
         for pixel in expected.keys() | found.keys():
             area, x, y = expected.get(pixel, (0.0, 0, 0))
             share = found.get(pixel)
-            assert (0 if share is None else shares.display_area[share]) == pytest.approx(area, abs=1e-13)
+            assert (0 if share is None else shares.display_area[share]) == pytest.approx(
+                area, abs=1e-13
+            )
             if area > 1e-6 * total:
                 edges = (corners[number, 1:] - corners[number, 0]).T
                 weights = np.linalg.solve(edges, np.array([x, y]) - corners[number, 0])
-                np.testing.assert_allclose(shares.view_xy[share] - [number, 0], weights, atol=1e-13 / area + 1e-10)
+                np.testing.assert_allclose(
+                    shares.view_xy[share] - [number, 0], weights, atol=1e-13 / area + 1e-10
+                )
 
 
 coordinate = st.one_of(
-    st.floats(-3, 12, allow_nan=False), st.integers(-2, 11).map(float), st.sampled_from([0.0, 8.0, 0.5, -1e-17, 1e-12])
+    st.floats(-3, 12, allow_nan=False),
+    st.integers(-2, 11).map(float),
+    st.sampled_from([0.0, 8.0, 0.5, -1e-17, 1e-12]),
 )
 
 
 @fixed
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=3))
 def test_any_triangle_agrees_with_exact_clipper(corners):
-    """Corners on grid lines, level and upright edges: the area in each pixel is exact to 1e-12 px^2."""
+    """Corners on grid lines, level and upright edges: the
+    area in each pixel is exact to 1e-12 px^2.
+    """
     shares = rasterise((8, 8), (1, 1), np.array([[[0, 0], [1, 0], [0, 1.0]]]), np.array([corners]))
     image = np.bincount(shares.display_index, shares.display_area, 64)
     expected = np.zeros(64)
     for pixel, (area, _, _) in clipped(corners, 8, 8, exact=True).items():
         expected[pixel] = area
-    # a triangle thinner than 1e-5 px is moved by that much, and so can only be told as thin as it is
+    # a triangle thinner than 1e-5 px is moved by that much,
+    # and so can only be told as thin as it is
     height = 1e-5 * np.ptp(np.array(corners), axis=0).max()
     thin = abs(area_and_centroid(corners)[0]) <= height
     np.testing.assert_allclose(image, expected, rtol=0, atol=2 * height if thin else 1e-12)
@@ -133,7 +164,9 @@ def test_any_triangle_agrees_with_exact_clipper(corners):
 @fixed
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=4, max_size=4))
 def test_any_quad_conserves_its_area(corners):
-    """Convex, bent in, bow-tie, line or point: no share is negative, and inside a display all the area arrives."""
+    """Convex, bent in, bow-tie, line or point: no share is
+    negative, and inside a display all the area arrives.
+    """
     shares = rasterise((18, 18), (1, 1), SQUARE[None], np.array([corners]) + 4)
     assert shares.area.min() > 0
     assert shares.display_area.min() >= 0
@@ -162,9 +195,11 @@ def turned(points, centre_from, centre_to, scale, angle, flip=False):
 @pytest.mark.parametrize(("view", "scale"), [(24, 8.0), (96, 1.0), (300, 0.125), (96, 1.37)])
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2])
 def test_affine_map_is_inverted_at_pixel_centres(view, scale, angle, flip):
-    """For an affine map the area-weighted mean of the centroids is the inverse map of the display pixel's centre.
+    """For an affine map the area-weighted mean of the centroids is
+    the inverse map of the display pixel's centre.
 
-    So linear functions are reproduced, at any magnification and orientation, to 1e-9 viewer px (rounding).
+    So linear functions are reproduced, at any magnification and
+    orientation, to 1e-9 viewer px (rounding).
     """
     size = int(view * scale)
     middle = np.array([view / 2, view / 2]), np.array([size / 2 + 0.21, size / 2 - 0.13])
@@ -180,7 +215,9 @@ def test_affine_map_is_inverted_at_pixel_centres(view, scale, angle, flip):
     np.testing.assert_allclose(area[full], 1 / scale**2, rtol=1e-11)
 
 
-KEYSTONE = np.array([[0.7, 0.1, 0.1], [-0.05, 0.6, 0.12], [0.25, -0.1, 1.0]])  # unit square into unit square
+KEYSTONE = np.array(
+    [[0.7, 0.1, 0.1], [-0.05, 0.6, 0.12], [0.25, -0.1, 1.0]]
+)  # unit square into unit square
 
 
 def homography(matrix, points):
@@ -196,12 +233,15 @@ def perspective(points, size):
 
 @pytest.mark.parametrize("size", [16, 64, 500])
 def test_sums_are_the_polygons_areas(size):
-    """Inside the display, each cell's shares sum to its area on the viewer's image, and to that on the display."""
+    """Inside the display, each cell's shares sum to its area on
+    the viewer's image, and to that on the display.
+    """
     view = grid(64)
     polygons = perspective(view / 64, size)
     shares = rasterise((size, size), (64, 64), view, polygons)
     np.testing.assert_allclose(to_view(shares, np.ones(len(shares))), 1, rtol=1e-10)
-    d1, d2 = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
+    d1 = polygons[:, 2] - polygons[:, 0]
+    d2 = polygons[:, 3] - polygons[:, 1]
     expected = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
     got = np.bincount(shares.view_index, shares.display_area)
     np.testing.assert_allclose(got, expected, rtol=1e-10)
@@ -211,11 +251,14 @@ def test_sums_are_the_polygons_areas(size):
 
 
 def keystone_means(size):
-    """Exact viewer area and centroid (unit square) of each display pixel under the keystone, by Gauss's quadrature."""
+    """Exact viewer area and centroid (unit square) of each
+    display pixel under the keystone, by Gauss's quadrature.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(6)
     inverse = np.linalg.inv(KEYSTONE)
     y, x = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
-    area, moment = np.zeros((size, size)), np.zeros((size, size, 2))
+    area = np.zeros((size, size))
+    moment = np.zeros((size, size, 2))
     for sx, wx in zip(nodes, weights, strict=True):
         for sy, wy in zip(nodes, weights, strict=True):
             point = np.stack([x + 0.5 + sx / 2, y + 0.5 + sy / 2], axis=-1) / size
@@ -227,11 +270,14 @@ def keystone_means(size):
 
 
 def test_smooth_map_is_inverted_to_second_order():
-    """Halving the cells divides the error of the mean viewer position by about four, large cells or small.
+    """Halving the cells divides the error of the mean viewer
+    position by about four, large cells or small.
 
-    They go from eight display pixels to half of one; 3 leaves room for the pixels' changing place among the cells.
+    They go from eight display pixels to half of one; 3 leaves room
+    for the pixels' changing place among the cells.
     """
-    size, errors = 40, []
+    size = 40
+    errors = []
     expected = keystone_means(size)[1]
     for n in (5, 10, 20, 40, 80):
         view = grid(n)
@@ -244,7 +290,9 @@ def test_smooth_map_is_inverted_to_second_order():
 
 
 def test_clipping_at_the_border_keeps_the_part_inside():
-    """A cell far larger than the display covers it whole, and gives it the part of its area that lies there."""
+    """A cell far larger than the display covers it whole, and
+    gives it the part of its area that lies there.
+    """
     quad = np.array([[[-1e4, -2e4], [3e4, -1e4], [2e4, 4e4], [-3e4, 1e4]]])
     for polygon in (quad, quad[:, ::-1]):
         shares = rasterise((31, 17), (1, 1), SQUARE[None], polygon)
@@ -253,7 +301,9 @@ def test_clipping_at_the_border_keeps_the_part_inside():
         assert shares.area.sum() == pytest.approx(31 * 17 / total, rel=1e-9)
 
 
-@pytest.mark.parametrize("shift", [(-40, 0), (40, 0), (0, -40), (0, 40), (-9.5, 0), (9.5, 3.2), (3.3, -9.5), (-2, 9.5)])
+@pytest.mark.parametrize(
+    "shift", [(-40, 0), (40, 0), (0, -40), (0, 40), (-9.5, 0), (9.5, 3.2), (3.3, -9.5), (-2, 9.5)]
+)
 def test_outside_counts_nothing(shift):
     """Whatever lies beyond one of the four borders is left out; the clipper says the same."""
     random = np.random.default_rng(3)
@@ -274,8 +324,11 @@ def test_outside_counts_nothing(shift):
 @pytest.mark.parametrize("width", [0.0, 1e-17, 1e-12, 1e-8, 1e-5, 1e-3])
 @pytest.mark.parametrize("angle", [0.0, 0.4, np.pi / 2, 2.5])
 def test_cells_squeezed_to_a_line_keep_their_area(k, width, angle):
-    """On a caustic a cell's image is a line: all its area lies in the pixels along it, where an affine map puts it."""
-    along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    """On a caustic a cell's image is a line: all its area lies in
+    the pixels along it, where an affine map puts it.
+    """
+    along = np.array([np.cos(angle), np.sin(angle)])
+    across = np.array([-np.sin(angle), np.cos(angle)])
     view = SQUARE[None, :k]
     line = 7 * (view[..., :1] - 0.5) * along + width * view[..., 1:] * across + [8.43, 8.57]
     shares = rasterise((17, 17), (1, 1), view, line)
@@ -295,10 +348,13 @@ def test_cells_squeezed_to_a_line_keep_their_area(k, width, angle):
 def test_cells_squeezed_to_a_point(place):
     """A cell that lands on one point gives all its area to the pixel that holds it.
 
-    A point on a grid line belongs to the pixel on its right and below, one on the display's right border to none.
+    A point on a grid line belongs to the pixel on its right and
+    below, one on the display's right border to none.
     """
     for k in (3, 4):
-        shares = rasterise((8, 8), (1, 1), SQUARE[None, :k], np.broadcast_to(np.array(place), (1, k, 2)))
+        shares = rasterise(
+            (8, 8), (1, 1), SQUARE[None, :k], np.broadcast_to(np.array(place), (1, k, 2))
+        )
         if place[0] == 8:
             assert len(shares) == 0
             continue
@@ -314,7 +370,9 @@ def test_tiny_cells_across_a_corner():
 
 
 def test_fold_is_seen_from_both_sides():
-    """A row of cells folded over (x -> |x|) covers its half twice: coverage stays 1, the area doubles."""
+    """A row of cells folded over (x -> |x|) covers its half
+    twice: coverage stays 1, the area doubles.
+    """
     view = grid(9, 4)
     image = view.copy()
     image[..., 0] = np.abs(view[..., 0] - 4.5) + 1.25
@@ -327,7 +385,9 @@ def test_fold_is_seen_from_both_sides():
 
 
 def test_broken_cells_are_left_out():
-    """NaN, infinite and huge corners, and cells of no area on the viewer's image, give no share and no warning."""
+    """NaN, infinite and huge corners, and cells of no area on
+    the viewer's image, give no share and no warning.
+    """
     polygons = np.repeat(SQUARE[None] * 2 + 0.5, 6, axis=0)
     view = grid(6, 1)
     polygons[0, 2, 0] = np.nan
@@ -343,7 +403,9 @@ def test_broken_cells_are_left_out():
 
 
 def test_one_cell_over_a_large_display_is_cut_in_bands():
-    """A cell of millions of pixels is worked off in parts, and the parts fit: each pixel is covered once."""
+    """A cell of millions of pixels is worked off in parts, and
+    the parts fit: each pixel is covered once.
+    """
     quad = np.array([[[-3.0, 5.0], [1500.0, -10.0], [1400.0, 1210.0], [40.0, 1190.0]]])
     shares = rasterise((1300, 1200), (1, 1), SQUARE[None], quad)
     assert len(np.unique(shares.display_index)) == len(shares)
@@ -357,13 +419,16 @@ def test_one_cell_over_a_large_display_is_cut_in_bands():
 
 
 def test_products_are_transposes_of_each_other():
-    """<A x, y> = <x, A^T y> for any viewer image x and display image y, with throughput as weights."""
+    """<A x, y> = <x, A^T y> for any viewer image x and display image y, with throughput
+    as weights.
+    """
     random = np.random.default_rng(4)
     view = grid(30, 20)
     quads = turned(view, [15, 10], [20, 16], 1.3, 0.7)[0]
     throughput = random.uniform(0, 1, len(view))
     shares = rasterise((40, 32), (30, 20), view, quads, throughput)
-    x, y = random.normal(size=(20, 30, 3)), random.normal(size=(32, 40, 3))
+    x = random.normal(size=(20, 30, 3))
+    y = random.normal(size=(32, 40, 3))
     display = to_display(shares, x.reshape(-1, 3)[shares.view_index], shares.throughput)
     back = to_view(shares, y.reshape(-1, 3)[shares.display_index], shares.throughput)
     assert display.shape == (32, 40, 3)
@@ -388,11 +453,15 @@ def test_throughput_follows_its_cell():
 @pytest.mark.parametrize("has_throughput", [False, True])
 @pytest.mark.parametrize("most", [0, 1 << 20], ids=["made again", "kept"])
 def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
-    """Batches are the shares of all cells, each time they are asked for; few are kept, many are divided anew."""
+    """Batches are the shares of all cells, each time they are asked for.
+
+    Few are kept, many are divided anew.
+    """
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 50)
     monkeypatch.setattr(rasterise_module, "PIXELS_AT_ONCE", 64)
     monkeypatch.setattr(share_batches, "MOST_KEPT", most)
-    view, asked = grid(12), []
+    view = grid(12)
+    asked = []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
     throughput = np.random.default_rng(7).uniform(0, 1, len(view))
     path = np.arange(len(view), dtype=np.uint64)
@@ -415,7 +484,9 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
         found = coverage(*every)
         np.testing.assert_allclose(found.weight, weight, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(found.of_view, coverage(whole).of_view, rtol=1e-12)
-        np.testing.assert_allclose(found.of_display, coverage(whole).of_display, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(
+            found.of_display, coverage(whole).of_display, rtol=1e-12, atol=1e-15
+        )
     assert batches.are_kept == bool(most)
     assert len(asked) == (1 if most else 2)
 
@@ -428,12 +499,16 @@ def test_no_cells_have_no_shares():
 
 
 def test_what_is_added_to_an_image_is_added_to_what_is_there():
-    """The sums of a batch are added to those of others, wherever its pixels lie; without any nothing changes."""
+    """The sums of a batch are added to those of others, wherever its pixels lie.
+
+    Without any nothing changes.
+    """
     random = np.random.default_rng(8)
     image = random.normal(size=(7, 9))
     expected = image.copy()
     for low, high in ((0, 63), (20, 21), (40, 63), (5, 5)):
-        index, weights = random.integers(low, max(high, low + 1), high - low), random.normal(size=high - low)
+        index = random.integers(low, max(high, low + 1), high - low)
+        weights = random.normal(size=high - low)
         np.add.at(expected.reshape(-1), index, weights)
         add_at(image, index, weights)
     np.testing.assert_allclose(image, expected, rtol=1e-13)
@@ -443,7 +518,8 @@ def test_what_is_added_to_an_image_is_added_to_what_is_there():
 @pytest.mark.parametrize("of_image", [np.float32, np.float64])
 def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
     """What the kernel does not know is left to numpy."""
-    image, index = np.zeros((3, 4), of_image), np.array([0, 11, 11, 5], dtype)
+    image = np.zeros((3, 4), of_image)
+    index = np.array([0, 11, 11, 5], dtype)
     add_at(image, index, np.array([1, 2, 3, 4], np.float32))
     assert image.ravel()[[0, 5, 11]].tolist() == [1, 4, 5]
     assert image.sum() == 10
@@ -452,20 +528,25 @@ def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
 
 
 def test_order_and_chunks_do_not_matter():
-    """The image is the same when the cells come shuffled, so no share depends on its neighbours in the batch."""
+    """The image is the same when the cells come shuffled, so no
+    share depends on its neighbours in the batch.
+    """
     view = grid(200)
     quads = turned(view, [100, 100], [130, 120], 1.1, 0.5)[0]
     order = np.random.default_rng(6).permutation(len(view))
     one = rasterise((256, 256), (200, 200), view, quads)
     other = rasterise((256, 256), (200, 200), view[order], quads[order])
     assert len(one) == len(other)
-    np.testing.assert_allclose(to_display(one, one.view_xy), to_display(other, other.view_xy), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        to_display(one, one.view_xy), to_display(other, other.view_xy), rtol=1e-10, atol=1e-10
+    )
 
 
 @pytest.mark.parametrize("k", [3, 4])
 @pytest.mark.parametrize("size", [0.2, 1.0, 5.0])
 def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
-    """The covariance on the viewer's image is that of what of the cell lies in the pixel: single precision, 1e-5.
+    """The covariance on the viewer's image is that of what of
+    the cell lies in the pixel: single precision, 1e-5.
 
     Triangles and parallelograms, whose map is affine: of bent quads the affine part counts.
     """
@@ -484,13 +565,17 @@ def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
             inverse = np.linalg.inv(to_display)
             expected = inverse.T @ covariance(part) @ inverse
             xx, xy, yy = shares.covariance[:, i]
-            np.testing.assert_allclose([[xx, xy], [xy, yy]], expected, atol=1e-5 * np.trace(expected) + 1e-9)
+            np.testing.assert_allclose(
+                [[xx, xy], [xy, yy]], expected, atol=1e-5 * np.trace(expected) + 1e-9
+            )
             n_seen += 1
     assert n_seen > 20
 
 
 def test_slivers_have_no_covariance_but_rounding():
-    """However thin a part is, its covariance is that of some points of the cell, which is one viewer pixel large."""
+    """However thin a part is, its covariance is that of some
+    points of the cell, which is one viewer pixel large.
+    """
     random = np.random.default_rng(8)
     quads = convex_quads(random, 400, 1.0, 30) + 1e7 * (random.random((400, 1, 1)) < 0.3)
     quads[::3, :, 0] = np.round(quads[::3, :, 0]) + 1e-9 * quads[::3, :, 1]

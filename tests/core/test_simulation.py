@@ -1,4 +1,6 @@
-"""What is seen by way of a plate's mirrors, against closed forms and against the seen image of an ideal plate."""
+"""What is seen by way of a plate's mirrors, against closed
+forms and against the seen image of an ideal plate.
+"""
 
 from dataclasses import replace
 
@@ -28,13 +30,17 @@ def with_mirrors(a_rig, **values):
 
 
 def plain_rig(**options):
-    """An orthographic viewer who sees the mid-air image through a slab that does not refract, at 45 degrees."""
+    """An orthographic viewer who sees the mid-air image
+    through a slab that does not refract, at 45 degrees.
+    """
     return rig(NO_GLASS, ior=1.0, projection="orthographic", **options)
 
 
 @STATISTICS
 def test_an_ideal_plate_shows_the_seen_image():
-    """Sample by sample what the shares give by area: no further off than its own standard error, and unbiased."""
+    """Sample by sample what the shares give by area: no further
+    off than its own standard error, and unbiased.
+    """
     a_rig = cube_rig(pixels=48, display_pixels=64, image=lattice_image(64))
     solution = solve(a_rig, brightness=True, only_through_glass=False)
     seen = solution.seen()
@@ -54,18 +60,26 @@ def test_the_standard_error_is_what_two_runs_differ_by():
     plan = make_plan(a_rig, Settings())
     source = np.ones((64, 64, 3), np.float32)
     source[::2] = 0
-    one, other = (drain(simulate(plan, source, 5, seed)) for seed in (1, 2))  # 5 is no square: parts by lot
+    one, other = (
+        drain(simulate(plan, source, 5, seed)) for seed in (1, 2)
+    )  # 5 is no square: parts by lot
     apart = np.sqrt((((one.image - other.image) @ LUMINANCE) ** 2).mean())
     assert apart == pytest.approx(np.sqrt(2) * one.error, rel=0.1)
     for some in (one, other):
-        assert sum(some.luminance.values()) == pytest.approx(float((some.image @ LUMINANCE).mean()), rel=1e-5)
+        assert sum(some.luminance.values()) == pytest.approx(
+            float((some.image @ LUMINANCE).mean()), rel=1e-5
+        )
 
 
 def test_all_the_light_of_a_white_room_is_counted_once():
-    """Mirrors without loss in a white room: every class of light together is white, reflections of the faces too."""
+    """Mirrors without loss in a white room: every class of light
+    together is white, reflections of the faces too.
+    """
     a_rig = with_mirrors(plain_rig(pixels=64), reflectance=1.0)
     room = box([3.0, 3.0, 3.0])
-    inward = replace(room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1)))
+    inward = replace(
+        room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1))
+    )
     a_rig = replace(a_rig, displays=(Display("room", inward, 4, 4),))
     found = drain(simulate(make_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
     # what the first face reflects is seen, what the second does is lost
@@ -74,20 +88,26 @@ def test_all_the_light_of_a_white_room_is_counted_once():
     white = (1 - reflected) ** 2 + reflected
     assert found.image == pytest.approx(white, abs=1e-6)
     assert found.luminance[PlatePath.REFLECTED] == pytest.approx(reflected, rel=1e-5)
-    assert found.luminance[PlatePath.IMAGED] == pytest.approx(0.863 * (1 - reflected) ** 2, rel=0.01)
+    assert found.luminance[PlatePath.IMAGED] == pytest.approx(
+        0.863 * (1 - reflected) ** 2, rel=0.01
+    )
 
 
 def test_brightness_and_blur_have_closed_forms():
-    """At 45 degrees in the symmetric plane: docs' share of light, and blur uniform in +- p P along each mirror."""
+    """At 45 degrees in the symmetric plane: docs' share of
+    light, and blur uniform in +- p P along each mirror.
+    """
     a_rig = with_mirrors(plain_rig(pixels=200, field=0.02), has_fresnel=False)
     found = plate_view(make_plan(a_rig, Settings(only_through_glass=False)))
     tangent = np.sin(np.pi / 4) / 1.52
     r = 2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2)
     share = 1 - abs(r % 2 - 1)
     assert found.brightness == pytest.approx((share * 0.87) ** 2, rel=1e-9)
-    assert (found.least, found.most) == pytest.approx((found.brightness, found.brightness), rel=1e-9)
-    # the two mirrors' shifts, each with a variance of (p P)^2 / 3; across the ray what lies in the plane of incidence
-    # is seen under 45 degrees
+    assert (found.least, found.most) == pytest.approx(
+        (found.brightness, found.brightness), rel=1e-9
+    )
+    # the two mirrors' shifts, each with a variance of (p P)^2 / 3; across the
+    # ray what lies in the plane of incidence is seen under 45 degrees
     metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
     assert found.blur == pytest.approx(metres / (0.02 / 200), rel=0.03)
 
@@ -95,7 +115,9 @@ def test_brightness_and_blur_have_closed_forms():
 @pytest.mark.parametrize("turns", range(4))
 @pytest.mark.parametrize("size", [(512, 512), (64, 640), (1500, 90)], ids=str)
 def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
-    """Its closed form in viewer pixels, for fewer and more display pixels, oblong ones, and UV in quarter turns."""
+    """Its closed form in viewer pixels, for fewer and more
+    display pixels, oblong ones, and UV in quarter turns.
+    """
     a_rig = with_mirrors(plain_rig(pixels=200, field=0.02), has_fresnel=False)
     uv = a_rig.display.mesh.uv - 0.5
     for _ in range(turns):
@@ -104,8 +126,8 @@ def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
     display = Display("display", turned, *size)
     plan = make_plan(replace(a_rig, displays=(display,)), Settings(only_through_glass=False))
 
-    # mirrors along both diagonals shift by up to p P: each adds half of its variance across the viewer's image, and
-    # half along the plane of incidence, which is seen under 45 degrees
+    # mirrors along both diagonals shift by up to p P: each adds half of its variance across the
+    # viewer's image, and half along the plane of incidence, which is seen under 45 degrees
     tangent = np.sin(np.pi / 4) / 1.52
     share = 1 - abs(2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2) % 2 - 1)
     metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
@@ -119,13 +141,18 @@ def test_an_ideal_plate_has_no_brightness_to_tell():
 def test_a_display_that_is_not_seen_has_none_either():
     a_rig = with_mirrors(plain_rig(pixels=16))
     away = Display("display", rectangle([5.0, 0, 0], [1, 0, 0], [0, 1, 0], 0.01, 0.01), 8, 8)
-    assert plate_view(make_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False))) is None
+    assert (
+        plate_view(make_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False)))
+        is None
+    )
 
 
 @STATISTICS
 @pytest.mark.parametrize("spp", [2, 3, 16, 64])
 def test_the_standard_error_holds_for_any_number_of_samples(spp):
-    """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is rounded up."""
+    """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is
+    rounded up.
+    """
     plan = make_plan(with_mirrors(plain_rig(pixels=48)), Settings())
     source = np.ones((512, 512, 3), np.float32)
     source[::16] = 0
@@ -136,7 +163,9 @@ def test_the_standard_error_holds_for_any_number_of_samples(spp):
 
 
 def test_a_display_looked_at_straight_has_its_own_colours():
-    """Before the viewer, past glass and plate: each quarter of the image is a pixel of the display, counted as NONE."""
+    """Before the viewer, past glass and plate: each quarter of
+    the image is a pixel of the display, counted as NONE.
+    """
     x, _, z = np.eye(3)
     a_rig = with_mirrors(rig(box([0.01] * 3, (0.5, 0, 0)), pixels=16, field=0.05))
     facing = Display("display", rectangle(np.zeros(3), x, z, 0.05, 0.05), 2, 2)
@@ -145,19 +174,27 @@ def test_a_display_looked_at_straight_has_its_own_colours():
     found = drain(simulate(plan, source, 4))
     assert found.image == pytest.approx(source.repeat(8, axis=0).repeat(8, axis=1), abs=1e-6)
     assert found.error == pytest.approx(0, abs=1e-7)
-    assert found.luminance.pop(PlatePath.NONE) == pytest.approx(float((source @ LUMINANCE).mean()), rel=1e-6)
+    assert found.luminance.pop(PlatePath.NONE) == pytest.approx(
+        float((source @ LUMINANCE).mean()), rel=1e-6
+    )
     assert not any(found.luminance.values())
 
 
 def test_brightness_is_the_share_that_each_direction_leaves():
-    """Behind a ball, by angle: least, mean and most are those of other rays by the formula, without the ball's loss."""
+    """Behind a ball, by angle: least, mean and most are those of
+    other rays by the formula, without the ball's loss.
+    """
     plan = make_plan(ball_rig(3, pixels=64, field=0.02), Settings())
     found = plate_view(make_plan(with_mirrors(plan.rig), Settings()))
-    landings = trace_all(plan, *plan.rig.viewer.rays(np.random.default_rng(9).uniform(0, 64, (40_000, 2))))
+    landings = trace_all(
+        plan, *plan.rig.viewer.rays(np.random.default_rng(9).uniform(0, 64, (40_000, 2)))
+    )
     # an ideal plate keeps the angle and, turned round, the azimuth
     plate = np.array([[1, 0, 0], [0, 0.5**0.5, 0.5**0.5], [0, -(0.5**0.5), 0.5**0.5]])
     along, up, across = plate @ landings.directions[landings.has_arrived].T
-    share = light_by_angle(MirrorArray(), np.arccos(np.abs(across)), np.arctan2(up, along))[PlatePath.IMAGED]
+    share = light_by_angle(MirrorArray(), np.arccos(np.abs(across)), np.arctan2(up, along))[
+        PlatePath.IMAGED
+    ]
     assert found.least < found.brightness < found.most
     assert found.brightness == pytest.approx(share.mean(), abs=4 * found.brightness_error)
     assert (found.least, found.most) == pytest.approx((share.min(), share.max()), abs=0.01)
@@ -171,7 +208,9 @@ def test_blur_does_not_mind_how_the_display_is_unwrapped():
     whole = a_rig.display.mesh
     x, y, z = np.eye(3)
     sides = [rectangle(0.15 * (y - z) + side * x, x, y, 0.025, 0.05) for side in (-0.0125, 0.0125)]
-    uv = np.concatenate([half.uv * [0.5, 1] + [shift, 0] for half, shift in zip(sides, (0.5, 0.0), strict=True)])
+    uv = np.concatenate(
+        [half.uv * [0.5, 1] + [shift, 0] for half, shift in zip(sides, (0.5, 0.0), strict=True)]
+    )
     split = replace(
         whole,
         vertices=np.concatenate([half.vertices for half in sides]),

@@ -7,7 +7,10 @@ from kiriko.core.solve.solved_for import SolvedFor, from_text, solved_for
 
 RNG = np.random.default_rng(3)
 PLACES = RNG.normal(0, 0.3, (4, 3, 4))
-THINGS = [((name, np.arange(5.0) + n), place) for n, (name, place) in enumerate(zip("abcd", PLACES, strict=True))]
+THINGS = [
+    ((name, np.arange(5.0) + n), place)
+    for n, (name, place) in enumerate(zip("abcd", PLACES, strict=True))
+]
 
 
 def scene(changed: int = -1, thing: object = None, place: np.ndarray | None = None) -> SolvedFor:
@@ -26,9 +29,13 @@ def test_the_order_of_things_does_not_count() -> None:
 
 @pytest.mark.parametrize("n", range(4))
 def test_what_is_another_thing_or_elsewhere_is_told(n: int) -> None:
-    """Another number in one thing, one micrometre, and one second of arc; each is seen from both sides."""
+    """Another number in one thing, one micrometre, and one second of arc.
+
+    Each is seen from both sides.
+    """
     assert not scene().is_same(scene(n, thing=("a", np.arange(5.0) + 1e-9)))
-    shifted, turned = PLACES[n].copy(), PLACES[n].copy()
+    shifted = PLACES[n].copy()
+    turned = PLACES[n].copy()
     shifted[0, 3] += 1e-6
     turned[0, :3] += 5e-6 * np.abs(turned[:, :3]).max()
     for place in (shifted, turned):
@@ -40,7 +47,10 @@ def test_what_is_another_thing_or_elsewhere_is_told(n: int) -> None:
 
 
 def test_moved_away_and_back_in_float32_is_the_same() -> None:
-    """Half a metre there and back, in the numbers that Blender keeps, leaves a rounding; that is no change."""
+    """Half a metre there and back, in the numbers that Blender keeps, leaves a rounding.
+
+    That is no change.
+    """
     for n in range(4):
         back = PLACES[n].astype(np.float32)
         back[:, 3] = (back[:, 3] + np.float32(0.5)) - np.float32(0.5)

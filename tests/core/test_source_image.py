@@ -1,4 +1,6 @@
-"""What the display shows: exact where it can be computed by hand, and the limit of the brute-force splat."""
+"""What the display shows: exact where it can be computed by
+hand, and the limit of the brute-force splat.
+"""
 
 from dataclasses import replace
 
@@ -17,7 +19,8 @@ from kiriko.core.settings import Settings
 def waves(size=64):
     """A smooth picture without symmetries."""
     y, x = (np.mgrid[:size, :size] + 0.5) / size
-    r, g = 0.5 + 0.4 * np.sin(7 * x + 3 * y), 0.5 + 0.4 * np.cos(5 * y - 2 * x * y)
+    r = 0.5 + 0.4 * np.sin(7 * x + 3 * y)
+    g = 0.5 + 0.4 * np.cos(5 * y - 2 * x * y)
     return np.stack([r, g, x * y, np.ones_like(x)], axis=2).astype(np.float32)
 
 
@@ -28,13 +31,18 @@ def ramp(size=64):
 
 @pytest.mark.parametrize(("pixels", "display_pixels"), [(64, 512), (512, 64), (64, 64), (50, 333)])
 def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels):
-    """Index 1, a picture as large as the display: each display pixel shows the ramp's value at its own centre."""
-    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels, display=0.03,
+    """Index 1, a picture as large as the display: each display
+    pixel shows the ramp's value at its own centre.
+    """
+    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels,
+    display=0.03,
                 image=ramp(), projection="orthographic", field=0.036)  # fmt: skip
     solution = solve(a_rig)
     # the mirror image of the picture's top is the display's bottom
     y, x = (np.mgrid[:display_pixels, :display_pixels] + 0.5) / display_pixels
-    inner = slice(display_pixels // 32, -(display_pixels // 32))  # half a picture pixel at the border is extended
+    inner = slice(
+        display_pixels // 32, -(display_pixels // 32)
+    )  # half a picture pixel at the border is extended
     for channel, expected in ((0, x), (1, y), (2, 0 * x + 0.25)):
         found = solution.source[inner, inner, channel]
         assert np.abs(found - expected[inner, inner]).max() < 1e-6
@@ -44,7 +52,9 @@ def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels
 
 def test_no_pinholes_and_no_ghost_lines_in_the_ball():
     """Inside the covered area every pixel is covered, and white shows as white."""
-    solution = solve(ball_rig(4, pixels=128, display_pixels=512, image=np.ones((4, 4, 4), np.float32)))
+    solution = solve(
+        ball_rig(4, pixels=128, display_pixels=512, image=np.ones((4, 4, 4), np.float32))
+    )
     covered = solution.display_coverage
     inside = covered > 0
     for shift in ((0, 1), (1, 0)):
@@ -60,7 +70,9 @@ def test_no_pinholes_and_no_ghost_lines_in_the_ball():
 @STATISTICS
 @pytest.mark.parametrize("make", [lambda **o: ball_rig(4, **o), cube_rig], ids=["ball", "cube"])
 def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
-    """The distance between splat and source image falls as samples^-1/2, to the end of the ladder."""
+    """The distance between splat and source image falls as samples^-1/2, to the end of
+    the ladder.
+    """
     a_rig = make(pixels=96, display_pixels=48, image=waves())
     solution = solve(a_rig)
     plan = make_plan(a_rig, Settings())
@@ -76,25 +88,36 @@ def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
 
 
 def test_a_splat_of_all_light_is_the_same_by_an_ideal_plate():
-    """There is no other light than the mid-air image's: the same rays, the same image, bit for bit."""
+    """There is no other light than the mid-air image's: the same rays, the same image,
+    bit for bit.
+    """
     plan = make_plan(cube_rig(pixels=48, display_pixels=48, image=waves()), Settings())
     assert (drain(splat(plan, 2)) == drain(splat(plan, 2, light="folded"))).all()
 
 
 @STATISTICS
-def test_a_splat_of_all_light_keeps_white_white_and_comes_to_the_source_image_as_mirrors_get_finer():
-    """White by any plate, stray light and all. Blur falls with the pitch; two runs tell it from their noise."""
+def test_a_splat_of_all_light_keeps_white_and_comes_to_the_source_image_as_mirrors_get_finer():
+    """White by any plate, stray light and all. Blur falls with the pitch.
+
+    Two runs tell it from their noise.
+    """
     apart = []
     for pitch in (2e-3, 0.5e-3):
         a_rig = rig(box([0.3, 0.02, 0.3]), pixels=96, display_pixels=48, image=waves())
         mirrors = MirrorArray(pitch=pitch, height=2.5 * pitch)
         a_rig = replace(a_rig, plates=(replace(a_rig.plates[0], array=mirrors),))
-        solution, plan = solve(a_rig), make_plan(a_rig, Settings(brightness=True))
+        solution = solve(a_rig)
+        plan = make_plan(a_rig, Settings(brightness=True))
         whole = solution.display_coverage > 0.999
-        one, other = (drain(splat(plan, 16, seed, "folded"))[whole] - solution.source[whole] for seed in (1, 2))
+        one, other = (
+            drain(splat(plan, 16, seed, "folded"))[whole] - solution.source[whole]
+            for seed in (1, 2)
+        )
         apart.append(np.sqrt(np.mean(one * other)))
         white = replace(a_rig.picture, image=np.ones((2, 2, 4), np.float32), mesh=None)
-        shown = drain(splat(replace(plan, rig=replace(a_rig, pictures=(white,))), 2, light="folded"))
+        shown = drain(
+            splat(replace(plan, rig=replace(a_rig, pictures=(white,))), 2, light="folded")
+        )
         is_shown = shown.any(axis=2)
         assert is_shown[whole].mean() > 0.99
         np.testing.assert_allclose(shown[is_shown], 1.0, atol=1e-6)
@@ -103,9 +126,12 @@ def test_a_splat_of_all_light_keeps_white_white_and_comes_to_the_source_image_as
 
 
 def test_brightness_weighs_by_throughput_and_brightens_what_the_glass_dims():
-    """Least squares with T: where one path lands, the source is picture / T, so the viewer sees the picture itself."""
+    """Least squares with T: where one path lands, the source is
+    picture / T, so the viewer sees the picture itself.
+    """
     a_rig = rig(box([0.3, 0.02, 0.3]), pixels=64, display_pixels=64, image=ramp(), display=0.05)
-    plain, bright = solve(a_rig), solve(a_rig, brightness=True)
+    plain = solve(a_rig)
+    bright = solve(a_rig, brightness=True)
     shown = (plain.source[..., 2] > 0.2) & (plain.display_coverage > 0.999)
     ratio = bright.source[shown][:, 2] / plain.source[shown][:, 2]
     reflected = ((1.49 - 1) / (1.49 + 1)) ** 2
@@ -117,8 +143,10 @@ def test_brightness_weighs_by_throughput_and_brightens_what_the_glass_dims():
 
 def test_margin_grows_the_covered_area_by_its_neighbours():
     """One pixel in the middle, margin 2: a square of 5 of its colour; nothing else changes."""
-    image, covered = np.zeros((9, 9, 3), np.float32), np.zeros((9, 9), bool)
-    image[4, 4], covered[4, 4] = [0.2, 0.4, 0.8], True
+    image = np.zeros((9, 9, 3), np.float32)
+    covered = np.zeros((9, 9), bool)
+    image[4, 4] = [0.2, 0.4, 0.8]
+    covered[4, 4] = True
     grown = grow(image, covered, 2)
     assert (grown[2:7, 2:7] == image[4, 4]).all()
     assert grown.sum() == pytest.approx(25 * image.sum())
@@ -126,12 +154,16 @@ def test_margin_grows_the_covered_area_by_its_neighbours():
 
 
 def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
-    """An image without a mesh covers the viewer's frame: the seen image is that image, pixel by pixel."""
+    """An image without a mesh covers the viewer's frame: the
+    seen image is that image, pixel by pixel.
+    """
     a_rig = rig(box([0.3, 0.02, 0.3]), pixels=64, display_pixels=512, display=0.06, image=waves(64))
     a_rig = replace(a_rig, pictures=(replace(a_rig.picture, mesh=None),))
     solution = solve(a_rig)
     inner = (slice(1, -1), slice(1, -1))  # the image is extended beyond its edge
-    np.testing.assert_allclose(solution.ideal()[inner], a_rig.picture.image[inner][..., :3], atol=2e-3)
+    np.testing.assert_allclose(
+        solution.ideal()[inner], a_rig.picture.image[inner][..., :3], atol=2e-3
+    )
     whole = solution.view_coverage > 0.9999
     assert whole.mean() > 0.9
     assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
@@ -139,7 +171,9 @@ def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
 
 @pytest.mark.parametrize("size", [(48, 24), (24, 48)])
 def test_brute_force_knows_wide_and_high_displays(size):
-    """What many samples give on display pixels that are not square, too: the solved image, but for noise."""
+    """What many samples give on display pixels that are not
+    square, too: the solved image, but for noise.
+    """
     a_rig = ball_rig(3, pixels=96, display_pixels=48)
     a_rig = replace(a_rig, displays=(replace(a_rig.display, width=size[0], height=size[1]),))
     solution = solve(a_rig)

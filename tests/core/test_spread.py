@@ -14,7 +14,9 @@ NOTHING = Rig(viewers=(), glasses=(), plates=(), displays=())
 BALL = np.array([[-0.025] * 3, [0.025] * 3])
 
 
-def rig_around(glass: Glass, wishes: Wishes, pixels: tuple[int, int] = (64, 64)) -> tuple[Rig, Proposal]:
+def rig_around(
+    glass: Glass, wishes: Wishes, pixels: tuple[int, int] = (64, 64)
+) -> tuple[Rig, Proposal]:
     """A rig around one glass, and what was proposed."""
     proposal = propose(glass.mesh.bounds, wishes)
     bench = Rig(viewers=(), glasses=(glass,), plates=(), displays=())
@@ -38,16 +40,22 @@ def test_points_stand_for_the_whole_picture() -> None:
     middle = proposal.placement.picture[:3, 3]
     assert np.average(points, axis=0, weights=area) == pytest.approx(middle, abs=1e-15)
     assert np.average(uv, axis=0, weights=area) == pytest.approx([0.5, 0.5], abs=1e-12)
-    assert np.ptp(uv, axis=0) == pytest.approx([1, 1])  # corners are among them: light spreads furthest from there
+    assert np.ptp(uv, axis=0) == pytest.approx(
+        [1, 1]
+    )  # corners are among them: light spreads furthest from there
 
 
 def test_light_spreads_as_the_closed_form_has_it() -> None:
-    """Through a ball the width of the display is that of the picture's corners, whose light lands furthest."""
+    """Through a ball the width of the display is that of the
+    picture's corners, whose light lands furthest.
+    """
     rig, spread = spread_around(ball(), Wishes(picture=0.025))
     corners = rig.picture.mesh.vertices
     directions = corners - rig.viewer.position
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    leave = through_ball(np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49)
+    leave = through_ball(
+        np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49
+    )
     off = np.abs(landing(rig, *leave) - 32).max() / 32
     width = np.ptp(rig.display.mesh.vertices[:, 0])
     assert spread.lost == {}
@@ -55,7 +63,10 @@ def test_light_spreads_as_the_closed_form_has_it() -> None:
 
 
 def test_without_refraction_light_spreads_as_far_as_the_picture() -> None:
-    """The plate's image of the picture is as large as the picture; of its area 95 % are sqrt(0.95) of its width."""
+    """The plate's image of the picture is as large as the picture.
+
+    Of its area 95 % are sqrt(0.95) of its width.
+    """
     _, spread = spread_around(ball(1.0), Wishes(picture=0.025))
     assert spread.width(1.0) == pytest.approx(0.025, rel=1e-9)
     assert spread.width(1.0, 0.95) == pytest.approx(0.025 * np.sqrt(0.95), rel=1e-2)
@@ -64,7 +75,10 @@ def test_without_refraction_light_spreads_as_far_as_the_picture() -> None:
 
 
 def test_shares_that_are_lost_are_areas_of_the_picture() -> None:
-    """A display half as wide and high as the picture takes a quarter of it; the rest lands beside, and is nameless."""
+    """A display half as wide and high as the picture takes a quarter of it.
+
+    The rest lands beside, and is nameless.
+    """
     _, spread = spread_around(ball(1.0), Wishes(picture=0.025, display=0.0125))
     assert spread.lost == {"missed the display": pytest.approx(0.75, rel=2e-2)}
     assert spread.beside_weight.sum() == pytest.approx(0.75, rel=2e-2)
@@ -72,7 +86,10 @@ def test_shares_that_are_lost_are_areas_of_the_picture() -> None:
 
 
 def test_the_part_whose_light_spreads_furthest_is_named() -> None:
-    """By the third of width and height in which most of it starts; where no third has most, by a side."""
+    """By the third of width and height in which most of it starts.
+
+    Where no third has most, by a side.
+    """
     rng = np.random.default_rng(3)
     cases = {
         "the picture's lower left corner": ((0.0, 0.3), (0.0, 0.3)),
@@ -90,11 +107,14 @@ def test_the_part_whose_light_spreads_furthest_is_named() -> None:
 
 def test_a_rig_grows_with_large_glass_only() -> None:
     """Up to 0.1 m the bench is the reference's, from there on it is as much larger as the glass."""
-    small, large = propose(BALL, Wishes()), propose(40 * BALL, Wishes())
+    small = propose(BALL, Wishes())
+    large = propose(40 * BALL, Wishes())
     assert (small.viewer_distance, small.plate) == (1.0, 0.488)
     assert (large.viewer_distance, large.plate) == pytest.approx((20.0, 20 * 0.488))
     assert (small.picture, small.field) == pytest.approx((0.025, 0.05))
-    assert propose(BALL, Wishes(picture=0.02)).display == pytest.approx(0.2)  # ten times, until it is traced
+    assert propose(BALL, Wishes(picture=0.02)).display == pytest.approx(
+        0.2
+    )  # ten times, until it is traced
 
 
 def test_the_viewers_longer_side_is_the_field() -> None:

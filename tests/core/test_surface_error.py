@@ -1,4 +1,6 @@
-"""Display error against edge length, as `dev.py surface` measures it: orders, and how much better curved faces are."""
+"""Display error against edge length, as `dev.py surface`
+measures it: orders, and how much better curved faces are.
+"""
 
 import pytest
 from bench_surface import FLOOR, SHAPES, drawn, errors, order
@@ -34,4 +36,6 @@ def test_curved_faces_are_of_fourth_order_with_blenders_mean_normals(shape):
 @pytest.mark.parametrize("shape", ["ball", "ellipsoid", "torus"])
 def test_at_32_by_16_faces_curved_ones_are_more_than_20_times_better(shape, mean):
     """An artist's usual mesh."""
-    assert errors(shape, 32, "interpolated normals", mean) > 20 * errors(shape, 32, "curved faces", mean)
+    assert errors(shape, 32, "interpolated normals", mean) > 20 * errors(
+        shape, 32, "curved faces", mean
+    )

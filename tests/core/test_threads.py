@@ -1,4 +1,5 @@
-"""Solving takes one thread, but for the kernel's: BLAS is not asked for products and systems of small matrices.
+"""Solving takes one thread, but for the kernel's: BLAS is not
+asked for products and systems of small matrices.
 
 Its threads cost more than they save there, and wait for each other where others want the processor.
 """
@@ -16,7 +17,9 @@ import reference_rigs
 from kiriko.core.products import combine, solve_symmetric, turn
 
 LIMITS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "MKL_NUM_THREADS"
-MOST = 0.04  # of the processor time, for Embree's threads; with BLAS it was 0.05 to 0.17, by case and version of numpy
+# of the processor time, for Embree's threads; with BLAS it
+# was 0.05 to 0.17, by case and version of numpy
+MOST = 0.04
 TRIES = 4  # what else the machine does can only add to it
 RUN = """
 import json, time
@@ -42,7 +45,8 @@ def turned_twice(a_rig):
     session = Session()
     for degrees in (0.0, 3.0):
         motion = turned(np.array([0, 0, 1.0]), degrees, np.zeros(3))
-        finish(session.solve(replace(a_rig, glasses=(moved(a_rig.glasses[0], motion),)), Settings()))
+        glass = moved(a_rig.glasses[0], motion)
+        finish(session.solve(replace(a_rig, glasses=(glass,)), Settings()))
 
 kernel.use_threads(1)
 solve = lambda a_rig: finish(Session().solve(a_rig, Settings()))
@@ -65,7 +69,9 @@ WORK = {
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="with one processor there is one thread")
 @pytest.mark.parametrize("name", WORK)
 def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
-    """However many threads BLAS may have, the processor time is that of the one thread that solves."""
+    """However many threads BLAS may have, the processor time is that of the one thread
+    that solves.
+    """
     link = Path(__file__).parents[2] / ".dev" / "link"
     path = os.pathsep.join(map(str, (link, Path(reference_rigs.__file__).parent)))
     free = {name: value for name, value in os.environ.items() if name not in LIMITS}
@@ -73,7 +79,10 @@ def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
     shares = []
     while len(shares) < TRIES and min(shares, default=1.0) > MOST:
         done = subprocess.run(
-            [sys.executable, "-c", code], env={**free, "PYTHONPATH": path}, capture_output=True, text=True
+            [sys.executable, "-c", code],
+            env={**free, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
         )
         assert done.returncode == 0, done.stderr
         process, others = json.loads(done.stdout)
@@ -82,9 +91,12 @@ def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
 
 
 def test_products_are_those_of_matrices() -> None:
-    """`turn` and `combine` are `@` but for rounding, of many rows, of one, of none, and of stacks of rows."""
+    """`turn` and `combine` are `@` but for rounding, of many
+    rows, of one, of none, and of stacks of rows.
+    """
     rng = np.random.default_rng(0)
-    linear, columns = rng.normal(size=(2, 3)), rng.normal(size=(3, 1000))
+    linear = rng.normal(size=(2, 3))
+    columns = rng.normal(size=(3, 1000))
     for shape in ((1000, 3), (1, 3), (0, 3), (5, 7, 3), (3,)):
         vectors = rng.normal(size=shape)
         np.testing.assert_allclose(turn(linear, vectors), vectors @ linear.T, rtol=0, atol=1e-14)
@@ -94,7 +106,9 @@ def test_products_are_those_of_matrices() -> None:
 
 @pytest.mark.parametrize("n", [0, 1, 1023, 1024, 1025, 3000])
 def test_many_systems_are_solved_as_each_by_itself(n: int) -> None:
-    """Normal equations of 18 rows with a small ridge: the residual is that of rounding, and LAPACK's solution."""
+    """Normal equations of 18 rows with a small ridge: the
+    residual is that of rounding, and LAPACK's solution.
+    """
     rng = np.random.default_rng(n)
     rows = rng.normal(size=(n, 18, 12))
     matrices = np.matmul(rows.transpose(0, 2, 1), rows) + 1e-6 * np.eye(12)

@@ -1,4 +1,6 @@
-"""Landings against closed forms: no glass, slab, ball, ellipsoid, total reflection, nested and touching solids."""
+"""Landings against closed forms: no glass, slab, ball,
+ellipsoid, total reflection, nested and touching solids.
+"""
 
 from dataclasses import replace
 
@@ -35,18 +37,25 @@ def traced(a_rig, xy=None, **settings):
 def error_px(a_rig, landings, through, o, d, **shape):
     exact = closed_forms.landing(a_rig, *through(o, d, **shape))
     found = landings.has_arrived & np.isfinite(exact[:, 0])
-    assert found.sum() > 0.999 * landings.has_arrived.sum()  # a facet can lie where the curved surface is missed
+    assert (
+        found.sum() > 0.999 * landings.has_arrived.sum()
+    )  # a facet can lie where the curved surface is missed
     return np.linalg.norm(landings.xy[found] - exact[found], axis=1), exact
 
 
 def test_without_glass_the_landing_is_the_mirror_image():
-    """Index 1: each landing is the mirror image of the point on the aerial plane, within 1e-12 m."""
+    """Index 1: each landing is the mirror image of the point on the aerial plane, within
+    1e-12 m.
+    """
     a_rig = rig(box([0.05] * 3), ior=1.0)
     o, d, landings = traced(a_rig)
     assert landings.has_arrived.all()
     on_aerial_plane = o + (-o[:, 1] / d[:, 1])[:, None] * d
     normal = np.array([0, 1, -1]) / 2**0.5
-    mirrored = on_aerial_plane + 2 * (np.array([0, 0.15, 0]) @ normal - on_aerial_plane @ normal)[:, None] * normal
+    mirrored = (
+        on_aerial_plane
+        + 2 * (np.array([0, 0.15, 0]) @ normal - on_aerial_plane @ normal)[:, None] * normal
+    )
     assert np.abs(landings.positions - mirrored).max() < 1e-12
     assert np.abs(landings.xy - closed_forms.landing(a_rig, o, d)).max() < 1e-12 / (0.05 / 512) * 2
 
@@ -60,13 +69,23 @@ def test_slab_landings_are_right_to_a_nanometre(degrees):
     normal = np.array([-np.sin(a), np.cos(a), 0])
     assert landings.has_arrived.mean() > 0.5
     error, _ = error_px(
-        a_rig, landings, closed_forms.through_slab, o, d, normal=normal, near=-0.01 * normal, thickness=0.02, n=1.49
+        a_rig,
+        landings,
+        closed_forms.through_slab,
+        o,
+        d,
+        normal=normal,
+        near=-0.01 * normal,
+        thickness=0.02,
+        n=1.49,
     )
     assert error.max() * 0.1 / 512 < 1e-9
 
 
 def test_smooth_ball_is_right_to_a_hundred_thousandth_of_a_pixel():
-    """20 k smooth-shaded triangles land within 1e-5 display px of the analytic ball at 512 px, all of them."""
+    """20 k smooth-shaded triangles land within 1e-5 display px
+    of the analytic ball at 512 px, all of them.
+    """
     a_rig = ball_rig()
     o, d, landings = traced(a_rig, grid(a_rig.viewer, 257))
     error, exact = error_px(a_rig, landings, closed_forms.through_ball, o, d, radius=0.025, n=1.49)
@@ -77,7 +96,9 @@ def test_smooth_ball_is_right_to_a_hundred_thousandth_of_a_pixel():
 
 
 def test_ball_error_falls_with_the_square_of_the_edge():
-    """Facets with the surface's own normals, as drawn: four times the triangles, a quarter of the error."""
+    """Facets with the surface's own normals, as drawn: four
+    times the triangles, a quarter of the error.
+    """
     errors = []
     for levels in (3, 4, 5):
         a_rig = rig(replace(icosphere(0.025, levels), surface="facets"))
@@ -101,37 +122,53 @@ def test_ellipsoid_agrees_with_the_quadric():
 
 @pytest.mark.parametrize("make", [cube_rig, lambda: ball_rig(3)], ids=["cube", "ball"])
 def test_a_landing_traced_back_returns_to_its_pixel(make):
-    """Light is reversible: from the display back through plate and glass the ray meets the viewer again."""
+    """Light is reversible: from the display back through plate
+    and glass the ray meets the viewer again.
+    """
     a_rig = make()
     _, d, landings = traced(a_rig)
     found = landings.has_arrived
     display = a_rig.display
-    # the way back: the display's place is taken by a large one at the viewer, which looks at the plate from the display
+    # the way back: the display's place is taken by a large one at
+    # the viewer, which looks at the plate from the display
     viewer_plane = rectangle(a_rig.viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 10, 10)
     back = Rig(
-        a_rig.viewers, a_rig.glasses, a_rig.plates, (type(display)("eye", viewer_plane, 10, 10),), a_rig.pictures
+        a_rig.viewers,
+        a_rig.glasses,
+        a_rig.plates,
+        (type(display)("eye", viewer_plane, 10, 10),),
+        a_rig.pictures,
     )
-    start, away = landings.positions[found], -landings.directions[found]
+    start = landings.positions[found]
+    away = -landings.directions[found]
     returned = trace_all(make_plan(back, Settings()), start, away)
     same = returned.has_arrived & (returned.n_events == landings.n_events[found])
-    assert same.mean() > 0.995  # a ray within rounding of an edge may take the other face on its way back
+    assert (
+        same.mean() > 0.995
+    )  # a ray within rounding of an edge may take the other face on its way back
     t = ((a_rig.viewer.position - returned.positions[same]) * returned.directions[same]).sum(1)
     passes = returned.positions[same] + t[:, None] * returned.directions[same]
     assert np.abs(np.median(np.abs(passes - a_rig.viewer.position), axis=0)).max() < 1e-12
-    # on an edge of curved faces the ray may take the other face on its way back, whose normal differs a little
+    # on an edge of curved faces the ray may take the other face
+    # on its way back, whose normal differs a little
     assert np.quantile(np.abs(passes - a_rig.viewer.position), 0.99) < 1e-12
     np.testing.assert_allclose(returned.directions[same], -d[found][same], atol=1e-5)
 
 
 def test_nested_and_touching_solids_follow_the_priority_rule():
-    """Equal media joined by touching faces, and a solid of the same index inside, act as one slab: to rounding."""
+    """Equal media joined by touching faces, and a solid of the
+    same index inside, act as one slab: to rounding.
+    """
     whole = rig(box([0.3, 0.02, 0.3]), display=0.1)
     n = ConstantIndex(1.49)
     halves = (
         Glass("front", box([0.3, 0.01, 0.3], (0, -0.005, 0)), n),
         Glass("back", box([0.3, 0.01, 0.3], (0, 0.005, 0)), n),
     )
-    inner = (Glass("outer", box([0.3, 0.02, 0.3]), n), Glass("inner", box([0.05, 0.004, 0.05], (0.003, 0, 0)), n))
+    inner = (
+        Glass("outer", box([0.3, 0.02, 0.3]), n),
+        Glass("inner", box([0.05, 0.004, 0.05], (0.003, 0, 0)), n),
+    )
     _, _, one = traced(whole)
     for glasses in (halves, inner):
         _, _, other = traced(rig(glasses, display=0.1))
@@ -140,36 +177,63 @@ def test_nested_and_touching_solids_follow_the_priority_rule():
 
 
 def test_hollow_glass_equals_its_two_walls():
-    """A box with a cavity is two slabs with air between, whichever way the cavity's faces were drawn."""
-    outer, cavity = box([0.3, 0.03, 0.3]), box([0.28, 0.01, 0.28])
-    walls = (Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))), Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))))
+    """A box with a cavity is two slabs with air between,
+    whichever way the cavity's faces were drawn.
+    """
+    outer = box([0.3, 0.03, 0.3])
+    cavity = box([0.28, 0.01, 0.28])
+    walls = (
+        Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))),
+        Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))),
+    )
     _, _, expected = traced(rig(walls, display=0.1, field=0.04))
     for turned in (False, True):
         inner = cavity.triangles[:, ::-1] if turned else cavity.triangles
-        mesh = Mesh(np.concatenate([outer.vertices, cavity.vertices]), np.concatenate([outer.triangles, inner + 8]))
+        mesh = Mesh(
+            np.concatenate([outer.vertices, cavity.vertices]),
+            np.concatenate([outer.triangles, inner + 8]),
+        )
         _, _, found = traced(rig(mesh, display=0.1, field=0.04))
         assert found.has_arrived.all()
         assert np.abs(found.xy - expected.xy).max() < 1e-9
 
 
 def test_a_shell_that_leaves_the_glass_is_no_cavity_in_it():
-    """A box that begins in an L of glass and ends beside it is a solid of its own, and a box in that its cavity."""
+    """A box that begins in an L of glass and ends beside it is a
+    solid of its own, and a box in that its cavity.
+    """
     outline = np.array([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], float)
     points = np.concatenate([np.column_stack([outline, np.full(6, z)]) for z in (-1.0, 1.0)])
     top = np.array([(3, 4, 5), (3, 5, 0), (3, 0, 1), (3, 1, 2)])
-    sides = [(i, j, k) for a in range(6) for b in [(a + 1) % 6] for i, j, k in ((a, b, b + 6), (a, b + 6, a + 6))]
-    cavity, within = box([2.0, 2.0, 1.0], (1.5, 1.5, 0)), box([0.5] * 3, (2, 2, 0))
+    sides = [
+        (i, j, k)
+        for a in range(6)
+        for b in [(a + 1) % 6]
+        for i, j, k in ((a, b, b + 6), (a, b + 6, a + 6))
+    ]
+    cavity = box([2.0, 2.0, 1.0], (1.5, 1.5, 0))
+    within = box([0.5] * 3, (2, 2, 0))
     assert (cavity.vertices[cavity.triangles[0, 0]][:2] == 0.5).all()
     assert np.isin(within.vertices[:, :2], (1.75, 2.25)).all()
-    triangles = np.concatenate([top[:, ::-1], top + 6, sides, cavity.triangles + 12, within.triangles + 20])
-    solids = solids_from_mesh(Mesh(np.concatenate([points, cavity.vertices, within.vertices]), triangles))
+    triangles = np.concatenate(
+        [top[:, ::-1], top + 6, sides, cavity.triangles + 12, within.triangles + 20]
+    )
+    solids = solids_from_mesh(
+        Mesh(np.concatenate([points, cavity.vertices, within.vertices]), triangles)
+    )
     assert [solid.volume for solid in solids] == pytest.approx([2 * 5, 4 - 0.125])
 
 
 def test_an_air_solid_inside_glass_is_a_cavity():
     """A nested solid of index 1 has priority over the glass around it and is air."""
-    hollow = (Glass("glass", box([0.3, 0.03, 0.3])), Glass("air", box([0.28, 0.01, 0.28]), ConstantIndex(1.0)))
-    walls = (Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))), Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))))
+    hollow = (
+        Glass("glass", box([0.3, 0.03, 0.3])),
+        Glass("air", box([0.28, 0.01, 0.28]), ConstantIndex(1.0)),
+    )
+    walls = (
+        Glass("a", box([0.3, 0.01, 0.3], (0, -0.01, 0))),
+        Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))),
+    )
     _, _, expected = traced(rig(walls, display=0.1, field=0.04))
     _, _, found = traced(rig(hollow, display=0.1, field=0.04))
     assert np.abs(found.xy - expected.xy).max() < 1e-9
@@ -177,8 +241,10 @@ def test_an_air_solid_inside_glass_is_a_cavity():
 
 def test_priority_decides_where_solids_overlap():
     """Two overlapping slabs: the one with the higher priority fills the overlap."""
-    a, b = box([0.3, 0.02, 0.3], (0, -0.005, 0)), box([0.3, 0.02, 0.3], (0, 0.005, 0))
-    n1, n2 = ConstantIndex(1.4), ConstantIndex(1.7)
+    a = box([0.3, 0.02, 0.3], (0, -0.005, 0))
+    b = box([0.3, 0.02, 0.3], (0, 0.005, 0))
+    n1 = ConstantIndex(1.4)
+    n2 = ConstantIndex(1.7)
     _, _, found = traced(rig((Glass("a", a, n1, priority=1), Glass("b", b, n2)), display=0.1))
     apart = (
         Glass("a", box([0.3, 0.02, 0.3], (0, -0.005, 0)), n1),
@@ -190,19 +256,28 @@ def test_priority_decides_where_solids_overlap():
 
 
 def test_total_internal_reflection_goes_on_up_to_the_limit():
-    """A right-angled prism turns the light by 90 degrees onto the plate; a limit of fewer events cuts it off."""
+    """A right-angled prism turns the light by 90 degrees onto the plate.
+
+    A limit of fewer events cuts it off.
+    """
     half = 0.03
-    v = np.array([[-half, -half, z] for z in (-half, half)] + [[half, -half, z] for z in (-half, half)]
+    v = np.array([[-half, -half, z] for z in (-half, half)] + [[half, -half, z] for z in (-half,
+    half)]
                  + [[-half, half, z] for z in (-half, half)])  # fmt: skip
-    t = np.array([[0, 2, 4], [1, 5, 3], [0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1], [2, 3, 5], [2, 5, 4]])
+    t = np.array(
+        [[0, 2, 4], [1, 5, 3], [0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1], [2, 3, 5], [2, 5, 4]]
+    )
     prism = Mesh(v, t)
     y = np.eye(3)[1]
-    # light along +y meets the face y = -half at normal incidence, then the hypotenuse x + y = 0 at 45 degrees
-    # (TIR for n = 1.49, whose critical angle is 42.2), and leaves through x = -half along -x
+    # light along +y meets the face y = -half at normal incidence, then the hypotenuse x + y = 0 at
+    # 45 degrees (TIR for n = 1.49, whose critical angle is 42.2), and leaves through x = -half
+    # along -x
     a_rig = rig(prism, projection="orthographic", pixels=32, field=0.02)
     a_rig.viewers[0].position[:] = [-0.005, -1, 0]
     d = np.tile(y, (50, 1))
-    o = np.stack([np.linspace(-0.02, 0.02, 50), np.full(50, -1.0), np.linspace(-0.01, 0.01, 50)], axis=1)
+    o = np.stack(
+        [np.linspace(-0.02, 0.02, 50), np.full(50, -1.0), np.linspace(-0.01, 0.01, 50)], axis=1
+    )
     landings = trace_all(make_plan(a_rig, Settings()), o, d)
     assert (landings.reason == Reason.MISSED_PLATE).all()
     np.testing.assert_allclose(landings.directions, np.tile([-1.0, 0, 0], (50, 1)), atol=1e-15)
@@ -218,12 +293,19 @@ def test_every_ray_keeps_its_reason():
     assert (reasons(slab_rig) == Reason.ARRIVED).all()
     assert (reasons(rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)) == Reason.MISSED_GLASS).all()
     assert (
-        reasons(rig(box([0.3, 0.02, 0.3]), plate=1e-6), only_through_glass=True) == Reason.MISSED_PLATE
+        reasons(rig(box([0.3, 0.02, 0.3]), plate=1e-6), only_through_glass=True)
+        == Reason.MISSED_PLATE
     ).mean() > 0.9
     assert (reasons(rig(box([0.3, 0.02, 0.3]), display=1e-6)) == Reason.MISSED_DISPLAY).mean() > 0.9
     board = Blocker("board", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1))
     blocked = Rig(
-        slab_rig.viewers, slab_rig.glasses, slab_rig.plates, slab_rig.displays, slab_rig.pictures, (), (board,)
+        slab_rig.viewers,
+        slab_rig.glasses,
+        slab_rig.plates,
+        slab_rig.displays,
+        slab_rig.pictures,
+        (),
+        (board,),
     )
     assert (reasons(blocked) == Reason.BLOCKED).all()
     beside = rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)
@@ -231,13 +313,19 @@ def test_every_ray_keeps_its_reason():
 
 
 def test_elements_may_stand_in_any_order():
-    """Glass behind the plate and a mirror before it: the landing equals the one followed by hand."""
+    """Glass behind the plate and a mirror before it: the landing equals the one followed
+    by hand.
+    """
     x, y, z = np.eye(3)
-    base = rig(box([0.3, 0.3, 0.02], (0, 0.15, -0.08)), display=0.2)  # a slab between plate and display
+    base = rig(
+        box([0.3, 0.3, 0.02], (0, 0.15, -0.08)), display=0.2
+    )  # a slab between plate and display
     o, d, landings = traced(base)
     p = o + ((0.15 * y - o) @ np.array([0, 1, -1.0]) / (d @ np.array([0, 1, -1.0])))[:, None] * d
     down = np.stack([-d[:, 0], -d[:, 2], -d[:, 1]], axis=1)
-    leaves, _ = closed_forms.through_slab(p, down, np.array([0, 0, -1.0]), np.array([0, 0, -0.07]), 0.02, 1.49)
+    leaves, _ = closed_forms.through_slab(
+        p, down, np.array([0, 0, -1.0]), np.array([0, 0, -0.07]), 0.02, 1.49
+    )
     t = (-0.15 - leaves[:, 2]) / down[:, 2]
     expected = leaves + t[:, None] * down
     assert landings.has_arrived.all()
@@ -246,7 +334,13 @@ def test_elements_may_stand_in_any_order():
     side = rig(box([0.3, 0.02, 0.3]), display=0.1)
     mirror = Mirror("mirror", rectangle([0, -0.5, 0], np.array([1, 1, 0]) / 2**0.5, z, 0.5, 0.5))
     viewer = type(side.viewer)(
-        "viewer", "perspective", np.array([-0.5, -0.5, 0.0]), np.stack([-y, z, x]), side.viewer.window, 512, 512
+        "viewer",
+        "perspective",
+        np.array([-0.5, -0.5, 0.0]),
+        np.stack([-y, z, x]),
+        side.viewer.window,
+        512,
+        512,
     )
     turned = Rig((viewer,), side.glasses, side.plates, side.displays, side.pictures, (mirror,))
     _, _, direct = traced(side)
@@ -263,7 +357,9 @@ def vertices_and_edges(mesh):
 
 @pytest.mark.parametrize("surface", ["smooth", "facets"])
 def test_rays_at_vertices_and_edges_do_not_leak(surface):
-    """Rays aimed from outside at every vertex and edge midpoint of a closed mesh: each crosses it, none is lost."""
+    """Rays aimed from outside at every vertex and edge midpoint of
+    a closed mesh: each crosses it, none is lost.
+    """
     mesh = replace(icosphere(0.025, 4), surface=surface)
     a_rig = rig(mesh)
     plan = make_plan(a_rig, Settings())
@@ -280,7 +376,9 @@ def test_rays_at_vertices_and_edges_do_not_leak(surface):
 
 @pytest.mark.parametrize("start", [[0, 0, 0], [0.003, 0.001, -0.002], [-0.011, 0.004, 0.007]])
 def test_rays_from_inside_end_at_the_vertices_and_edges_they_are_aimed_at(start):
-    """No ray from inside 5 120 facets escapes, and each meets them where it was aimed at, to rounding of float64."""
+    """No ray from inside 5 120 facets escapes, and each meets them
+    where it was aimed at, to rounding of float64.
+    """
     mesh = icosphere(0.025, 4)
     away = vertices_and_edges(mesh) - start
     distance = np.linalg.norm(away, axis=1)
@@ -322,11 +420,15 @@ ABOUT_AN_AXIS = np.linalg.qr([[0.3, 0.8, 0.5], [-0.7, 0.4, 0.2], [0.1, -0.6, 0.9
 def test_glass_that_cuts_an_orthographic_viewers_plane_is_refused_however_thin(glass, is_cut, turn):
     """The plane is 0.1 m wide, 1 m before the origin: what is cut is known, wherever it is."""
     a_rig = rig(glass, projection="orthographic", field=0.1)
-    viewer = replace(a_rig.viewer, position=a_rig.viewer.position @ turn.T, axes=a_rig.viewer.axes @ turn.T)
+    viewer = replace(
+        a_rig.viewer, position=a_rig.viewer.position @ turn.T, axes=a_rig.viewer.axes @ turn.T
+    )
     glass = replace(a_rig.glasses[0], mesh=replace(glass, vertices=glass.vertices @ turn.T))
     solid = make_surface(glass.mesh.flat())
     if is_cut:
-        with pytest.raises(RigError, match="glass 'glass' cuts the plane of the orthographic viewer 'viewer'"):
+        with pytest.raises(
+            RigError, match="glass 'glass' cuts the plane of the orthographic viewer 'viewer'"
+        ):
             check_viewer_outside(replace(a_rig, viewers=(viewer,)), glass, solid)
     else:
         check_viewer_outside(replace(a_rig, viewers=(viewer,)), glass, solid)
@@ -347,11 +449,16 @@ def moved(a_rig, scale, shift):
 
 
 @pytest.mark.parametrize("make", [cube_rig, lambda: ball_rig(4)], ids=["cube", "ball"])
-@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0), (1e3, 0), (1.0, 1e4), (1e-3, 10.0), (1e3, -1e6)])
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(1e-3, 0), (1e3, 0), (1.0, 1e4), (1e-3, 10.0), (1e3, -1e6)]
+)
 def test_landings_do_not_depend_on_scale_and_place(make, scale, shift):
-    """The same rig scaled by 1e-3 to 1e3 or moved by 1e4 of its size lands on the same display pixels to 1e-6."""
+    """The same rig scaled by 1e-3 to 1e3 or moved by 1e4 of
+    its size lands on the same display pixels to 1e-6.
+    """
     a_rig = make()
-    # off the rig's plane of symmetry, where rays run along edges and rounding tells which of two faces they meet
+    # off the rig's plane of symmetry, where rays run along edges
+    # and rounding tells which of two faces they meet
     at = grid(a_rig.viewer) + np.array([0.3, 0.2])
     _, _, here = traced(a_rig, at)
     _, _, there = traced(moved(a_rig, scale, np.array([shift, -shift, 0.5 * shift])), at)
@@ -365,11 +472,14 @@ def test_landings_do_not_depend_on_scale_and_place(make, scale, shift):
 
 
 def test_faces_that_float32_parted_touch():
-    """Two cubes side by side, their matrices rounded to float32 as in Blender, act as one block: no film of air.
+    """Two cubes side by side, their matrices rounded to float32
+    as in Blender, act as one block: no film of air.
 
-    Light meets the face between them beyond the critical angle, where a film of air, however thin, would mirror it.
+    Light meets the face between them beyond the critical angle,
+    where a film of air, however thin, would mirror it.
     """
-    n, degrees = ConstantIndex(1.49), 55
+    n = ConstantIndex(1.49)
+    degrees = 55
     a = np.radians(degrees)
     turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
     block = rig(box([0.06, 0.12, 0.06], degrees_about_z=degrees), display=0.1, field=0.02)
@@ -391,9 +501,12 @@ def test_faces_that_float32_parted_touch():
 
 
 def test_solids_far_apart_share_nothing():
-    """A ball before the plate, a box behind it: no ray in one counts as in the other, so none is looked for twice."""
+    """A ball before the plate, a box behind it: no ray in one
+    counts as in the other, so none is looked for twice.
+    """
     a_rig = rig(
-        (Glass("ball", icosphere(0.025, 4)), Glass("box", box([0.3, 0.3, 0.02], (0, 0.15, -0.08)))), display=0.2
+        (Glass("ball", icosphere(0.025, 4)), Glass("box", box([0.3, 0.3, 0.02], (0, 0.15, -0.08)))),
+        display=0.2,
     )
     plan = make_plan(a_rig, Settings())
     assert plan.bit[0] == plan.bit[1]
@@ -408,9 +521,11 @@ def test_solids_far_apart_share_nothing():
 
 @pytest.mark.parametrize("times", [1.5, 3.0])
 def test_light_beside_the_image_of_a_uv_map_that_leaves_it_has_missed_the_display(times):
-    """Where UV goes beyond 0..1 there is no pixel: light there has not arrived, and is told as missing the display.
+    """Where UV goes beyond 0..1 there is no pixel: light there has
+    not arrived, and is told as missing the display.
 
-    It keeps its place beside the image, as that which just misses a display does, so that the edge is cut there.
+    It keeps its place beside the image, as that which just
+    misses a display does, so that the edge is cut there.
     """
     a_rig = rig(box([0.05] * 3))
     (display,) = a_rig.displays
@@ -426,7 +541,9 @@ def test_light_beside_the_image_of_a_uv_map_that_leaves_it_has_missed_the_displa
 
 
 def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
-    """Curved faces may stand out of the boxes of their facets, so that light comes from one cluster into another."""
+    """Curved faces may stand out of the boxes of their facets, so
+    that light comes from one cluster into another.
+    """
     glasses = tuple(
         Glass(name, box([0.02] * 3, (x, 0, 0)), ConstantIndex(n))
         for name, x, n in (("a", -0.03, 1.3), ("b", 0.03, 1.7))
@@ -435,9 +552,11 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     a, b = 0, 1  # parts in the order of the glasses
     assert plan.cluster[a] != plan.cluster[b]
     assert plan.bit[a] == plan.bit[b]
-    o, d = np.array([[0.03, -0.05, 0.0]]), np.array([[0.1, 1.0, 0.2]]) / np.sqrt(1.05)
+    o = np.array([[0.03, -0.05, 0.0]])
+    d = np.array([[0.1, 1.0, 0.2]]) / np.sqrt(1.05)
     outside, inside = (Rays(o, d, None, False) for _ in "ab")
-    inside.mask[:], inside.cluster[:] = plan.bit[a], plan.cluster[a]
+    inside.mask[:] = plan.bit[a]
+    inside.cluster[:] = plan.cluster[a]
     for rays in (outside, inside):
         finish(_following(plan, rays))
         assert rays.mask == plan.bit[b]
@@ -447,7 +566,10 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
 
 
 def test_a_mirror_as_drawn_reflects_by_its_normals():
-    """Interpolated between the corners; where light would be sent through the mirror, by the facet's own."""
+    """Interpolated between the corners.
+
+    Where light would be sent through the mirror, by the facet's own.
+    """
     corners = np.array([[-0.05, 0, -0.05], [0.05, 0, -0.05], [0, 0, 0.05]])
     bent = closed_forms.unit(np.array([[-0.2, -1, -0.1], [0.1, -1, 0], [0, -1, 0.15]]))
     mesh = Mesh(corners, np.array([[0, 1, 2]]), bent[None], np.ones(1, bool), surface="facets")

@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 from marks import ORDER
 from rasterised import rasterise
-from reference_rigs import ball_rig, bottle, box, cube_rig, icosphere, rectangle, rig, rod, torus, wavy_slab
+from reference_rigs import (
+    ball_rig,
+    bottle,
+    box,
+    cube_rig,
+    icosphere,
+    rectangle,
+    rig,
+    rod,
+    torus,
+    wavy_slab,
+)
 from work import drain, is_sampled, solve
 
 from kiriko.core.light.landings import Reason
@@ -29,18 +40,25 @@ def areas(polygons):
 
 
 def coverage(found):
-    """Area (h, w) of cells and samples on each viewer pixel, the former by rasterising them onto the viewer's image."""
+    """Area (h, w) of cells and samples on each viewer pixel, the
+    former by rasterising them onto the viewer's image.
+    """
     sizes = found.view_size, found.view_size
     cells = replace(found, samples=found.samples[:0], sample_area=found.sample_area[:0])
     parts = [rasterise(*sizes, view, view) for view, *_ in cells.pieces(at_pixels=True)]
-    (w, h), has_landed = found.view_size, found.points.branch[found.samples] != 0
+    (w, h) = found.view_size
+    has_landed = found.points.branch[found.samples] != 0
     column, row = np.floor(found.points.view[found.samples[has_landed]]).astype(int).T
     sampled = np.bincount(row * w + column, found.sample_area[has_landed], w * h)
-    return sum([sampled, *(np.bincount(s.display_index, s.display_area, w * h) for s in parts)]).reshape(h, w)
+    return sum(
+        [sampled, *(np.bincount(s.display_index, s.display_area, w * h) for s in parts)]
+    ).reshape(h, w)
 
 
 def turned_square(degrees, side=0.02):
-    """A square rod along the view axis, turned about it: its silhouette crosses the pixels at an angle."""
+    """A square rod along the view axis, turned about it:
+    its silhouette crosses the pixels at an angle.
+    """
     mesh = box([side, 0.02, side])
     a = np.radians(degrees)
     turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
@@ -49,15 +67,20 @@ def turned_square(degrees, side=0.02):
 
 @pytest.mark.parametrize("degrees", [0.0, 17.0, 45.0])
 def test_cut_cells_cover_the_silhouette_exactly(degrees):
-    """Seen in parallel along the rod, the covered area is the square's, pixel by pixel as the square covers them."""
-    a_rig = rig(turned_square(degrees), projection="orthographic", pixels=50, field=0.05, display=0.06)
+    """Seen in parallel along the rod, the covered area is the
+    square's, pixel by pixel as the square covers them.
+    """
+    a_rig = rig(
+        turned_square(degrees), projection="orthographic", pixels=50, field=0.05, display=0.06
+    )
     found = view_map(a_rig)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]]) * 10
     a = np.radians(degrees)
     square = corners @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + 25
     exact = rasterise((50, 50), (50, 50), square[None], square[None])
     expected = np.bincount(exact.display_index, exact.display_area, 2500).reshape(50, 50)
-    # a border is known to 2^-9 px on each edge; within a pixel it is straight, so a corner's pixel loses a little
+    # a border is known to 2^-9 px on each edge; within a pixel it
+    # is straight, so a corner's pixel loses a little
     error = np.abs(coverage(found) - expected)
     assert np.sort(error.ravel())[-5] < 2e-3
     assert error.max() < 0.2
@@ -65,7 +88,9 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
 
 
 def test_every_piece_has_the_same_orientation_and_none_is_empty():
-    """Pieces of cut pixels are convex and wound as the pixels are: positive area each, at most 1 in a pixel."""
+    """Pieces of cut pixels are convex and wound as the pixels
+    are: positive area each, at most 1 in a pixel.
+    """
     found = view_map(cube_rig(pixels=128))
     for view, *_ in found.pieces():
         assert (areas(view) > (-1e-12 if view.shape[1] == 3 else 0)).all()
@@ -73,20 +98,29 @@ def test_every_piece_has_the_same_orientation_and_none_is_empty():
 
 
 def test_pieces_and_misses_make_up_the_image():
-    """Where all corners of a pixel miss nothing is covered, where all arrive on one branch all of it is."""
+    """Where all corners of a pixel miss nothing is covered,
+    where all arrive on one branch all of it is.
+    """
     found = view_map(ball_rig(4, pixels=128))
-    has_arrived = np.isin(found.reason, [Reason.ARRIVED, Reason.MISSED_DISPLAY])  # cells go on beyond the display
-    corners = np.stack([has_arrived[:-1, :-1], has_arrived[:-1, 1:], has_arrived[1:, :-1], has_arrived[1:, 1:]])
+    has_arrived = np.isin(
+        found.reason, [Reason.ARRIVED, Reason.MISSED_DISPLAY]
+    )  # cells go on beyond the display
+    corners = np.stack(
+        [has_arrived[:-1, :-1], has_arrived[:-1, 1:], has_arrived[1:, :-1], has_arrived[1:, 1:]]
+    )
     covered = coverage(found)
     assert covered[~corners.any(axis=0)].max() == 0
     assert covered[(found.reason == Reason.ARRIVED)[:-1, :-1] & corners.all(axis=0)].min() > 0.9
 
 
 def test_a_saddle_pixel_is_not_covered_twice():
-    """Two rods that meet at a corner inside a pixel: the pixel's coverage is their area, not their overlap's."""
+    """Two rods that meet at a corner inside a pixel: the
+    pixel's coverage is their area, not their overlap's.
+    """
     s = 0.02
     boxes = tuple(
-        Glass(n, box([s, 0.02, s], (x * s / 2 + 3e-4, 0, x * s / 2 + 4e-4))) for n, x in (("a", -1), ("b", 1))
+        Glass(n, box([s, 0.02, s], (x * s / 2 + 3e-4, 0, x * s / 2 + 4e-4)))
+        for n, x in (("a", -1), ("b", 1))
     )
     found = view_map(rig(boxes, projection="orthographic", pixels=50, field=0.05, display=0.06))
     covered = coverage(found)
@@ -95,7 +129,9 @@ def test_a_saddle_pixel_is_not_covered_twice():
 
 
 def test_faceted_glass_is_cut_at_its_edges():
-    """A flat-shaded ball maps each facet by its own prism: cells join no two facets, so they map affinely."""
+    """A flat-shaded ball maps each facet by its own prism:
+    cells join no two facets, so they map affinely.
+    """
     found = view_map(rig(icosphere(0.025, 1, smooth=False), pixels=64, display=0.2))
     n_inside = 0
     for _, q, *_ in found.pieces(at_pixels=True):
@@ -108,10 +144,17 @@ def test_faceted_glass_is_cut_at_its_edges():
 
 
 def dense(a_rig, n=None):
-    """Viewer px (n, 2), pixel centres or n random places, and where rays traced there land, within the image or not."""
-    w, h = a_rig.viewer.width, a_rig.viewer.height
+    """Viewer px (n, 2), pixel centres or n random places, and where
+    rays traced there land, within the image or not.
+    """
+    w = a_rig.viewer.width
+    h = a_rig.viewer.height
     x, y = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
-    at = np.stack([x.ravel(), y.ravel()], axis=1) if n is None else np.random.default_rng(3).uniform(0, (w, h), (n, 2))
+    at = (
+        np.stack([x.ravel(), y.ravel()], axis=1)
+        if n is None
+        else np.random.default_rng(3).uniform(0, (w, h), (n, 2))
+    )
     landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(at))
     return at, np.where((landings.branch != 0)[:, None], landings.xy, np.nan)
 
@@ -127,7 +170,9 @@ SCENES = {
     "bottle": lambda: rig(bottle(), pixels=256),
     "gem": lambda: rig(icosphere(0.025, 0, smooth=False), pixels=256, display=0.2),
     "wavy slab": lambda: rig(wavy_slab(64), pixels=256),
-    "critical curve": lambda: rig(wavy_slab(96, thickness=0.03, amplitude=0.003), pixels=256, display=0.1),
+    "critical curve": lambda: rig(
+        wavy_slab(96, thickness=0.03, amplitude=0.003), pixels=256, display=0.1
+    ),
 }
 
 
@@ -142,23 +187,29 @@ def judged(scene, n=None):
 @pytest.mark.parametrize("tolerance", [0.1, 0.02])
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_map_keeps_the_tolerance(scene, tolerance):
-    """Held to a ray through each pixel's middle: 99.9 % within the tolerance, the covered masks agree to 0.999.
+    """Held to a ray through each pixel's middle: 99.9 % within
+    the tolerance, the covered masks agree to 0.999.
 
-    The few pixels that are sampled, where borders meet, are near to what the nearest sample says, and no nearer.
+    The few pixels that are sampled, where borders meet, are near
+    to what the nearest sample says, and no nearer.
     """
     a_rig, at, exact = judged(scene)
     found = view_map(a_rig, tolerance=tolerance)
     got = found.display_from_view(at)
-    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    mine = on_display(got, a_rig)
+    theirs = on_display(exact, a_rig)
     assert theirs.sum() > 10_000
     is_cut = ~is_sampled(found, at)
     assert is_cut[theirs].mean() > 0.99
-    assert np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs & is_cut], 0.999) <= tolerance
+    assert (
+        np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs & is_cut], 0.999) <= tolerance
+    )
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.999
     # whatever the rays through the middles told the map: places that it has never seen
     _, at, exact = judged(scene, 20_000)
     got = found.display_from_view(at)
-    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    mine = on_display(got, a_rig)
+    theirs = on_display(exact, a_rig)
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs]
     known = found.error.facet_limited + found.error.unresolved
     assert (off > tolerance).mean() < 1.5 * known + 2e-3
@@ -186,23 +237,34 @@ def test_a_critical_curve_runs_through_that_scene():
 
 
 def test_smooth_optics_needs_few_rays():
-    """The ball at 512 px: a fifth of a ray a pixel; from 256 to 1024 px rays grow with less than the root of pixels."""
+    """The ball at 512 px: a fifth of a ray a pixel.
+
+    From 256 to 1024 px rays grow with less than the root of pixels.
+    """
     n_rays = {pixels: view_map(ball_rig(4, pixels=pixels)).n_rays for pixels in (256, 1024)}
     assert n_rays[1024] < 0.2 * 1024**2
     assert np.log(n_rays[1024] / n_rays[256]) / np.log(16) < 0.6
 
 
 THIN = {
-    "needle": lambda r: Glass("needle", rod((-0.012, 0, -0.008), (0.011, 0.004, 0.009), r), ConstantIndex(1.8)),
-    "bubble": lambda r: Glass("bubble", icosphere(r, 2, centre=(0.0061, 0.003, -0.0047)), ConstantIndex(1.0)),
-    "needle before": lambda r: Glass("needle", rod((-0.02, -0.06, 0.02), (0.015, -0.05, -0.02), r), ConstantIndex(1.8)),
+    "needle": lambda r: Glass(
+        "needle", rod((-0.012, 0, -0.008), (0.011, 0.004, 0.009), r), ConstantIndex(1.8)
+    ),
+    "bubble": lambda r: Glass(
+        "bubble", icosphere(r, 2, centre=(0.0061, 0.003, -0.0047)), ConstantIndex(1.0)
+    ),
+    "needle before": lambda r: Glass(
+        "needle", rod((-0.02, -0.06, 0.02), (0.015, -0.05, -0.02), r), ConstantIndex(1.8)
+    ),
 }
 
 
 @ORDER
 @pytest.mark.parametrize("thing", THIN)
 def test_things_one_pixel_wide_are_found(thing):
-    """A needle and a bubble as wide as a pixel, seen through a ball: the map knows of every pixel that they change."""
+    """A needle and a bubble as wide as a pixel, seen through a
+    ball: the map knows of every pixel that they change.
+    """
     pixels = 256
     ball = Glass("ball", icosphere(0.025, 4), ConstantIndex(1.49))
     # the ball magnifies what is in it by about 1.5
@@ -216,7 +278,8 @@ def test_things_one_pixel_wide_are_found(thing):
     assert is_changed.sum() >= (1 if thing == "bubble" else 100)
     found = view_map(a_rig)
     got = found.display_from_view(at)
-    mine, theirs = on_display(got, a_rig), on_display(exact, a_rig)
+    mine = on_display(got, a_rig)
+    theirs = on_display(exact, a_rig)
     is_right = mine == theirs
     both = mine & theirs
     is_right[both] = np.linalg.norm(got[both] - exact[both], axis=1) < 0.5
@@ -229,14 +292,17 @@ def test_things_one_pixel_wide_are_found(thing):
 def agreement(a_rig, found, n=40_000):
     """IoU of what the map and the trace take to the display, at random places."""
     at, exact = dense(a_rig, n)
-    mine, theirs = on_display(found.display_from_view(at), a_rig), on_display(exact, a_rig)
+    mine = on_display(found.display_from_view(at), a_rig)
+    theirs = on_display(exact, a_rig)
     assert theirs.sum() > 0
     return (mine & theirs).sum() / (mine | theirs).sum()
 
 
 @ORDER
 def test_what_is_lost_in_cut_pixels_is_told():
-    """A flat-shaded ball of 1280 facets: what no piece covers is little, and counted as unresolved."""
+    """A flat-shaded ball of 1280 facets: what no piece covers is little, and counted as
+    unresolved.
+    """
     a_rig = rig(icosphere(0.025, 3, smooth=False), pixels=128, display=0.2)
     found = view_map(a_rig)
     lost = 1 - agreement(a_rig, found)
@@ -257,10 +323,16 @@ def test_a_marble_between_the_first_nodes_is_found():
 @ORDER
 @pytest.mark.parametrize("distance", [0.5, 3.0])
 def test_a_strip_is_found_from_far_away(distance):
-    """A mirror strip five pixels wide beside the glass, met by no node: found however far the viewer is."""
+    """A mirror strip five pixels wide beside the glass, met
+    by no node: found however far the viewer is.
+    """
     pixels, field = 256, 0.05
-    a_rig = rig(box([0.06, 0.03, 0.06]), pixels=pixels, field=field, display=0.2, viewer_distance=distance)
-    strip = Mirror("strip", rectangle((0.0033, -0.05, 0), (1, 0, 0), (0, 0, 1), 5 * field / pixels, 0.0031))
+    a_rig = rig(
+        box([0.06, 0.03, 0.06]), pixels=pixels, field=field, display=0.2, viewer_distance=distance
+    )
+    strip = Mirror(
+        "strip", rectangle((0.0033, -0.05, 0), (1, 0, 0), (0, 0, 1), 5 * field / pixels, 0.0031)
+    )
     a_rig = replace(a_rig, mirrors=(strip,))
     at, exact = dense(a_rig, 200_000)
     _, without = dense(replace(a_rig, mirrors=()), 200_000)
@@ -272,7 +344,9 @@ def test_a_strip_is_found_from_far_away(distance):
 
 
 def test_a_needle_alone_is_found():
-    """A vertical needle of glass a pixel wide, with nothing around it, that meets no pixel's corner."""
+    """A vertical needle of glass a pixel wide, with
+    nothing around it, that meets no pixel's corner.
+    """
     pixel = 0.05 / 256
     needle = rod((10.5 * pixel, 0, -0.012), (10.5 * pixel, 0, 0.012), 0.49 * pixel, sides=4)
     a_rig = rig(needle, pixels=256, display=0.4)
@@ -280,20 +354,26 @@ def test_a_needle_alone_is_found():
 
 
 def test_a_viewer_of_any_size_is_covered_whole():
-    """Squares that stick out of the image are clipped: a slab fills views of odd sizes to the last pixel."""
+    """Squares that stick out of the image are clipped: a
+    slab fills views of odd sizes to the last pixel.
+    """
     for w, h in ((1, 1), (3, 5), (33, 17), (130, 67)):
         a_rig = rig(box([0.3, 0.03, 0.3]), display=0.2)
         viewer = replace(a_rig.viewers[0], width=w, height=h)
         found = view_map(replace(a_rig, viewers=(viewer,)))
         np.testing.assert_allclose(coverage(found), 1, atol=1e-9)
-        parts = [rasterise(found.display_size, found.view_size, v, d) for v, d, *_ in found.pieces()]
+        parts = [
+            rasterise(found.display_size, found.view_size, v, d) for v, d, *_ in found.pieces()
+        ]
         assert sum(p.area.sum() for p in parts) == pytest.approx(w * h, rel=1e-9)
 
 
 def test_the_map_without_a_plate_in_reach_is_empty():
     """Nothing lands: no cells, no error, and the reason at every pixel's corner."""
     a_rig = rig(icosphere(0.025, 2), pixels=40)
-    away = replace(a_rig.plates[0].mesh, vertices=a_rig.plates[0].mesh.vertices + np.array([5.0, 0, 0]))
+    away = replace(
+        a_rig.plates[0].mesh, vertices=a_rig.plates[0].mesh.vertices + np.array([5.0, 0, 0])
+    )
     found = view_map(replace(a_rig, plates=(replace(a_rig.plates[0], mesh=away),)))
     assert not list(found.pieces())
     assert found.reason.shape == (41, 41)
@@ -303,10 +383,16 @@ def test_the_map_without_a_plate_in_reach_is_empty():
 
 
 def test_what_both_accounts_take_beside_the_display_is_not_seen():
-    """Landings on either side of the image, with the image between them, are beside it; one of two in it is enough."""
-    inside, left, right, above = (np.array([xy], float) for xy in ((5, 5), (-3, 5), (13, 5), (5, -1e5)))
+    """Landings on either side of the image, with the image between them, are beside it.
+
+    One of two in it is enough.
+    """
+    inside, left, right, above = (
+        np.array([xy], float) for xy in ((5, 5), (-3, 5), (13, 5), (5, -1e5))
+    )
     lost = np.full((1, 2), np.nan)
-    for a, b, is_so in ((left, right, 0), (left, above, 0), (inside, right, 1), (above, inside, 1), (lost, inside, 1),
+    for a, b, is_so in ((left, right, 0), (left, above, 0), (inside, right, 1), (above, inside, 1),
+    (lost, inside, 1),
                         (lost, left, 0), (lost, lost, 0), (inside, inside, 1)):  # fmt: skip
         assert is_seen(a, b, (10, 10)) == [bool(is_so)]
 
@@ -317,7 +403,9 @@ def test_what_both_accounts_take_beside_the_display_is_not_seen():
     ids=["torus", "ball of 12 mm"],
 )
 def test_the_error_of_the_map_is_no_more_than_the_display_is_wide(a_rig):
-    """Strong glass throws light a hundred displays wide: the error that is told is that of places on the image."""
+    """Strong glass throws light a hundred displays wide: the
+    error that is told is that of places on the image.
+    """
     error = view_map(a_rig).error
     assert 0 < error.rms <= error.percentile <= np.hypot(512, 512)
     assert error.facet_limited + error.unresolved <= 1
@@ -325,12 +413,21 @@ def test_the_error_of_the_map_is_no_more_than_the_display_is_wide(a_rig):
 
 @pytest.mark.parametrize("place", [0.0011, 0.0030, 0.0052])
 def test_a_slit_between_two_blockers_is_found(place):
-    """Both sides are dark, in ways that differ; it is some pixels wide, and between the rays that are first traced."""
+    """Both sides are dark, in ways that differ.
+
+    It is some pixels wide, and between the rays that are first traced.
+    """
     width = 0.0004
     sides = (
-        rectangle(np.array([place + k * (0.1 + width / 2), -0.2, 0]), [1, 0, 0], [0, 0, 1], 0.2, 0.4) for k in (-1, 1)
+        rectangle(
+            np.array([place + k * (0.1 + width / 2), -0.2, 0]), [1, 0, 0], [0, 0, 1], 0.2, 0.4
+        )
+        for k in (-1, 1)
     )
-    a_rig = replace(cube_rig(pixels=256), blockers=tuple(Blocker(f"side {k}", mesh) for k, mesh in enumerate(sides)))
+    a_rig = replace(
+        cube_rig(pixels=256),
+        blockers=tuple(Blocker(f"side {k}", mesh) for k, mesh in enumerate(sides)),
+    )
     found = solve(a_rig)
     xy = np.random.default_rng(0).uniform(0, 256, (200_000, 2))
     landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))

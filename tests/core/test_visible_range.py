@@ -1,4 +1,6 @@
-"""From where the picture is seen: without glass, where a plate's outline and the display's say so."""
+"""From where the picture is seen: without glass, where a plate's outline and the
+display's say so.
+"""
 
 from dataclasses import replace
 
@@ -24,13 +26,16 @@ def found(a_rig, enough=1.0):
 
 @pytest.mark.parametrize("plate", [0.1, 0.2])
 def test_without_glass_the_plates_outline_says_how_far(plate):
-    """A picture of almost no size is seen while the line through it meets the plate, 0.15 m behind it at 45 degrees."""
+    """A picture of almost no size is seen while the line through it
+    meets the plate, 0.15 m behind it at 45 degrees.
+    """
     glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
     seen = found(rig(glass, ior=1.0, picture=1e-4, display=0.01, plate=plate))
     sideways = np.arctan(plate / 2 / 0.15)
     edge = plate / 2 / np.sqrt(2)  # of the plate's upper edge: higher and further by so much
     # who looks up from below sees the upper edge, which leans away from the picture
-    below, above = np.arctan(edge / (0.15 + edge)), np.arctan(edge / (0.15 - edge))
+    below = np.arctan(edge / (0.15 + edge))
+    above = np.arctan(edge / (0.15 - edge))
     assert seen.extent == pytest.approx((sideways, sideways, below, above), abs=1.5 * FINE + 1e-3)
     assert seen.share[MIDDLE, MIDDLE] == 1.0
     assert seen.brightness[MIDDLE, MIDDLE] == 1.0
@@ -42,7 +47,9 @@ def gridded(mesh, n):
     origin, right, _, up = mesh.vertices[[0, 1, 2, 3]]
     steps = np.linspace(0, 1, n + 1)
     s, t = (c.ravel()[:, None] for c in np.meshgrid(steps, steps))
-    triangles = split_quads(np.arange((n + 1) ** 2).reshape(n + 1, n + 1).T)  # the front towards right x up
+    triangles = split_quads(
+        np.arange((n + 1) ** 2).reshape(n + 1, n + 1).T
+    )  # the front towards right x up
     uv = np.concatenate([s, t], axis=1)[triangles]
     return Mesh(origin + s * (right - origin) + t * (up - origin), triangles, uv=uv)
 
@@ -57,18 +64,26 @@ def test_a_picture_of_many_faces_is_seen_as_one_of_two_and_costs_no_more(n, monk
     plain = found(a_rig, 0.3)
     sizes = []
     follow = trace.trace
-    monkeypatch.setattr(trace, "trace", lambda plan, o, d, **more: sizes.append(len(o)) or follow(plan, o, d, **more))
+    monkeypatch.setattr(
+        trace,
+        "trace",
+        lambda plan, o, d, **more: sizes.append(len(o)) or follow(plan, o, d, **more),
+    )
     cut = replace(picture, mesh=gridded(picture.mesh, n))
     assert cut.mesh.corners.reshape(-1, 3).mean(axis=0) == pytest.approx(corners.mean(axis=0))
     seen = found(replace(a_rig, pictures=(cut,)), 0.3)
-    assert seen.share == pytest.approx(plain.share, abs=0.1)  # where a row of points is just lit or not
+    assert seen.share == pytest.approx(
+        plain.share, abs=0.1
+    )  # where a row of points is just lit or not
     assert seen.best == pytest.approx((0.02 / 0.03) ** 2, abs=0.1)
     assert seen.extent == pytest.approx(plain.extent, abs=np.radians(3))
     assert sum(sizes) <= 72 * ((STEPS + 1) ** 2 + 4 * 751)
 
 
 def test_half_a_display_shows_half_the_picture():
-    """No glass: the display is the picture's mirror image, so a part of it shows the same part of the picture."""
+    """No glass: the display is the picture's mirror image, so a
+    part of it shows the same part of the picture.
+    """
     glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
     a_rig = rig(glass, ior=1.0, picture=0.03, display=0.015)
     seen = found(a_rig, 0.2)
@@ -90,13 +105,18 @@ def test_a_picture_behind_the_viewer_is_refused():
 
 
 def test_a_plate_to_the_right_is_seen_from_the_left():
-    """The line through the picture meets it on the other side: left and right are told apart, in the grid too."""
+    """The line through the picture meets it on the other side:
+    left and right are told apart, in the grid too.
+    """
     glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
     a_rig = rig(glass, ior=1.0, picture=1e-4, display=0.2, plate=0.1)
     (plate,) = a_rig.plates
-    moved = replace(plate, mesh=replace(plate.mesh, vertices=plate.mesh.vertices + np.array([0.03, 0, 0])))
+    moved = replace(
+        plate, mesh=replace(plate.mesh, vertices=plate.mesh.vertices + np.array([0.03, 0, 0]))
+    )
     seen = found(replace(a_rig, plates=(moved,)))
-    left, right = np.arctan(0.08 / 0.15), np.arctan(0.02 / 0.15)
+    left = np.arctan(0.08 / 0.15)
+    right = np.arctan(0.02 / 0.15)
     assert seen.extent[:2] == pytest.approx((left, right), abs=1.5 * FINE)
     row = seen.share[MIDDLE] > 0
     assert row[:MIDDLE].sum() > 2 * row[MIDDLE + 1 :].sum() > 0
@@ -104,7 +124,9 @@ def test_a_plate_to_the_right_is_seen_from_the_left():
 
 
 def test_brightness_is_what_the_plate_leaves_of_the_light_that_comes():
-    """Mirrors at 45 degrees in the symmetric plane: their share by the formula, whether the display is all seen."""
+    """Mirrors at 45 degrees in the symmetric plane: their share
+    by the formula, whether the display is all seen.
+    """
     glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
     (share,) = light_by_angle(MirrorArray(), np.array([np.pi / 4]))[PlatePath.IMAGED]
     for display in (0.05, 0.015):

@@ -11,13 +11,17 @@ from kiriko.core.rig import Mesh
 
 
 def apart(mesh, random=None, noise=0.0, parts=None):
-    """The triangles of a mesh with vertices of their own, or those of each part of it (t,), moved by up to `noise`."""
+    """The triangles of a mesh with vertices of their own, or those
+    of each part of it (t,), moved by up to `noise`.
+    """
     if parts is None:
-        vertices, triangles = mesh.corners.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3)
+        vertices = mesh.corners.reshape(-1, 3)
+        triangles = np.arange(3 * len(mesh.triangles)).reshape(-1, 3)
     else:
         key = parts[:, None] * len(mesh.vertices) + mesh.triangles
         used, triangles = np.unique(key, return_inverse=True)
-        vertices, triangles = mesh.vertices[used % len(mesh.vertices)], triangles.reshape(-1, 3)
+        vertices = mesh.vertices[used % len(mesh.vertices)]
+        triangles = triangles.reshape(-1, 3)
     if noise:
         step = random.normal(size=vertices.shape)
         vertices = vertices + noise * step / np.linalg.norm(step, axis=1, keepdims=True)
@@ -35,33 +39,44 @@ SHAPES = {
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("noise", [0.0, 2e-9])
 def test_faces_apart_become_the_mesh_they_were(shape, noise):
-    """Triangles that share no vertex, their copies off by rounding, are joined as in the mesh they were cut from."""
+    """Triangles that share no vertex, their copies off by
+    rounding, are joined as in the mesh they were cut from.
+    """
     mesh = SHAPES[shape]
     vertices, triangles = apart(mesh, np.random.default_rng(1), noise)
     joined = welded(vertices, triangles, 1e-8)
-    edges, wanted = find_edges(joined), find_edges(mesh.triangles)
+    edges = find_edges(joined)
+    wanted = find_edges(mesh.triangles)
     assert edges.n_open == wanted.n_open == 0
-    assert {*zip(edges.first, edges.second, strict=True)} == {*zip(wanted.first, wanted.second, strict=True)}
+    assert {*zip(edges.first, edges.second, strict=True)} == {
+        *zip(wanted.first, wanted.second, strict=True)
+    }
     assert len(np.unique(joined)) == len(np.unique(mesh.triangles))
     assert np.linalg.norm(vertices[joined] - vertices[triangles], axis=2).max() <= 2 * noise
 
 
 def test_a_closed_mesh_stays_as_it_is():
     """A body without open edges keeps its vertices, also where another's are in the same place."""
-    one, other = box((0.01, 0.01, 0.01)), box((0.01, 0.01, 0.01), centre=(0.01, 0, 0))
+    one = box((0.01, 0.01, 0.01))
+    other = box((0.01, 0.01, 0.01), centre=(0.01, 0, 0))
     triangles = np.concatenate([one.triangles, other.triangles + 8])
-    assert np.array_equal(welded(np.concatenate([one.vertices, other.vertices]), triangles, 1e-6), triangles)
+    assert np.array_equal(
+        welded(np.concatenate([one.vertices, other.vertices]), triangles, 1e-6), triangles
+    )
 
 
 @pytest.mark.parametrize("other_way", [False, True])
 def test_bodies_that_touch_stay_bodies(other_way):
-    """Boxes that share a face, an edge or a corner, drawn face by face, fall into closed boxes of their own volume."""
+    """Boxes that share a face, an edge or a corner, drawn face by
+    face, fall into closed boxes of their own volume.
+    """
     places = [(0, 0, 0), (0.01, 0, 0), (0.01, 0.01, 0), (0.02, 0.01, 0.01), (0.03, 0.02, 0.02)]
     boxes = [box((0.01, 0.01, 0.01), centre=place) for place in places]
     corners = np.concatenate([b.corners[:, ::-1] if other_way else b.corners for b in boxes])
     random = np.random.default_rng(2)
     corners = corners[random.permutation(len(corners))]
-    vertices, triangles = corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+    vertices = corners.reshape(-1, 3)
+    triangles = np.arange(3 * len(corners)).reshape(-1, 3)
     joined = welded(vertices, triangles, 1e-9)
     shells = split_shells(Mesh(vertices, joined))
     assert [len(chosen) for chosen, _ in shells] == [12] * len(boxes)
@@ -80,7 +95,9 @@ def test_faces_wound_either_way_are_joined():
 
 
 def test_an_open_sheet_that_is_drawn_twice_does_not_close():
-    """A sheet and its copy in the same place stay two sheets: joined at their rim they would enclose nothing."""
+    """A sheet and its copy in the same place stay two sheets:
+    joined at their rim they would enclose nothing.
+    """
     sheet = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     triangles = np.array([[0, 1, 2], [0, 2, 3]])
     both = np.concatenate([triangles, triangles + 4])
@@ -100,11 +117,21 @@ def test_what_is_further_apart_than_the_distance_stays_open():
 
 
 def test_a_pole_of_many_vertices_becomes_one():
-    """A sphere of rows whose first and last have a vertex for each meridian, as splines make it, is closed."""
+    """A sphere of rows whose first and last have a vertex for
+    each meridian, as splines make it, is closed.
+    """
     n, m = 16, 12
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, m + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij")
-    points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-    joined = welded(points.reshape(-1, 3), split_quads(np.arange(points[..., 0].size).reshape(m + 1, n + 1)), 1e-9)
+    theta, phi = np.meshgrid(
+        np.linspace(0, np.pi, m + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij"
+    )
+    points = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
+    )
+    joined = welded(
+        points.reshape(-1, 3),
+        split_quads(np.arange(points[..., 0].size).reshape(m + 1, n + 1)),
+        1e-9,
+    )
     is_point = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
     assert is_point.sum() == 2 * n
     assert find_edges(joined[~is_point]).n_open == 0
@@ -127,15 +154,21 @@ def test_coincident_points_are_those_of_all_pairs(points, distance, shift):
 
 @pytest.mark.parametrize("wound", [(1, 1, -1), (1, 1, -1, -1), (1, -1, 1, -1), (1, 1, 1, 1)])
 def test_where_faces_at_an_edge_do_not_enclose_glass_in_turn_they_stay_apart(wound):
-    """Around an edge glass begins and ends in turn; faces that do not keep to that are left as they are."""
+    """Around an edge glass begins and ends in turn.
+
+    Faces that do not keep to that are left as they are.
+    """
     n = len(wound)
     angle = 2 * np.pi * np.arange(n) / n
     tips = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    low, high = np.tile([0, 0, -1.0], (n, 1)), np.tile([0, 0, 1.0], (n, 1))
+    low = np.tile([0, 0, -1.0], (n, 1))
+    high = np.tile([0, 0, 1.0], (n, 1))
     vertices = np.stack([low, high, tips], axis=1).reshape(-1, 3)
     triangles = np.arange(3 * n).reshape(n, 3)
     triangles = np.where(np.array(wound)[:, None] > 0, triangles, triangles[:, ::-1])
-    vertices = np.concatenate([vertices + np.array([5.0 * k, 0, 0]) for k in range(3)])  # three such edges
+    vertices = np.concatenate(
+        [vertices + np.array([5.0 * k, 0, 0]) for k in range(3)]
+    )  # three such edges
     triangles = np.concatenate([triangles + 3 * n * k for k in range(3)])
     joined = find_edges(welded(vertices, triangles, 1e-9))
     alternates = wound == (1, -1, 1, -1)

@@ -9,8 +9,12 @@ import pytest
 import kiriko.core
 
 CORE = Path(kiriko.core.__file__).parent
-PATHS = {".".join(path.relative_to(CORE).with_suffix("").parts): path for path in CORE.rglob("*.py")}
-MODULES = sorted(name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__"))
+PATHS = {
+    ".".join(path.relative_to(CORE).with_suffix("").parts): path for path in CORE.rglob("*.py")
+}
+MODULES = sorted(
+    name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__")
+)
 # from the bottom to the top
 ROOMS = (
     "",
@@ -50,7 +54,9 @@ def test_core_loads_without_blender(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_core_keeps_to_its_imports(name: str) -> None:
-    """Blender, OpenImageIO and ray engines are imported in core/blender, image_io.py and light/engines.py alone."""
+    """Blender, OpenImageIO and ray engines are imported in
+    core/blender, image_io.py and light/engines.py alone.
+    """
     packages = imported(PATHS[name])
     assert not packages & {"bpy", "bmesh", "gpu"}
     assert name == "image_io" or "OpenImageIO" not in packages
@@ -58,12 +64,17 @@ def test_core_keeps_to_its_imports(name: str) -> None:
 
 
 def asked(name: str, is_at_once: bool = False) -> set[str]:
-    """Files of core that a file imports from, or imports from at once when it is imported itself."""
-    found, package = set(), name.split(".")[:-1]
+    """Files of core that a file imports from, or imports from at once when it is
+    imported itself.
+    """
+    found = set()
+    package = name.split(".")[:-1]
     tree = ast.parse(PATHS[name].read_text(encoding="utf-8"))
     for node in tree.body if is_at_once else ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.level:
-            base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [node.module])])
+            base = ".".join(
+                [*package[: len(package) - node.level + 1], *filter(None, [node.module])]
+            )
             found |= {base} & PATHS.keys() or {
                 f"{base}.{alias.name}".lstrip(".") for alias in node.names
             } & PATHS.keys()
@@ -89,7 +100,8 @@ def test_rooms_are_in_order(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(PATHS))
 def test_no_file_asks_for_itself(name: str) -> None:
     """Imports do not go round in circles."""
-    found, todo = set(), {name}
+    found = set()
+    todo = {name}
     while todo:
         todo = {other for one in todo for other in asked(one, is_at_once=True)} - found
         found |= todo

@@ -7,7 +7,12 @@ from kiriko.core.words import millimetres, number, percent, pixels, summary
     ("share", "text"),
     [
         *((0.0, "0 %"), (1.0, "100 %"), (1e-9, "0 %"), (1 - 1e-9, "100 %"), (0.5, "50 %")),
-        *((0.004, "0.4 %"), (0.9996, "99.96 %"), (1e-5, "under 0.01 %"), (1 - 1e-5, "over 99.99 %")),
+        *(
+            (0.004, "0.4 %"),
+            (0.9996, "99.96 %"),
+            (1e-5, "under 0.01 %"),
+            (1 - 1e-5, "over 99.99 %"),
+        ),
     ],
 )
 def test_a_share_reads_as_nothing_or_all_only_when_it_is(share: float, text: str) -> None:

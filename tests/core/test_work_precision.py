@@ -1,4 +1,7 @@
-"""The report measures what is there: errors put in by hand, Monte Carlo's slope, closed forms; its files agree."""
+"""The report measures what is there: errors put in by hand, Monte Carlo's slope, closed forms.
+
+Its files agree.
+"""
 
 import csv
 import io
@@ -34,12 +37,16 @@ def small_rig():
 
 
 class Shifted(Session):
-    """A session whose results are off by the tolerance: it solves with the display moved by that many pixels."""
+    """A session whose results are off by the tolerance: it
+    solves with the display moved by that many pixels.
+    """
 
     def solve(self, rig, settings=None):
         mesh = rig.display.mesh
         step = settings.tolerance * SIZE / rig.display.width
-        moved = replace(rig.display, mesh=replace(mesh, vertices=mesh.vertices + step * np.eye(3)[0]))
+        moved = replace(
+            rig.display, mesh=replace(mesh, vertices=mesh.vertices + step * np.eye(3)[0])
+        )
         return (yield from super().solve(replace(rig, displays=(moved,)), settings))
 
 
@@ -49,7 +56,11 @@ def found() -> WorkPrecision:
     with pytest.MonkeyPatch.context() as patch:
         for module in (work_precision, reference):
             patch.setattr(module, "Session", Shifted)
-        return drain(measure(small_rig(), Settings(tolerance=0.1), None, TOLERANCES, SPPS, runs=2, budget=60.0))
+        return drain(
+            measure(
+                small_rig(), Settings(tolerance=0.1), None, TOLERANCES, SPPS, runs=2, budget=60.0
+            )
+        )
 
 
 def ladder(found):
@@ -61,7 +72,9 @@ def splats(found):
 
 
 def test_the_maps_error_is_the_one_that_was_put_in(found):
-    """A map that is off by the tolerance everywhere has that rms and that percentile, and all of the image."""
+    """A map that is off by the tolerance everywhere has that
+    rms and that percentile, and all of the image.
+    """
     assert [rung.setting for rung in ladder(found)] == list(TOLERANCES)
     for rung in [*ladder(found), found.reference]:
         assert rung.map.rms == pytest.approx(rung.setting, rel=0.02, abs=2e-3)
@@ -71,7 +84,10 @@ def test_the_maps_error_is_the_one_that_was_put_in(found):
 
 
 def test_image_errors_fall_along_the_ladder(found):
-    """A smaller shift is a smaller error of the source image and of what is seen; the dots move by the shift."""
+    """A smaller shift is a smaller error of the source image and of what is seen.
+
+    The dots move by the shift.
+    """
     rmse = [rung.image.source_rmse for rung in ladder(found)]
     assert (np.diff(rmse) < 0).all()
     assert rmse[0] > 5 * rmse[2]
@@ -84,7 +100,9 @@ def test_image_errors_fall_along_the_ladder(found):
 
 
 def test_the_splat_converges_as_monte_carlo_does_and_fills_its_holes(found):
-    """RMSE falls as samples^-1/2 once there are no holes, time grows with the samples, holes get fewer."""
+    """RMSE falls as samples^-1/2 once there are no holes,
+    time grows with the samples, holes get fewer.
+    """
     spp = np.array([rung.setting for rung in splats(found)])
     assert list(spp) == [1, 4, 16, 64]
     rmse = np.array([rung.image.source_rmse for rung in splats(found)])
@@ -96,7 +114,9 @@ def test_the_splat_converges_as_monte_carlo_does_and_fills_its_holes(found):
 
 
 def test_what_exceeds_the_budget_is_listed_with_its_time(found):
-    """A rung that was not run has no numbers but the time it would take: that of the one before, by its samples."""
+    """A rung that was not run has no numbers but the time it
+    would take: that of the one before, by its samples.
+    """
     rung = found.rungs[-1]
     assert (rung.method, rung.setting, rung.seconds, rung.image) == ("splat", 100_000, None, None)
     assert rung.predicted_seconds == pytest.approx(splats(found)[-1].seconds * 100_000 / 64)
@@ -104,7 +124,10 @@ def test_what_exceeds_the_budget_is_listed_with_its_time(found):
 
 
 def test_the_splats_time_to_an_error_lies_on_its_curve(found):
-    """At a rung's error it is the rung's time, between two it lies between; a tenth of the last takes 100 times it."""
+    """At a rung's error it is the rung's time, between two it lies between.
+
+    A tenth of the last takes 100 times it.
+    """
     first, *_, last = splats(found)
     assert found.splat_seconds(last.image.source_rmse) == pytest.approx(last.seconds)
     assert found.splat_seconds(last.image.source_rmse / 10) == pytest.approx(100 * last.seconds)
@@ -113,12 +136,17 @@ def test_the_splats_time_to_an_error_lies_on_its_curve(found):
     assert found.splat_seconds(0.0) is None
     with_holes = replace(found, rungs=tuple(splats(found)[:1]))
     assert first.image.holes > 0
-    assert with_holes.splat_seconds(first.image.source_rmse / 2) is None  # it falls faster: no law to go by
+    assert (
+        with_holes.splat_seconds(first.image.source_rmse / 2) is None
+    )  # it falls faster: no law to go by
     assert replace(found, rungs=tuple(ladder(found))).splat_seconds(0.01) is None
 
 
 def test_times_are_kept_apart(found):
-    """A rung's seconds are those of its parts without the engine's; what was not timed is not known."""
+    """A rung's seconds are those of its parts without the engine's.
+
+    What was not timed is not known.
+    """
     for rung in ladder(found):
         parts = dict(rung.parts)
         assert {"plan", "tracing", "shares", "painting"} <= set(parts)
@@ -150,11 +178,14 @@ def test_black_pixels_of_the_picture_are_holes():
     source[rows, columns] = 0
     errors = judge.image_errors(source, judge.dots.source)
     assert errors.holes == 7
-    assert errors.source_rmse == pytest.approx(np.sqrt((lost.astype(float) ** 2).sum() / judge.is_shown.sum() / 3))
+    assert errors.source_rmse == pytest.approx(
+        np.sqrt((lost.astype(float) ** 2).sum() / judge.is_shown.sum() / 3)
+    )
     same = judge.image_errors(judge.source, judge.dots.source)
     assert (same.source_rmse, same.holes, same.seen_psnr) == (0, 0, None)
     assert same.lattice_shift < 0.1
-    # what brute force would take, by the rays of the reference: where there is no time for it that is what is told
+    # what brute force would take, by the rays of the reference: where
+    # there is no time for it that is what is told
     assert 0 < judge.seconds_a_ray * reference.N_CHECKED < taken
     n_rays = rig.viewer.width * rig.viewer.height
     for rung in drain(_splats(judge, (1, 10), runs=1, budget=0.0)):
@@ -166,7 +197,8 @@ def test_times_of_reading_and_writing_are_those_of_the_calls_given():
     """Both are called as often as there are runs; the image written is the display's."""
     calls = []
     result = drain(
-        measure(small_rig(), Settings(), None, (0.1,), (), runs=3, read=lambda: calls.append("read"),
+        measure(small_rig(), Settings(), None, (0.1,), (), runs=3,
+        read=lambda: calls.append("read"),
                 write=lambda image: calls.append(image.shape))
     )  # fmt: skip
     assert calls == ["read"] * 3 + [(48, 48, 3)] * 3
@@ -206,7 +238,10 @@ def test_costs_follow_the_ladder_or_else_the_order_of_interpolation():
 
 
 def test_csv_and_json_agree_and_know_all_rungs(found):
-    """The same numbers in both, to the last digit; what is not known is empty in one and null in the other."""
+    """The same numbers in both, to the last digit.
+
+    What is not known is empty in one and null in the other.
+    """
     whole = json.loads(as_json(found, {"blender": "none"}))
     lines = list(csv.DictReader(io.StringIO(as_csv(found))))
     rows = [whole["reference"], *whole["rungs"]]
@@ -223,11 +258,14 @@ def test_csv_and_json_agree_and_know_all_rungs(found):
 def ticks(root, axis):
     """Positions of an axis's grid lines and the values written beside them."""
     other = {"x": "y", "y": "x"}[axis]
-    lines = [line for line in root.iter(f"{SVG}line") if line.get(f"{axis}1") == line.get(f"{axis}2")]
+    lines = [
+        line for line in root.iter(f"{SVG}line") if line.get(f"{axis}1") == line.get(f"{axis}2")
+    ]
     texts = [text for text in root.iter(f"{SVG}text") if text.get("class") == f"{axis} tick"]
     assert len({text.get(other) for text in texts}) == 1
     return np.array([
-        [float(line.get(f"{axis}1")), float(text.text)] for line, text in zip(lines, texts, strict=True)
+        [float(line.get(f"{axis}1")), float(text.text)] for line, text in zip(lines, texts,
+        strict=True)
     ])  # fmt: skip
 
 
@@ -238,7 +276,9 @@ def drawn(root, group):
 
 
 def test_the_diagram_parses_and_its_points_lie_where_the_numbers_say(found):
-    """Read back by its own ticks, each point is at its seconds and its error, to the digits that are written."""
+    """Read back by its own ticks, each point is at its seconds
+    and its error, to the digits that are written.
+    """
     root = ET.fromstring(as_svg(found))
     curves = [group for group in root.iter(f"{SVG}g") if group.get("class") == "curve"]
     assert len(curves) == 2
@@ -247,9 +287,13 @@ def test_the_diagram_parses_and_its_points_lie_where_the_numbers_say(found):
         wanted = np.array([[rung.seconds, rung.image.source_rmse] for rung in rungs])
         for k, axis in enumerate("xy"):
             at, value = ticks(root, axis).T
-            np.testing.assert_allclose(np.diff(np.log10(value)), 1, atol=1e-9)  # powers of ten, one after another
+            np.testing.assert_allclose(
+                np.diff(np.log10(value)), 1, atol=1e-9
+            )  # powers of ten, one after another
             slope, start = np.polyfit(at, np.log10(value), 1)
-            np.testing.assert_allclose(slope * points[:, k] + start, np.log10(wanted[:, k]), atol=1e-3)
+            np.testing.assert_allclose(
+                slope * points[:, k] + start, np.log10(wanted[:, k]), atol=1e-3
+            )
             assert (value.min() <= wanted[:, k]).all()
             assert (wanted[:, k] <= value.max()).all()
 
@@ -262,7 +306,10 @@ def test_a_diagram_without_points_and_with_marks_in_its_text_is_whole():
 
 
 def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
-    """One affine map takes all points of the CSV to those of the SVG; stray light is that of both layers together."""
+    """One affine map takes all points of the CSV to those of the SVG.
+
+    Stray light is that of both layers together.
+    """
     array = MirrorArray(crossing_error=0.1)
     rows = list(csv.DictReader(io.StringIO(plate_csv(array))))
     light = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -277,7 +324,10 @@ def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
     name = "{http://www.w3.org/2000/svg}"
     curves = {
         group.find(f"{name}title").text: np.array(
-            [[float(x) for x in point.split(",")] for point in group.find(f"{name}polyline").get("points").split()]
+            [
+                [float(x) for x in point.split(",")]
+                for point in group.find(f"{name}polyline").get("points").split()
+            ]
         )
         for group in svg.iter(f"{name}g")
         if group.get("class") == "curve"
@@ -285,9 +335,13 @@ def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
     assert list(curves) == list(expected)
     assert any("'A & B'" in (text.text or "") for text in svg.iter(f"{name}text"))
     at = np.concatenate(list(curves.values()))
-    told = np.stack([np.tile(light["incidence_degrees"], 4), np.concatenate(list(expected.values()))], axis=1)
+    told = np.stack(
+        [np.tile(light["incidence_degrees"], 4), np.concatenate(list(expected.values()))], axis=1
+    )
     for axis in (0, 1):
         slope, start = np.polyfit(told[:, axis], at[:, axis], 1)
         assert (slope > 0) == (axis == 0)  # y runs down
-        assert np.abs(slope * told[:, axis] + start - at[:, axis]).max() < 0.011  # two digits after the point
+        assert (
+            np.abs(slope * told[:, axis] + start - at[:, axis]).max() < 0.011
+        )  # two digits after the point
         assert start == pytest.approx((LEFT, HEIGHT - BOTTOM)[axis], abs=0.01)

@@ -29,7 +29,8 @@ Command = Callable[[list[str]], int]
 
 
 class BundledOnly:
-    """Import finder that takes embreex and the kernel from the profile, where Blender has unpacked the wheels.
+    """Import finder that takes embreex and the kernel from the
+    profile, where Blender has unpacked the wheels.
 
     The environment of the tests has both, too, which would hide that a bundled one is missing.
     """
@@ -37,10 +38,15 @@ class BundledOnly:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find what is bundled in the profile; leave other modules to the finders after this one."""
+        """Find what is bundled in the profile.
+
+        Leave other modules to the finders after this one.
+        """
         if name not in ("embreex", "kiriko_kernel"):
             return None
-        wheels = Path(os.environ["BLENDER_USER_RESOURCES"], "extensions", ".local").glob("lib/*/site-packages")
+        wheels = Path(os.environ["BLENDER_USER_RESOURCES"], "extensions", ".local").glob(
+            "lib/*/site-packages"
+        )
         spec = importlib.machinery.PathFinder.find_spec(name, [str(folder) for folder in wheels])
         if spec is None:
             raise ModuleNotFoundError(f"the extension brought no {name}", name=name)
@@ -63,7 +69,10 @@ def contents(zips: dict[str, Path]) -> dict[str, list[str]]:
 
 @pytest.fixture(scope="session")
 def commands() -> dict[str, Command]:
-    """Functions behind `blender --command NAME`, by name; filled when the extension registers them."""
+    """Functions behind `blender --command NAME`, by name.
+
+    Filled when the extension registers them.
+    """
     return {}
 
 
@@ -84,7 +93,9 @@ def installed(zips: dict[str, Path], commands: dict[str, Command]) -> Iterator[s
         filepath=str(path), repo="user_default", enable_on_install=True, overwrite=True
     )
     # The operator says FINISHED even when Blender refuses the extension.
-    assert EXTENSION in bpy.context.preferences.addons, "Blender refused the extension, for the reason above"
+    assert EXTENSION in bpy.context.preferences.addons, (
+        "Blender refused the extension, for the reason above"
+    )
     yield EXTENSION
     bpy.ops.preferences.addon_disable(module=EXTENSION)
     bpy.utils.register_cli_command = register

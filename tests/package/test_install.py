@@ -49,7 +49,9 @@ def scale_glass(factor: float) -> None:
 
 
 def test_solve_from_the_zip(rig: Path, installed: str) -> None:
-    """Two clicks after the install there is a source image that is not black, traced by the bundled kernel."""
+    """Two clicks after the install there is a source image that
+    is not black, traced by the bundled kernel.
+    """
     assert "compiled kernel" in solve()
     loading = sys.modules[f"{installed}.core.kernel.loading"]
     assert loading.find_library().is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
@@ -60,7 +62,9 @@ def test_solve_without_the_kernel(rig: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("KIRIKO_KERNEL", "off")
     scale_glass(0.99)
     assert "ray engine (Embree)" in solve()
-    assert Path(sys.modules["embreex"].__file__).is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
+    assert Path(sys.modules["embreex"].__file__).is_relative_to(
+        os.environ["BLENDER_USER_RESOURCES"]
+    )
 
 
 def test_solve_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,17 +75,26 @@ def test_solve_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert "ray engine (Blender's BVH)" in solve()
 
 
-def test_command_line(rig: Path, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path) -> None:
-    """`blender --background rig.blend --command kiriko solve --out DIR` writes files and ends with exit code 0."""
+def test_command_line(
+    rig: Path, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path
+) -> None:
+    """`blender --background rig.blend --command kiriko solve
+    --out DIR` writes files and ends with exit code 0.
+    """
     out = tmp_path / "out"
     assert commands["kiriko"](["solve", "--out", str(out)]) == 0
     assert [path for path in out.iterdir() if path.stat().st_size > 0]
 
 
 def test_command_line_without_a_file(
-    installed: str, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    installed: str,
+    commands: dict[str, Callable[[list[str]], int]],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Without a .blend, as when the named one is missing, the command fails with one sentence on stderr."""
+    """Without a .blend, as when the named one is missing, the
+    command fails with one sentence on stderr.
+    """
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     assert commands["kiriko"](["solve", "--out", str(tmp_path / "out")]) != 0
     assert len(capfd.readouterr().err.strip().splitlines()) == 1

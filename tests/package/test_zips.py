@@ -28,7 +28,9 @@ FORMATS = {"linux": b"\x7fELF", "windows": b"MZ", "macos": b"\xcf\xfa\xed\xfe"}
 def kernel_in(path: Path, platform: str) -> bytes:
     """The library in the kernel's wheel in a zip."""
     with ZipFile(path) as archive:
-        (name,) = (name for name in archive.namelist() if Path(name).name.startswith(build_kernel.MODULE))
+        (name,) = (
+            name for name in archive.namelist() if Path(name).name.startswith(build_kernel.MODULE)
+        )
         wheel = archive.read(name)
     with ZipFile(BytesIO(wheel)) as archive:
         return archive.read(f"{build_kernel.MODULE}/kernel.{KERNELS[platform].ending}")
@@ -41,16 +43,24 @@ def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
 
 @pytest.mark.parametrize("platform", WHEEL_ENDS)
 def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -> None:
-    """A zip bundles embreex for its own platform, once for each Python of Blender 4.2 - 5.2 and distributions."""
+    """A zip bundles embreex for its own platform, once for each
+    Python of Blender 4.2 - 5.2 and distributions.
+    """
     wheels = [name for name in contents[platform] if Path(name).name.startswith("embreex")]
     assert all(name.endswith(f"{WHEEL_ENDS[platform]}.whl") for name in wheels)
     assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313", "cp314"]
 
 
 @pytest.mark.parametrize("platform", ZIPS)
-def test_zip_has_its_own_kernel(zips: dict[str, Path], contents: dict[str, list[str]], platform: str) -> None:
-    """A zip bundles the kernel of its own platform, of the sources' version, in that platform's format."""
-    (wheel,) = (name for name in contents[platform] if Path(name).name.startswith(build_kernel.MODULE))
+def test_zip_has_its_own_kernel(
+    zips: dict[str, Path], contents: dict[str, list[str]], platform: str
+) -> None:
+    """A zip bundles the kernel of its own platform, of the
+    sources' version, in that platform's format.
+    """
+    (wheel,) = (
+        name for name in contents[platform] if Path(name).name.startswith(build_kernel.MODULE)
+    )
     assert Path(wheel).name == build_kernel.wheel_name(KERNELS[platform])
     library = kernel_in(zips[platform], platform)
     assert library.startswith(FORMATS[platform.partition("_")[0]])
@@ -66,27 +76,42 @@ def test_the_kernel_is_built_the_same_anywhere(
 ) -> None:
     """Byte by byte, in another folder and with an empty cache."""
     target = KERNELS[platform]
-    monkeypatch.setattr(build_kernel, "SOURCES", copytree(build_kernel.SOURCES, tmp_path / "sources"))
+    monkeypatch.setattr(
+        build_kernel, "SOURCES", copytree(build_kernel.SOURCES, tmp_path / "sources")
+    )
     monkeypatch.setattr(build_kernel, "DEV", tmp_path / "caches")
     build_kernel.make_package(target, tmp_path / "made")
-    assert (tmp_path / "made" / f"kernel.{target.ending}").read_bytes() == kernel_in(zips[platform], platform)
+    assert (tmp_path / "made" / f"kernel.{target.ending}").read_bytes() == kernel_in(
+        zips[platform], platform
+    )
 
 
 @pytest.mark.parametrize("platform", WITHOUT_EMBREE)
 def test_zip_without_embreex_is_like_the_others(
     zips: dict[str, Path], contents: dict[str, list[str]], platform: str
 ) -> None:
-    """A zip for a platform without embreex differs from the others in its wheels alone, and lists only its kernel."""
-    others, own = ([name for name in contents[which] if not name.endswith(".whl")] for which in ("linux_x64", platform))
+    """A zip for a platform without embreex differs from the
+    others in its wheels alone, and lists only its kernel.
+    """
+    others, own = (
+        [name for name in contents[which] if not name.endswith(".whl")]
+        for which in ("linux_x64", platform)
+    )
     assert sorted(own) == sorted(others)
     with ZipFile(zips[platform]) as archive:
-        generated = tomllib.loads(archive.read("blender_manifest.toml").decode())["build"]["generated"]
+        generated = tomllib.loads(archive.read("blender_manifest.toml").decode())["build"][
+            "generated"
+        ]
     assert generated["platforms"] == [platform.replace("_", "-")]
-    assert [Path(wheel).name for wheel in generated["wheels"]] == [build_kernel.wheel_name(KERNELS[platform])]
+    assert [Path(wheel).name for wheel in generated["wheels"]] == [
+        build_kernel.wheel_name(KERNELS[platform])
+    ]
 
 
 @pytest.mark.parametrize("platform", ZIPS)
-def test_zip_has_the_package_and_nothing_else(contents: dict[str, list[str]], platform: str) -> None:
+def test_zip_has_the_package_and_nothing_else(
+    contents: dict[str, list[str]], platform: str
+) -> None:
     """A zip has the whole package, and nothing that only development needs."""
     names = set(contents[platform])
     code = [

@@ -23,15 +23,21 @@ def told(verb: str) -> str:
 
 def test_every_verb_is_one_that_is_tested_here() -> None:
     """The verbs that hand on to a script and those that do not are all that dev.py knows."""
-    listed = subprocess.run([sys.executable, str(DEV), "--help"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        [sys.executable, str(DEV), "--help"], capture_output=True, text=True, check=True
+    ).stdout
     verbs = set(re.findall(r"^    (\w+)\b", listed, re.MULTILINE))
     assert verbs == {*SCRIPTS, *OWN}
 
 
 @pytest.mark.parametrize("verb", SCRIPTS)
 def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
-    """All that the script's parser adds is in the answer, without numpy, Blender or anything that were to be set up."""
-    added = re.findall(r'add_argument\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', (DEV.parent / SCRIPTS[verb]).read_text())
+    """All that the script's parser adds is in the answer, without
+    numpy, Blender or anything that were to be set up.
+    """
+    added = re.findall(
+        r'add_argument\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', (DEV.parent / SCRIPTS[verb]).read_text()
+    )
     answer = told(verb)
     assert added
     assert all(option in answer for option in added)

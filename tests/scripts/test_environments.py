@@ -18,10 +18,16 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alone(checkout: Path) -> None:
-    """An environment without its stamp is made anew; one with the stamp of its pins is not touched."""
+def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alone(
+    checkout: Path,
+) -> None:
+    """An environment without its stamp is made anew.
+
+    One with the stamp of its pins is not touched.
+    """
     interpreter = environments.set_up("tiny", RUNNING)
-    stamp, trace = checkout / ".dev" / "tiny" / "kiriko.stamp", checkout / ".dev" / "tiny" / "trace of an old install"
+    stamp = checkout / ".dev" / "tiny" / "kiriko.stamp"
+    trace = checkout / ".dev" / "tiny" / "trace of an old install"
     trace.touch()
     assert environments.set_up("tiny", RUNNING) == interpreter
     assert trace.exists()
@@ -42,7 +48,9 @@ def test_set_up_stamps_nothing_that_failed(checkout: Path) -> None:
 
 def test_pins_include_those_of_included_files(checkout: Path) -> None:
     """A changed pin in an included file changes the pins of the one that includes it."""
-    (checkout / "scripts" / "requirements-tiny.txt").write_text("-r requirements-more.txt\nnumpy==2.0\n")
+    (checkout / "scripts" / "requirements-tiny.txt").write_text(
+        "-r requirements-more.txt\nnumpy==2.0\n"
+    )
     (checkout / "scripts" / "requirements-more.txt").write_text("pytest==9.0\n")
     assert "pytest==9.0" in environments.pins(checkout / "scripts" / "requirements-tiny.txt")
 
@@ -50,7 +58,9 @@ def test_pins_include_those_of_included_files(checkout: Path) -> None:
 def test_a_machine_without_python_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no Python fits there is one sentence that names what to install."""
     monkeypatch.setattr(environments, "BLENDERS", {"bpy-9.9": "9.9"})
-    with pytest.raises(environments.ToolError, match=r"^[^.]+ 3\.13 or 3\.11 .* install one, .*\.$"):
+    with pytest.raises(
+        environments.ToolError, match=r"^[^.]+ 3\.13 or 3\.11 .* install one, .*\.$"
+    ):
         environments.newest_blender()
 
 

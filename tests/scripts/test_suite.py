@@ -24,14 +24,20 @@ def run(code: str, name: str = "step") -> suite.Result:
 
 
 def test_a_step_may_take_long_as_long_as_it_prints() -> None:
-    """Output every quarter of a second for seven seconds is no hang, where five seconds of silence are."""
+    """Output every quarter of a second for seven seconds is no
+    hang, where five seconds of silence are.
+    """
     started = time.monotonic()
     assert run(TALKS) == suite.Result(passed=1)
     assert time.monotonic() - started > 60 * suite.STILL_MINUTES
 
 
-def test_a_step_that_stands_still_is_stopped_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    """A step that prints nothing more is stopped long before it ends, fails, and shows what it had printed."""
+def test_a_step_that_stands_still_is_stopped_and_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A step that prints nothing more is stopped long before
+    it ends, fails, and shows what it had printed.
+    """
     started = time.monotonic()
     result = run(HANGS)
     assert time.monotonic() - started < 60
@@ -40,14 +46,18 @@ def test_a_step_that_stands_still_is_stopped_and_says_so(capsys: pytest.CaptureF
     assert "begun" in capsys.readouterr().out
 
 
-def test_a_test_that_hangs_is_named_by_its_stack(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_test_that_hangs_is_named_by_its_stack(
+    logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The log of a step of pytest that was stopped shows the function in which it stood."""
     monkeypatch.setattr(suite, "STACK_AFTER_S", 0.5)
     monkeypatch.setattr(suite, "STILL_MINUTES", 20 / 60)  # pytest has to begin, on a busy machine
     hanging = logs / "test_hanging.py"
     hanging.write_text("import time\n\n\ndef test_that_hangs():\n    time.sleep(600)\n")
     step = next(step for step in suite.steps("any", "any") if step.name == "scripts")
-    suite.run_step(suite.Step("step", "any", (*step.arguments[:-1], str(hanging))), Path(sys.executable), None)
+    suite.run_step(
+        suite.Step("step", "any", (*step.arguments[:-1], str(hanging))), Path(sys.executable), None
+    )
     assert "in test_that_hangs" in (logs / "step.log").read_text()
 
 
@@ -57,12 +67,18 @@ def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
     assert (logs / "step.log").read_text().split() == ["1", "1"]
 
 
-def test_the_slowest_tests_of_all_steps_are_named(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The tests that took longest are printed with their steps, the slowest first, whatever step they are of."""
+def test_the_slowest_tests_of_all_steps_are_named(
+    logs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The tests that took longest are printed with their
+    steps, the slowest first, whatever step they are of.
+    """
     cases = '<testcase classname="tests.core.test_{0}" name="test_{0}" time="{1}"/>'
     for name, seconds in (("quick", (1, 3)), ("slow", (2, 4))):
         inside = "".join(cases.format(f"{name}_{s}", s) for s in seconds)
-        (logs / f"{name}.xml").write_text(f"<testsuites><testsuite>{inside}</testsuite></testsuites>")
+        (logs / f"{name}.xml").write_text(
+            f"<testsuites><testsuite>{inside}</testsuite></testsuites>"
+        )
     suite.print_slowest(["quick", "slow", "not run"], 90.0)
     heading, *lines = capsys.readouterr().out.splitlines()
     assert heading == "1.5 minutes, the slowest tests:"

@@ -21,7 +21,9 @@ from .growth import (
 
 MISTAKEN = 0.3  # spacings off, from which on a point is pointed out to people
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
-COMPARED, LIKER = 400, 0.005  # places each way; by how much more another way has to be like the photograph
+# places each way; by how much more another way has to be like the photograph
+COMPARED = 400
+LIKER = 0.005
 WAYS = {
     "mirrored": (True, False, 0, 0),
     "upside down and mirrored": (False, True, 0, 0),
@@ -34,13 +36,16 @@ WAYS = {
 
 
 def check(points: Floats, lattice: Lattice) -> None:
-    """Raise ImageError when points (m, 2), px, NaN where not measured, do not go on smoothly from one to the next.
+    """Raise ImageError when points (m, 2), px, NaN where not
+    measured, do not go on smoothly from one to the next.
 
-    Which are swapped or mistaken is found from their neighbours. It takes a third of a spacing, or several times what
-    the other points are off: light that is bent unevenly is no mistake.
+    Which are swapped or mistaken is found from their neighbours. It takes a third of a spacing, or
+    several times what the other points are off: light that is bent unevenly is no mistake.
     """
     at = points[:, 0] + 1j * points[:, 1]
-    sites = {(k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))}
+    sites = {
+        (k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))
+    }
     bases = dict.fromkeys(sites, mean_steps(at, sites))
     good = without_strangers(at, sites, bases, MISTAKEN)
     if not good:
@@ -53,31 +58,43 @@ def check(points: Floats, lattice: Lattice) -> None:
         if len(near) > 3:
             place, there = predicted(site, near, at[[good[s] for s in near]], bases[site])
             if np.abs(at[sites[site]] - place) > most * np.abs(there).min():
-                wanted[site], spacing[site] = place, np.abs(there).min()
+                wanted[site] = place
+                spacing[site] = np.abs(there).min()
     if rough > MISTAKEN or len(wanted) > len(sites) / 3:
         raise ImageError(
-            f"The points do not go on from one to the next as those of a lattice of {lattice.columns} x {lattice.rows}:"
+            f"The points do not go on from one to the next as those of a lattice of"
+            f" {lattice.columns} x {lattice.rows}:"
             " they may be numbered in another way, or those of another lattice."
         )
     if not wanted:
         return
-    told, swapped = [], set()
+    told = []
+    swapped = set()
     for one, other in product(wanted, repeat=2):
         is_swap = one != other and not swapped & {one, other}
         for here, there in ((one, other), (other, one)):
-            is_swap = is_swap and np.abs(at[sites[here]] - wanted[there]) < MISTAKEN * spacing[there]
+            is_swap = (
+                is_swap and np.abs(at[sites[here]] - wanted[there]) < MISTAKEN * spacing[there]
+            )
         if is_swap:
-            told.append(f"points {lattice.name(sites[one])} and {lattice.name(sites[other])} seem swapped")
+            told.append(
+                f"points {lattice.name(sites[one])} and {lattice.name(sites[other])} seem swapped"
+            )
             swapped |= {one, other}
     for site in wanted:
         if site not in swapped:
             far = np.abs(at[sites[site]] - wanted[site])
-            told.append(f"point {lattice.name(sites[site])} stands {far:.0f} pixels from where its neighbours have it")
+            told.append(
+                f"point {lattice.name(sites[site])} stands {far:.0f} pixels from where its"
+                f" neighbours have it"
+            )
     raise ImageError(f"{'; '.join(told).capitalize()}: correct that, or leave them out.")
 
 
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
-    """Outer columns and rows of which points are expected (m, 2) but none was found (m, 2), in words."""
+    """Outer columns and rows of which points are expected (m,
+    2) but none was found (m, 2), in words.
+    """
     shape = lattice.rows, lattice.columns
     is_known, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
     borders = {
@@ -90,24 +107,33 @@ def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[
 
 
 def check_way(points: Floats, expected: Floats) -> None:
-    """Raise ImageError where points (m, 2), px, are mirrored or turned far against what is expected (m, 2) of them."""
+    """Raise ImageError where points (m, 2), px, are mirrored or
+    turned far against what is expected (m, 2) of them.
+    """
     both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
     if both.sum() < FEWEST:
         return
     from_middle = expected[both] - expected[both].mean(axis=0)
     linear = np.linalg.lstsq(from_middle, points[both] - points[both].mean(axis=0), rcond=None)[0].T
-    if np.linalg.det(linear) < 0 or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear))) > MOST_TURNED:
+    if (
+        np.linalg.det(linear) < 0
+        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear))) > MOST_TURNED
+    ):
         raise ImageError(
-            "The points are mirrored or turned against what is expected: count columns from the left and rows from the"
-            " top, and hold the camera as the viewer looks."
+            "The points are mirrored or turned against what is expected: count columns from the"
+            " left and rows from the top, and hold the camera as the viewer looks."
         )
 
 
-def check_picture(points: Floats, lattice: Lattice, photograph: NDArray, picture: NDArray, is_unsure: bool) -> None:
-    """Raise ImageError where a photograph shows the picture better when mirrored, upside down or a column or row aside.
+def check_picture(
+    points: Floats, lattice: Lattice, photograph: NDArray, picture: NDArray, is_unsure: bool
+) -> None:
+    """Raise ImageError where a photograph shows the picture better
+    when mirrored, upside down or a column or row aside.
 
-    Of a lattice whose points all look alike nothing can be told, but for its border: is_unsure, as where an outer
-    column was not found, asks for a picture that is less like the photograph in all other ways.
+    Of a lattice whose points all look alike nothing can be told, but for its border: is_unsure, as
+    where an outer column was not found, asks for a picture that is less like the photograph in all
+    other ways.
 
     Parameters
     ----------
@@ -129,39 +155,55 @@ def check_picture(points: Floats, lattice: Lattice, photograph: NDArray, picture
     seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
     steps = (1 - 2 * lattice.margin) / (np.array([lattice.columns, lattice.rows]) - 1)
     # only around points that were found: elsewhere the display may show nothing
-    column, row = (np.rint((x - lattice.margin) / step).astype(int) for x, step in zip((u, 1 - v), steps, strict=True))
+    column, row = (
+        np.rint((x - lattice.margin) / step).astype(int)
+        for x, step in zip((u, 1 - v), steps, strict=True)
+    )
     is_inside &= (column >= 0) & (column < lattice.columns) & (row >= 0) & (row < lattice.rows)
     is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
     shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
     n = min(seen.shape[1], shown.shape[1])
     worst, way = -np.inf, ""
     for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
-        other_u, other_v = (1 - u if mirror_u else u) + columns * steps[0], (1 - v if mirror_v else v) + rows * steps[1]
+        other_u = (1 - u if mirror_u else u) + columns * steps[0]
+        other_v = (1 - v if mirror_v else v) + rows * steps[1]
         other, is_there = _read(picture, np.stack([other_u, 1 - other_v], axis=1))
         some = is_inside & is_there
-        more = _likeness(seen[some, :n], other[some, :n]) - _likeness(seen[some, :n], shown[some, :n])
+        more = _likeness(seen[some, :n], other[some, :n]) - _likeness(
+            seen[some, :n], shown[some, :n]
+        )
         if more > worst:
             worst, way = more, name
     if worst > (-LIKER if is_unsure else LIKER):
         raise ImageError(
-            f"The photograph seems to show the picture {way}, against how its points were told apart: hold the camera"
+            f"The photograph seems to show the picture {way}, against how its points were told"
+            f" apart: hold the camera"
             " as the viewer looks, show all of the lattice, or say in a CSV which point is which."
         )
 
 
 def _likeness(a: NDArray, b: NDArray) -> float:
-    """Correlation of colours (n, c), the mean of each channel aside; 0 where there is nothing to compare."""
+    """Correlation of colours (n, c), the mean of each
+    channel aside; 0 where there is nothing to compare.
+    """
     if not len(a):
         return 0.0
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    a = a - a.mean(axis=0)
+    b = b - b.mean(axis=0)
     size = np.sqrt((a * a).sum() * (b * b).sum())
     return float((a * b).sum() / size) if size > 0 else 0.0
 
 
 def _read(image: NDArray, place: Floats) -> tuple[NDArray, Bools]:
-    """Encoded colours (n, 3 or 1) at places (n, 2), 0..1 from the upper left, and which are in the image."""
+    """Encoded colours (n, 3 or 1) at places (n, 2), 0..1 from
+    the upper left, and which are in the image.
+    """
     height, width = image.shape[:2]
     x, y = np.floor(place * (width, height)).astype(int).T
     inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-    channels = image.reshape(height, width, -1)[..., : 3 if image.ndim == 3 and image.shape[2] >= 3 else 1]
-    return np.sqrt(np.clip(channels[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0, 1)), inside
+    channels = image.reshape(height, width, -1)[
+        ..., : 3 if image.ndim == 3 and image.shape[2] >= 3 else 1
+    ]
+    return np.sqrt(
+        np.clip(channels[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0, 1)
+    ), inside

@@ -1,7 +1,8 @@
-"""A calibration lattice: drawn, found in a photograph or read from a file, and its points told apart.
+"""A calibration lattice: drawn, found in a photograph or
+read from a file, and its points told apart.
 
-Pixels as the viewer's: x right and y down from the upper left corner, pixel centres at + 0.5. People count columns from
-the left and rows from the top, both from 1.
+Pixels as the viewer's: x right and y down from the upper left corner, pixel centres at +
+0.5. People count columns from the left and rows from the top, both from 1.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,10 @@ from ...arrays import Floats
 from ...errors import ImageError
 
 # as drawn, in spacings
-DOT, MARK, LINE = 0.2, 0.26, 0.04  # radii of dots and of the first two; half the width of lines
+# radii of dots and of the first two; half the width of lines
+DOT = 0.2
+MARK = 0.26
+LINE = 0.04
 LEAST_DRAWN = 1.0  # px, of these
 
 Style = Literal["dots", "grid"]
@@ -22,7 +26,10 @@ Style = Literal["dots", "grid"]
 
 @dataclass(frozen=True)
 class Lattice:
-    """A picture of columns x rows points; the outer ones stand a margin, in widths and heights, inside its borders."""
+    """A picture of columns x rows points.
+
+    The outer ones stand a margin, in widths and heights, inside its borders.
+    """
 
     columns: int
     rows: int
@@ -30,60 +37,90 @@ class Lattice:
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:
-            raise ImageError(f"A lattice of {self.columns} x {self.rows} points is none: take 2 or more each way.")
+            raise ImageError(
+                f"A lattice of {self.columns} x {self.rows} points is none: take 2 or"
+                f" more each way."
+            )
         if not 0 <= self.margin < 0.5:
-            raise ImageError(f"A lattice cannot have a margin of {self.margin:g}: set one from 0 to below 0.5.")
+            raise ImageError(
+                f"A lattice cannot have a margin of {self.margin:g}: set one from 0 to below 0.5."
+            )
 
     def __len__(self) -> int:
         return self.columns * self.rows
 
     @property
     def uv(self) -> Floats:
-        """Where the points stand on the picture (rows * columns, 2), row by row from the upper left; v up."""
-        across, down = (self.margin + (1 - 2 * self.margin) * np.linspace(0, 1, n) for n in (self.columns, self.rows))
+        """Where the points stand on the picture (rows *
+        columns, 2), row by row from the upper left; v up.
+        """
+        across, down = (
+            self.margin + (1 - 2 * self.margin) * np.linspace(0, 1, n)
+            for n in (self.columns, self.rows)
+        )
         u, v = np.meshgrid(across, 1 - down)
         return np.stack([u.ravel(), v.ravel()], axis=1)
 
     def image(self, width: int, height: int, style: Style = "dots") -> NDArray[np.float32]:
-        """The picture (height, width, 3), linear: bright dots, or lines that cross in the points, on black.
+        """The picture (height, width, 3), linear: bright dots,
+        or lines that cross in the points, on black.
 
-        Whoever looks can tell how it is turned and, of three columns or more, whether it is mirrored: the first two
-        dots of the upper row are larger; of lines the first two fields hold a dot, the first a larger one.
+        Whoever looks can tell how it is turned and, of three columns or more, whether it is
+        mirrored: the first two dots of the upper row are larger; of lines the first two fields hold
+        a dot, the first a larger one.
         """
         size = np.array([width, height], float)
         at = np.stack([self.uv[:, 0], 1 - self.uv[:, 1]], axis=1) * size
         pitch = (1 - 2 * self.margin) * size / (self.columns - 1, self.rows - 1)
-        spacing, room = pitch.min(), self.margin * size.min()
+        spacing = pitch.min()
+        room = self.margin * size.min()
         thin = LINE if style == "grid" else DOT
         if spacing * thin < LEAST_DRAWN:
             raise ImageError(
                 f"{self.columns} x {self.rows} points do not fit into {width} x {height} pixels:"
-                f" take fewer points, or {np.ceil(LEAST_DRAWN / thin / spacing * max(width, height)):.0f} pixels."
+                f" take fewer points, or"
+                f" {np.ceil(LEAST_DRAWN / thin / spacing * max(width, height)):.0f} pixels."
             )
         if room < (MARK if style == "dots" else 5 * LINE) * spacing:
             raise ImageError(
-                f"A margin of {self.margin:g} would cut the outer points: set one of half a spacing,"
-                f" {0.5 / min(self.columns, self.rows):.2g}."
+                f"A margin of {self.margin:g} would cut the outer points: set one of half a"
+                f" spacing, {0.5 / min(self.columns, self.rows):.2g}."
             )
         cover = np.zeros((height, width))
         if style == "grid":
-            x, y = np.arange(width) + 0.5, np.arange(height) + 0.5
-            (left, top), (right, bottom) = at[0] - 0.5 * pitch, at[-1] + 0.5 * pitch
+            x = np.arange(width) + 0.5
+            y = np.arange(height) + 0.5
+            (left, top) = at[0] - 0.5 * pitch
+            (right, bottom) = at[-1] + 0.5 * pitch
             long_x, long_y = (np.clip(np.minimum(a - lo, hi - a) + 0.5, 0, 1) for a, lo, hi in
                               ((x, left, right), (y, top, bottom)))  # fmt: skip
             for across in at[: self.columns, 0]:
-                np.maximum(cover, np.clip(LINE * spacing + 0.5 - np.abs(x - across), 0, 1) * long_y[:, None], out=cover)
+                np.maximum(
+                    cover,
+                    np.clip(LINE * spacing + 0.5 - np.abs(x - across), 0, 1) * long_y[:, None],
+                    out=cover,
+                )
             for down in at[:: self.columns, 1]:
-                np.maximum(cover, np.clip(LINE * spacing + 0.5 - np.abs(y - down), 0, 1)[:, None] * long_x, out=cover)
+                np.maximum(
+                    cover,
+                    np.clip(LINE * spacing + 0.5 - np.abs(y - down), 0, 1)[:, None] * long_x,
+                    out=cover,
+                )
             n_marks = min(2, self.columns - 1)
-            at, radii = at[:n_marks] + pitch / 2, spacing * np.array([DOT, DOT / 2])[:n_marks]
+            at = at[:n_marks] + pitch / 2
+            radii = spacing * np.array([DOT, DOT / 2])[:n_marks]
         else:
             radii = spacing * np.r_[MARK, MARK, np.full(len(self) - 2, DOT)]
         for centre, radius in zip(at, radii, strict=True):
-            (x0, y0), (x1, y1) = np.floor(centre - radius - 1).astype(int).clip(0), np.ceil(centre + radius + 1)
+            (x0, y0) = np.floor(centre - radius - 1).astype(int).clip(0)
+            (x1, y1) = np.ceil(centre + radius + 1)
             y, x = np.mgrid[y0 : min(int(y1), height), x0 : min(int(x1), width)] + 0.5
             patch = cover[y0 : y0 + y.shape[0], x0 : x0 + y.shape[1]]
-            np.maximum(patch, np.clip(radius + 0.5 - np.hypot(x - centre[0], y - centre[1]), 0, 1), out=patch)
+            np.maximum(
+                patch,
+                np.clip(radius + 0.5 - np.hypot(x - centre[0], y - centre[1]), 0, 1),
+                out=patch,
+            )
         return np.repeat(cover[..., None], 3, axis=2).astype(np.float32)
 
     def name(self, index: int) -> str:

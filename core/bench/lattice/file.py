@@ -16,9 +16,9 @@ from .match import match
 def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     """Measured points (m, 2), px, of a CSV file; NaN where there are none.
 
-    Its first line names its columns: column, row, x and y, in any order, the first two counted from 1; or x and y
-    alone, in which case `match` tells the points apart. Commas, semicolons or tabs between them; after semicolons a
-    number may have a decimal comma.
+    Its first line names its columns: column, row, x and y, in any order, the first two counted from
+    1; or x and y alone, in which case `match` tells the points apart. Commas, semicolons or tabs
+    between them; after semicolons a number may have a decimal comma.
 
     Parameters
     ----------
@@ -42,21 +42,35 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     delimiter = max(",;\t", key=first.count)
     try:
         rows = csv.reader(text.splitlines(), delimiter=delimiter, strict=True)
-        lines = [(rows.line_num, [cell.strip() for cell in row]) for row in rows if any(c.strip() for c in row)]
+        lines = [
+            (rows.line_num, [cell.strip() for cell in row])
+            for row in rows
+            if any(c.strip() for c in row)
+        ]
     except csv.Error as reason:
-        raise ImageError(f"The file '{path}' is no CSV file, see line {rows.line_num} ({reason}): repair it.") from None
+        raise ImageError(
+            f"The file '{path}' is no CSV file, see line {rows.line_num} ({reason}): repair it."
+        ) from None
     head = [name.lower() for name in lines[0][1]] if lines else []
     wanted = ["x", "y"] if {"column", "row"}.isdisjoint(head) else ["column", "row", "x", "y"]
     if any(head.count(name) != 1 for name in wanted):
-        raise ImageError(f"The file '{path}' does not begin with the names column, row, x, y, or x, y: add that line.")
+        raise ImageError(
+            f"The file '{path}' does not begin with the names column, row, x, y, or"
+            f" x, y: add that line."
+        )
     places = [head.index(name) for name in wanted]
     found = np.full((len(lattice), 2), np.nan)
-    loose, seen_in = [], {}
+    loose = []
+    seen_in = {}
     for number, cells in lines[1:]:
         where = f"Line {number} of '{path}'"
         if len(cells) <= max(places):
-            raise ImageError(f"{where} has {len(cells)} of {len(head)} columns: complete or remove it.")
-        values = [cells[place].replace(",", ".") if delimiter == ";" else cells[place] for place in places]
+            raise ImageError(
+                f"{where} has {len(cells)} of {len(head)} columns: complete or remove it."
+            )
+        values = [
+            cells[place].replace(",", ".") if delimiter == ";" else cells[place] for place in places
+        ]
         if values[-2:] == ["", ""] and len(values) == 4:
             continue  # a table of all points, with blanks for those not measured
         xy = [_number(value, where) for value in values[-2:]]
@@ -66,12 +80,15 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
         column, row = (_number(value, where) for value in values[:2])
         if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
             raise ImageError(
-                f"{where} has a point ({column:g}, {row:g}), but columns run from 1 to {lattice.columns}"
-                f" and rows from 1 to {lattice.rows}: correct it."
+                f"{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
+                f" {lattice.columns} and rows from 1 to {lattice.rows}: correct it."
             )
         index = (int(row) - 1) * lattice.columns + int(column) - 1
         if index in seen_in:
-            raise ImageError(f"{where} has the point {lattice.name(index)} of line {seen_in[index]} again: remove one.")
+            raise ImageError(
+                f"{where} has the point {lattice.name(index)} of line"
+                f" {seen_in[index]} again: remove one."
+            )
         seen_in[index] = number
         found[index] = xy
     if not (loose or seen_in):
@@ -82,8 +99,8 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     missing = missing_borders(found, expected, lattice)
     if missing:
         raise ImageError(
-            f"Of the points in '{path}' {missing[0]} is missing, so that which is which cannot be told: complete them,"
-            " or name them (column, row, x, y)."
+            f"Of the points in '{path}' {missing[0]} is missing, so that which is which cannot be"
+            " told: complete them, or name them (column, row, x, y)."
         )
     return found
 

@@ -12,11 +12,16 @@ NEAR = 0.3  # spacings, from where a point should be by its neighbours
 STRANGE = 0.1  # spacings off: this is never too far
 UNLIKE = np.log(2.2)  # in size, two neighbours
 FAR = 1e9  # px
-BY_CHANCE, FEW_BY_CHANCE = 9, 0.6  # fewer points than these are a lattice only if they are most of those found
+# fewer points than these are a lattice only if they are most of those found
+BY_CHANCE = 9
+FEW_BY_CHANCE = 0.6
 N_AROUND = 24  # nearest neighbours that tell a point's spacings
-N_SEEDS, N_GROWN = 80, 8
+N_SEEDS = 80
+N_GROWN = 8
 SHAPES = 1j * np.concatenate([[0.5, 0.7, 1.0, 1.4, 2.0], np.exp(1j * np.radians([-30.0, 30.0]))])
-MOST_TURNED, LEAST_SCALE, MOST_SCALE = np.radians(50.0), 0.4, 2.5
+MOST_TURNED = np.radians(50.0)
+LEAST_SCALE = 0.4
+MOST_SCALE = 2.5
 FEWEST = 4  # points of a lattice
 ABOVE_ROUGHNESS = 6.0  # times the median distance of points from where their neighbours want them
 Site = tuple[int, int]
@@ -24,14 +29,17 @@ Basis = NDArray[np.complex128]  # (2,) steps to the next column and to the next 
 Seed = tuple[int, Basis]
 
 
-def _seeds(points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None = None) -> list[Seed]:
+def _seeds(
+    points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None = None
+) -> list[Seed]:
     """Points from which a lattice may be grown, and its steps there; the likeliest first.
 
     Parameters
     ----------
     sizes : (k,) of the points: those of neighbours differ little
     shapes : (q,) complex, step to the next row by that to the next column, as they may be
-    steps : (q,) complex px, step to the next column, from which it may be turned and scaled somewhat; None: any
+    steps : (q,) complex px, step to the next column, from which it
+        may be turned and scaled somewhat; None: any
     """
     at = points[:, 0] + 1j * points[:, 1]
     if len(at) < FEWEST:
@@ -43,7 +51,8 @@ def _seeds(points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None
     around = np.take_along_axis(apart, order, axis=1)
     n = min(10, around.shape[1])
     first, second = (k.ravel() for k in np.nonzero(~np.eye(n, dtype=bool)))
-    a, b = around[:, first], around[:, second]
+    a = around[:, first]
+    b = around[:, second]
     is_likely = np.zeros(a.shape, bool)
     for k, shape in enumerate(shapes):
         fits = np.abs(b / a / shape - 1) < 0.4
@@ -53,7 +62,8 @@ def _seeds(points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None
             fits &= np.abs(grown) < MOST_SCALE
         is_likely |= fits & (np.abs(a) < FAR) & (np.abs(b) < FAR)
     row, pair = np.nonzero(is_likely)
-    a, b = a[row, pair], b[row, pair]
+    a = a[row, pair]
+    b = b[row, pair]
     short = np.minimum(np.abs(a), np.abs(b))
     missed = np.zeros(len(a))  # of the eight points around, in NEAR
     for i, j in product((-1, 0, 1), repeat=2):
@@ -61,7 +71,8 @@ def _seeds(points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None
             off = np.abs(around[row] - (i * a + j * b)[:, None]).min(axis=1)
             missed += np.minimum(off / (NEAR * short), 1)
     missed += 0.05 * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])  # of equals the shortest
-    found, has = [], set()
+    found = []
+    has = set()
     for k in np.argsort(missed, kind="stable"):
         if row[k] not in has:
             has.add(row[k])
@@ -70,7 +81,9 @@ def _seeds(points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None
 
 
 def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[Site, int]:
-    """The largest lattice that grows from a seed: indices of points by column and row, counted from anywhere."""
+    """The largest lattice that grows from a seed: indices of
+    points by column and row, counted from anywhere.
+    """
     best: dict[Site, int] = {}
     for seed in _seeds(points, sizes, *shapes_and_steps):
         sites = _grown(points[:, 0] + 1j * points[:, 1], sizes, *seed)
@@ -82,13 +95,19 @@ def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[S
 
 
 def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -> dict[Site, int]:
-    """Points that go on from a seed, each where those before let it be expected: indices by column and row."""
-    sites, bases, used = {(0, 0): seed}, {(0, 0): basis}, {seed}
+    """Points that go on from a seed, each where those before
+    let it be expected: indices by column and row.
+    """
+    sites = {(0, 0): seed}
+    bases = {(0, 0): basis}
+    used = {seed}
     tried: dict[Site, int] = {}
     reach = 1
     while reach <= 2:  # where one is missing the next may be there
         steps = range(-reach, reach + 1)
-        front = {(i + di, j + dj) for i, j in sites for di, dj in product(steps, steps)} - sites.keys()
+        front = {
+            (i + di, j + dj) for i, j in sites for di, dj in product(steps, steps)
+        } - sites.keys()
         found = []
         for site in sorted(front):
             near = neighbours_of(site, sites)
@@ -96,8 +115,12 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
                 continue
             tried[site] = len(near)
             known = [sites[s] for s in near]
-            place, there = predicted(site, near, at[known], np.mean([bases[s] for s in near], axis=0))
-            off = np.where(np.abs(np.log(sizes / np.median(sizes[known]))) < UNLIKE, np.abs(at - place), np.inf)
+            place, there = predicted(
+                site, near, at[known], np.mean([bases[s] for s in near], axis=0)
+            )
+            off = np.where(
+                np.abs(np.log(sizes / np.median(sizes[known]))) < UNLIKE, np.abs(at - place), np.inf
+            )
             nearest = int(off.argmin())
             if off[nearest] < NEAR * np.abs(there).min() and nearest not in used:
                 found.append((off[nearest], site, nearest, there))
@@ -112,9 +135,14 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
 
 
 def without_strangers(
-    at: NDArray[np.complex128], sites: dict[Site, int], bases: dict[Site, Basis], strange: float = STRANGE
+    at: NDArray[np.complex128],
+    sites: dict[Site, int],
+    bases: dict[Site, Basis],
+    strange: float = STRANGE,
 ) -> dict[Site, int]:
-    """Without the points that stand further from where their neighbours want them than the others do, worst first."""
+    """Without the points that stand further from where their
+    neighbours want them than the others do, worst first.
+    """
     sites = dict(sites)
     while off := roughness(at, sites, bases):
         worst = max(off, key=off.get)
@@ -124,8 +152,13 @@ def without_strangers(
     return sites
 
 
-def roughness(at: NDArray[np.complex128], sites: dict[Site, int], bases: dict[Site, Basis]) -> dict[Site, float]:
-    """How far points stand from where their neighbours want them, in spacings; of those that have enough of these."""
+def roughness(
+    at: NDArray[np.complex128], sites: dict[Site, int], bases: dict[Site, Basis]
+) -> dict[Site, float]:
+    """How far points stand from where their neighbours want them, in spacings.
+
+    Of those that have enough of these.
+    """
     off = {}
     for site in sites:
         near = [s for s in neighbours_of(site, sites) if s != site]
@@ -148,7 +181,9 @@ def neighbours_of(site: Site, sites: dict[Site, int]) -> list[Site]:
 
 
 def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[complex, Basis]:
-    """Where a point should be, and its steps there: by a paraboloid through points near it, held by known steps."""
+    """Where a point should be, and its steps there: by a
+    paraboloid through points near it, held by known steps.
+    """
     d = np.array(near, float) - site
     design = np.column_stack([np.ones(len(d)), d, d**2, d[:, 0] * d[:, 1]])
     weight = 1 / (d**2).sum(axis=1)

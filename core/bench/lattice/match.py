@@ -10,20 +10,32 @@ from ...errors import ImageError
 from .drawn import Lattice
 from .growth import FEWEST, largest
 
-TURNS = [np.array(turn) for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])]
+TURNS = [
+    np.array(turn)
+    for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
+]
 SLANTS = [
     np.array(slant)
-    for slant in ([[1, 0], [0, 1]], [[1, 1], [0, 1]], [[1, -1], [0, 1]], [[1, 0], [1, 1]], [[1, 0], [-1, 1]])
+    for slant in (
+        [[1, 0], [0, 1]],
+        [[1, 1], [0, 1]],
+        [[1, -1], [0, 1]],
+        [[1, 0], [1, 1]],
+        [[1, 0], [-1, 1]],
+    )
 ]
-CLEAR_TURN, CLEAR = np.radians(4.0), 1.5  # how much the second best has to be worse: angle more, times the distance
+# how much the second best has to be worse: angle more, times the distance
+CLEAR_TURN = np.radians(4.0)
+CLEAR = 1.5
 
 
 def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
-    """Points told apart by how the lattice goes on from one to the next: (m, 2), NaN where none was found.
+    """Points told apart by how the lattice goes on from one
+    to the next: (m, 2), NaN where none was found.
 
-    They may be shifted by any amount against those expected, turned by up to 45 degrees, scaled by 0.5 to 2 and bent;
-    some may be missing, a few may be none of the lattice's. Where whole rows or columns at the border are missing, the
-    place nearest to the expected one is taken.
+    They may be shifted by any amount against those expected, turned by up to 45 degrees, scaled by
+    0.5 to 2 and bent; some may be missing, a few may be none of the lattice's. Where whole rows or
+    columns at the border are missing, the place nearest to the expected one is taken.
 
     Parameters
     ----------
@@ -38,19 +50,21 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
     if len(sites) < FEWEST:
         raise ImageError(
-            f"The {len(points)} points do not form the lattice of {lattice.columns} x {lattice.rows}:"
-            " choose another photograph, or say in a file which point is which."
+            f"The {len(points)} points do not form the lattice of {lattice.columns} x"
+            f" {lattice.rows}: choose another photograph, or say in a file which point is which."
         )
     index = np.array(list(sites.values()))
-    places, at = _placements(np.array(list(sites)), lattice), points[index]
+    places = _placements(np.array(list(sites)), lattice)
+    at = points[index]
     place = _nearest_placement(places, at, expected, lattice)
     found = np.full((len(lattice), 2), np.nan)
     found[place[place >= 0]] = at[place >= 0]
-    n, extra = int((place >= 0).sum()), len(points) - int((place >= 0).sum())
+    n = int((place >= 0).sum())
+    extra = len(points) - int((place >= 0).sum())
     if extra > max(3, n // 4):
         raise ImageError(
-            f"{extra} of {len(points)} points have no place in the lattice of {lattice.columns} x {lattice.rows}:"
-            " remove what else is bright, or set the lattice that is shown."
+            f"{extra} of {len(points)} points have no place in the lattice of {lattice.columns} x"
+            f" {lattice.rows}: remove what else is bright, or set the lattice that is shown."
         )
     return found
 
@@ -58,11 +72,15 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
 def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArray]:
     """Shapes and steps for `_seeds` at some places of the expected lattice."""
     at = (expected[:, 0] + 1j * expected[:, 1]).reshape(lattice.rows, lattice.columns)
-    right, down = (at[:-1, 1:] - at[:-1, :-1]).ravel(), (at[1:, :-1] - at[:-1, :-1]).ravel()
+    right = (at[:-1, 1:] - at[:-1, :-1]).ravel()
+    down = (at[1:, :-1] - at[:-1, :-1]).ravel()
     is_known = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
     if not is_known.any():
-        raise ImageError("Too little of the lattice is expected to be seen to tell its points apart.")
-    right, down = right[is_known], down[is_known]
+        raise ImageError(
+            "Too little of the lattice is expected to be seen to tell its points apart."
+        )
+    right = right[is_known]
+    down = down[is_known]
     some = np.unique(np.linspace(0, len(right) - 1, 9).astype(int))
     return (down / right)[some], right[some]
 
@@ -70,19 +88,21 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
 def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     """Ways to put sites (n, 2) into the lattice that leave (nearly) the fewest over.
 
-    Each as a number of the turn and slant that it takes, and which point (n,) each is then, -1 for none. Slanted,
-    because a lattice grows as well by steps along its diagonals.
+    Each as a number of the turn and slant that it takes, and which point (n,) each is then, -1
+    for none. Slanted, because a lattice grows as well by steps along its diagonals.
     """
     size = np.array([lattice.columns, lattice.rows])
     ways = []
     for turn, slant in product(TURNS, SLANTS):
         turned = sites @ slant @ turn
         turned -= turned.min(axis=0)
-        # how many sites lie in a window of the lattice's size that begins at - (size - 1), ...: by sums from the corner
+        # how many sites lie in a window of the lattice's size that
+        # begins at - (size - 1), ...: by sums from the corner
         total = np.zeros(turned.max(axis=0) + 2 * size, int)
         np.add.at(total, tuple((turned + size).T), 1)
         total = total.cumsum(axis=0).cumsum(axis=1)
-        (w, h), (m, n) = size, np.array(total.shape) - size
+        (w, h) = size
+        (m, n) = np.array(total.shape) - size
         ways.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
     fewest = max(max(count.max() for _, count in ways) - 1, FEWEST)
     places = []
@@ -94,8 +114,12 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     return places
 
 
-def _nearest_placement(places: list[tuple[int, Ints]], at: Floats, expected: Floats, lattice: Lattice) -> Ints:
-    """The placement turned least against those expected, of these the nearest; ImageError where it is not clear."""
+def _nearest_placement(
+    places: list[tuple[int, Ints]], at: Floats, expected: Floats, lattice: Lattice
+) -> Ints:
+    """The placement turned least against those expected, of
+    these the nearest; ImageError where it is not clear.
+    """
     turned: dict[int, float] = {}
     distance = []
     for number, place in places:
@@ -104,21 +128,25 @@ def _nearest_placement(places: list[tuple[int, Ints]], at: Floats, expected: Flo
         distance.append(np.linalg.norm((at - wanted)[both].mean(axis=0)) if both.any() else np.inf)
         p, e = (xy[both, 0] + 1j * xy[both, 1] for xy in (at, wanted))
         if both.sum() >= 2:
-            p, e = p - p.mean(), e - e.mean()
+            p = p - p.mean()
+            e = e - e.mean()
             grown = np.vdot(e, p) / np.vdot(e, e)
-            off = abs(np.angle(grown)) + 2 * np.linalg.norm(p - grown * e) / np.linalg.norm(grown * e)
+            off = abs(np.angle(grown)) + 2 * np.linalg.norm(p - grown * e) / np.linalg.norm(
+                grown * e
+            )
             turned[number] = min(off, turned.get(number, np.inf))
     if not turned:
         raise ImageError("No point is seen where one is expected, so they cannot be told apart.")
     least, *others = sorted(turned, key=turned.get)
     if others and turned[others[0]] - turned[least] < CLEAR_TURN:
         raise ImageError(
-            "The photograph is turned by about 45 degrees, so left and upper cannot be told apart: turn it."
+            "The photograph is turned by about 45 degrees, so left and upper cannot be told apart:"
+            " turn it."
         )
     order = [k for k in np.argsort(distance) if places[k][0] == least]
     if len(order) > 1 and not distance[order[1]] > CLEAR * distance[order[0]]:
         raise ImageError(
-            f"Too few of the {lattice.columns} columns and {lattice.rows} rows are seen to tell which they are:"
-            " show more of the lattice, or say in a file which point is which."
+            f"Too few of the {lattice.columns} columns and {lattice.rows} rows are seen to tell"
+            " which they are: show more of the lattice, or say in a file which point is which."
         )
     return places[order[0]][1]

@@ -12,7 +12,8 @@ from ...products import solve_symmetric
 from .drawn import Style
 from .growth import SHAPES, is_lattice, largest
 
-# where something may be: bright maxima of the Hessian's determinant, in an image and in its halves, quarters ...
+# where something may be: bright maxima of the Hessian's
+# determinant, in an image and in its halves, quarters ...
 N_LEVELS = 5
 SMALLEST = 24  # px, sides of an image in which anything is looked for
 ROWS_AT_ONCE = 128  # so that a step's arrays stay in the processor's cache
@@ -33,13 +34,15 @@ DRAWN_BY_LIGHT = 0.05  # radii, between the centroids of its light and of its ou
 RADII = np.arange(5.0, 14.0)  # px of a level at which arms are looked for
 ANGLES = 2 * np.pi * np.arange(72) / 72
 BENT = np.radians(40.0)  # an arm against its opposite
-STATIONS = np.concatenate([-np.arange(5.0, 13.0), np.arange(5.0, 13.0)])  # px of a level, along a line
+# px of a level, along a line
+STATIONS = np.concatenate([-np.arange(5.0, 13.0), np.arange(5.0, 13.0)])
 ACROSS = np.arange(-4.5, 4.75, 0.5)  # across it
 WAVY = 0.7  # px of a level: rms by which a line may be off its parabola
 
 
 def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Floats:
-    """Positions (k, 2), px, of bright dots or crossings of bright lines that stand in a lattice; in no order.
+    """Positions (k, 2), px, of bright dots or crossings of
+    bright lines that stand in a lattice; in no order.
 
     Parameters
     ----------
@@ -64,7 +67,8 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
             for name, finder in finders.items():
                 kept, off, radius, contrast = finder(windows)
                 scale = 2.0**level
-                # of dots the finest level at which they are whole is the best, of crossings the one that fits
+                # of dots the finest level at which they are whole is
+                # the best, of crossings the one that fits
                 rank = contrast * 0.8**level if name == "dots" else strength[some][kept]
                 size = scale * radius if name == "dots" else 0 * radius + RADII[0]
                 found[name].append(np.column_stack([scale * (middles[kept] + off), size, rank]))
@@ -77,7 +81,8 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
     if not len(best):
         marks = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
         raise ImageError(
-            f"No lattice of bright {marks} was found in the photograph: take one in focus, in which more of it is seen."
+            f"No lattice of bright {marks} was found in the photograph: take one in focus, in"
+            f" which more of it is seen."
         )
     return best
 
@@ -86,11 +91,16 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
     """One float channel (h, w), finite."""
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < SMALLEST:
-        raise ImageError(f"A photograph of {' x '.join(map(str, image.shape))} pixels is too small to find points in.")
+        raise ImageError(
+            f"A photograph of {' x '.join(map(str, image.shape))} pixels is too small"
+            f" to find points in."
+        )
     top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1
     if image.ndim == 3:  # without alpha
         channels = [image[..., c] for c in range(3 if image.shape[2] >= 3 else 1)]
-        grey = sum((channel.astype(np.float32) for channel in channels[1:]), channels[0].astype(np.float32))
+        grey = sum(
+            (channel.astype(np.float32) for channel in channels[1:]), channels[0].astype(np.float32)
+        )
         top = top * len(channels)
     else:
         grey = image.astype(np.float32)
@@ -111,14 +121,16 @@ def _levels(grey: NDArray[np.float32]) -> list[NDArray[np.float32]]:
 
 
 def _candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
-    """Pixels x, y (k,) where the image bends down in all directions, as at dots and crossings but not along lines.
+    """Pixels x, y (k,) where the image bends down in all
+    directions, as at dots and crossings but not along lines.
 
     And how much: the root of the Hessian's determinant.
     """
     h = len(level)
     halo = 8  # rows: three passes of two, one for derivatives, one for maxima
     padded = np.pad(level, halo, mode="reflect")
-    found, noise = [], []
+    found = []
+    noise = []
     for first in range(0, h, ROWS_AT_ONCE):
         rows = padded[first : min(first + ROWS_AT_ONCE, h) + 2 * halo]
         for _ in range(3):  # each with a variance of one pixel squared
@@ -143,7 +155,9 @@ def _candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
         found.append(np.stack([x, y + first, np.sqrt(middle[y, x])], axis=1))
     x, y, strength = np.concatenate(found).T
     level_noise = np.median(np.abs(np.concatenate(noise))) / 0.67 / 2
-    strong = np.flatnonzero(strength > max(ABOVE_NOISE * level_noise, LEAST_CONTRAST * 0.12 * np.ptp(level)))
+    strong = np.flatnonzero(
+        strength > max(ABOVE_NOISE * level_noise, LEAST_CONTRAST * 0.12 * np.ptp(level))
+    )
     strong = strong[np.argsort(-strength[strong], kind="stable")][:MOST_CANDIDATES]
     return x[strong].astype(int), y[strong].astype(int), strength[strong]
 
@@ -163,7 +177,10 @@ def _windows(padded: NDArray[np.float32], x: Ints, y: Ints) -> NDArray[np.float3
 
 
 def _dots(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
-    """Which windows (k,) hold a dot in their middle; its centroid (n, 2) off the middle, radius (n,), contrast (n,)."""
+    """Which windows (k,) hold a dot in their middle.
+
+    Its centroid (n, 2) off the middle, radius (n,), contrast (n,).
+    """
     which = np.arange(len(windows))
     smooth = np.pad(windows, ((0, 0), (1, 1), (1, 1)), mode="edge")
     smooth = smooth[:, :-2] + 2 * smooth[:, 1:-1] + smooth[:, 2:]
@@ -174,30 +191,43 @@ def _dots(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
     is_whole = ~(region[:, [0, -1]].any(axis=(1, 2)) | region[:, :, [0, -1]].any(axis=(1, 2)))
     area = region.sum(axis=(1, 2))
     keep = is_whole & (area >= LEAST_AREA)
-    which, windows, smooth, region, contrast = (a[keep] for a in (which, windows, smooth, region, contrast))
-    area, ground = area[keep].astype(float), ground[keep]
+    which, windows, smooth, region, contrast = (
+        a[keep] for a in (which, windows, smooth, region, contrast)
+    )
+    area = area[keep].astype(float)
+    ground = ground[keep]
 
     side = np.arange(-AROUND, AROUND + 1.0)
     x, y = (a.ravel() for a in np.meshgrid(side, side))
     region = region.reshape(len(region), len(x))
-    cx, cy = region @ x / area, region @ y / area
-    xx, yy = region @ x**2 / area - cx**2 + 1 / 12, region @ y**2 / area - cy**2 + 1 / 12
+    cx = region @ x / area
+    cy = region @ y / area
+    xx = region @ x**2 / area - cx**2 + 1 / 12
+    yy = region @ y**2 / area - cy**2 + 1 / 12
     xy = region @ (x * y) / area - cx * cy
     det = xx * yy - xy**2
     long = (xx + yy) / 2 + np.sqrt((xx - yy) ** 2 / 4 + xy**2)
-    keep = (area > SOLID * 4 * np.pi * np.sqrt(det)) & (long**2 < LONGEST**2 * det) & (4 * long < LARGEST**2)
+    keep = (
+        (area > SOLID * 4 * np.pi * np.sqrt(det))
+        & (long**2 < LONGEST**2 * det)
+        & (4 * long < LARGEST**2)
+    )
     which, cx, cy, xx, yy, xy, det, area, contrast, ground = (
         a[keep] for a in (which, cx, cy, xx, yy, xy, det, area, contrast, ground)
     )
     windows, smooth = (a[keep].reshape(len(which), len(x)) for a in (windows, smooth))
 
     # from the middle, as a multiple of the ellipse that has the region's moments
-    dx, dy = x - cx[:, None], y - cy[:, None]
+    dx = x - cx[:, None]
+    dy = y - cy[:, None]
     rho = np.sqrt(
-        np.maximum(yy[:, None] * dx**2 - 2 * xy[:, None] * dx * dy + xx[:, None] * dy**2, 0) / det[:, None] / 4
+        np.maximum(yy[:, None] * dx**2 - 2 * xy[:, None] * dx * dy + xx[:, None] * dy**2, 0)
+        / det[:, None]
+        / 4
     )
     radius = np.sqrt(area / np.pi)
-    inner, outer = (1.35 + 1.5 / radius)[:, None], (1.9 + 2.0 / radius)[:, None]
+    inner = (1.35 + 1.5 / radius)[:, None]
+    outer = (1.9 + 2.0 / radius)[:, None]
     ring = (rho > inner) & (rho < outer)
     calm = ring & (smooth < (ground + 0.5 * contrast)[:, None])
     design = np.stack([np.ones_like(x), x / AROUND, y / AROUND], axis=1)
@@ -236,33 +266,49 @@ def _flooded(mask: Bools) -> Bools:
 
 
 def _crossings(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floats]:
-    """Which windows (k,) hold a crossing in their middle; its place (n, 2) off the middle, size (n,), contrast (n,)."""
+    """Which windows (k,) hold a crossing in their middle.
+
+    Its place (n, 2) off the middle, size (n,), contrast (n,).
+    """
     turn = np.exp(1j * ANGLES)
-    arms = np.sort(_sampled(windows, np.broadcast_to(RADII[:, None] * turn, (len(windows), len(RADII), len(turn)))), 1)
+    arms = np.sort(
+        _sampled(
+            windows, np.broadcast_to(RADII[:, None] * turn, (len(windows), len(RADII), len(turn)))
+        ),
+        1,
+    )
     along = arms[:, len(RADII) // 3]  # an arm is bright nearly all the way
-    low, high = np.percentile(along, 30, axis=1), along.max(axis=1)
+    low = np.percentile(along, 30, axis=1)
+    high = along.max(axis=1)
     excess = along - (low + 0.4 * (high - low))[:, None]
     is_arm = excess > 0
     starts = is_arm & ~np.roll(is_arm, 1, axis=1)
     kept = np.flatnonzero((starts.sum(axis=1) == 4) & (is_arm.mean(axis=1) < 0.6))
     contrast = (high - low)[kept]
-    windows, excess, starts = windows[kept], np.maximum(excess[kept], 0), starts[kept]
+    windows = windows[kept]
+    excess = np.maximum(excess[kept], 0)
+    starts = starts[kept]
     number = np.cumsum(starts, axis=1) % 4
     directions = np.stack([(excess * (number == k)) @ turn for k in range(4)], axis=1)
-    ahead, behind = directions[:, :2], -directions[:, 2:]
+    ahead = directions[:, :2]
+    behind = -directions[:, 2:]
     straight = (np.abs(np.angle(ahead * behind.conj())) < BENT).all(axis=1)
-    kept, windows, contrast = kept[straight], windows[straight], contrast[straight]
+    kept = kept[straight]
+    windows = windows[straight]
+    contrast = contrast[straight]
     lines = ahead[straight] / np.abs(ahead[straight]) + behind[straight] / np.abs(behind[straight])
     lines /= np.abs(lines)
 
     design = np.stack([np.ones_like(STATIONS), STATIONS, STATIONS**2], axis=1)
-    parabolas, is_line = np.zeros((len(kept), 2, 3)), np.ones(len(kept), bool)
+    parabolas = np.zeros((len(kept), 2, 3))
+    is_line = np.ones(len(kept), bool)
     for k, line in enumerate(lines.T):
         for _ in range(3):
             ridge = parabolas[:, k] @ design.T
             at = STATIONS[:, None] + 1j * (ridge[:, :, None] + ACROSS)
             values = _sampled(windows, line[:, None, None] * at)
-            dark, bright = values.min(axis=2, keepdims=True), values.max(axis=2, keepdims=True)
+            dark = values.min(axis=2, keepdims=True)
+            bright = values.max(axis=2, keepdims=True)
             weight = np.maximum(values - dark - 0.15 * (bright - dark), 1e-12)
             ridge = ridge + weight @ ACROSS / weight.sum(axis=2)
             parabolas[:, k] = np.linalg.lstsq(design, ridge.T, rcond=None)[0].T
@@ -278,21 +324,33 @@ def _crossings(windows: NDArray[np.float32]) -> tuple[Ints, Floats, Floats, Floa
         gap = place[:, 1] - place[:, 0]
         cross = (tangent[:, 0].conj() * tangent[:, 1]).imag
         cross = np.where(np.abs(cross) < 0.1, 1.0, cross)
-        step = np.stack([(gap.conj() * tangent[:, 1]).imag / cross, (gap.conj() * tangent[:, 0]).imag / cross], axis=1)
+        step = np.stack(
+            [(gap.conj() * tangent[:, 1]).imag / cross, (gap.conj() * tangent[:, 0]).imag / cross],
+            axis=1,
+        )
         t = np.clip(t + step, -5, 5)
     is_line &= np.abs(place[:, 0]) < 3.0
     meeting = place[is_line, 0]
-    return kept[is_line], np.stack([meeting.real, meeting.imag], axis=1), np.ones(len(meeting)), contrast[is_line]
+    return (
+        kept[is_line],
+        np.stack([meeting.real, meeting.imag], axis=1),
+        np.ones(len(meeting)),
+        contrast[is_line],
+    )
 
 
 def _sampled(windows: NDArray[np.float32], at: NDArray[np.complex128]) -> Floats:
     """Windows (k, s, s) at places (k, ..., ) off their middles, x + iy, bilinear."""
     most = 2 * AROUND - 1e-3
-    x, y = np.clip(at.real + AROUND, 0, most), np.clip(at.imag + AROUND, 0, most)
-    column, row = x.astype(int), y.astype(int)
+    x = np.clip(at.real + AROUND, 0, most)
+    y = np.clip(at.imag + AROUND, 0, most)
+    column = x.astype(int)
+    row = y.astype(int)
     x, y = x - column, y - row
     side = 2 * AROUND + 1
-    first = (np.arange(len(windows)) * side**2).reshape(-1, *(1,) * (at.ndim - 1)) + row * side + column
+    first = (
+        (np.arange(len(windows)) * side**2).reshape(-1, *(1,) * (at.ndim - 1)) + row * side + column
+    )
     flat = windows.reshape(-1)
     return (flat[first] * (1 - x) + flat[first + 1] * x) * (1 - y) + (
         flat[first + side] * (1 - x) + flat[first + side + 1] * x
@@ -300,13 +358,17 @@ def _sampled(windows: NDArray[np.float32], at: NDArray[np.complex128]) -> Floats
 
 
 def _distinct(found: Floats) -> Floats:
-    """Points (n, 3) with radius of those found (k, 4), with rank too: of several in one place that of highest rank."""
+    """Points (n, 3) with radius of those found (k, 4), with rank
+    too: of several in one place that of highest rank.
+    """
     found = found[np.argsort(-found[:, 3], kind="stable")][:MOST_CANDIDATES]
-    at, free = found[:, 0] + 1j * found[:, 1], np.ones(len(found), bool)
+    at = found[:, 0] + 1j * found[:, 1]
+    free = np.ones(len(found), bool)
     for k in range(len(found)):
         if free[k]:
             size, rank = found[k, 2:]
             sizes, ranks = found[k + 1 :, 2:].T
-            is_same = (sizes < 1.5 * size) & (size < 1.5 * sizes) | (ranks < 0.25 * rank)  # a dot may stand in a glare
+            # a dot may stand in a glare
+            is_same = (sizes < 1.5 * size) & (size < 1.5 * sizes) | (ranks < 0.25 * rank)
             free[k + 1 :] &= ~is_same | (np.abs(at[k + 1 :] - at[k]) > np.maximum(size, sizes))
     return found[free, :3]

@@ -15,8 +15,8 @@ def register() -> None:
     """Give objects and scenes their Kiriko settings."""
     for cls in classes:
         bpy.utils.register_class(cls)
-    # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has been unregistered;
-    # a property that is added and taken away by hand does not.
+    # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has
+    # been unregistered; a property that is added and taken away by hand does not.
     KirikoObject.image = PointerProperty(
         name="Image",
         description="The picture, which the plane's material shows, too",
@@ -25,7 +25,8 @@ def register() -> None:
     )
     KirikoScene.viewer = PointerProperty(
         name="Viewer",
-        description="Camera from which the picture shall look undistorted; the scene's camera when empty",
+        description="Camera from which the picture shall look undistorted; the scene's camera when"
+        " empty",
         type=bpy.types.Object,
         poll=is_camera,
     )

@@ -13,7 +13,11 @@ LATTICES = (
     ("GRID", "Grid", "Bright lines on black; where they cross is measured"),
 )
 KEPT = (
-    ("OFFSET", "As Offset", "Solve for the fitted rig from now on; the objects stay where they are"),
+    (
+        "OFFSET",
+        "As Offset",
+        "Solve for the fitted rig from now on; the objects stay where they are",
+    ),
     ("SCENE", "In the Scene", "Move the objects, and set their optical properties, as fitted"),
     ("NONE", "Not at All", "Only tell the result"),
 )
@@ -22,27 +26,39 @@ KEPT = (
 class KirikoCalibration(bpy.types.PropertyGroup):
     """Measurements of a real bench, its likely errors, and the result."""
 
-    columns: IntProperty(name="Columns", description="Points of the lattice across", default=7, min=2, max=99)
-    rows: IntProperty(name="Rows", description="Points of the lattice down", default=7, min=2, max=99)
+    columns: IntProperty(
+        name="Columns", description="Points of the lattice across", default=7, min=2, max=99
+    )
+    rows: IntProperty(
+        name="Rows", description="Points of the lattice down", default=7, min=2, max=99
+    )
     margin: FloatProperty(
         name="Margin",
-        description="From the picture's borders to the first and last points, as a share of its width and height",
+        description="From the picture's borders to the first and last points, as a share of its"
+        " width and height",
         default=1 / 14,  # as in the picture of Add Rig
         min=0.0,
         max=0.45,
         subtype="FACTOR",
     )
-    style: EnumProperty(name="Style", description="The look of the lattice's picture", items=LATTICES, default="DOTS")
+    style: EnumProperty(
+        name="Style",
+        description="The look of the lattice's picture",
+        items=LATTICES,
+        default="DOTS",
+    )
     filepath: StringProperty(
         name="Measured",
-        description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y, or only x, y",
+        description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y,"
+        " or only x, y",
         default="",
         subtype="FILE_PATH",
         options=RELATIVE_PATH,
     )
     size: IntVectorProperty(
         name="Pixels",
-        description="Width and height of the photograph that a CSV's positions are of; 0: the viewer's own pixels",
+        description="Width and height of the photograph that a CSV's positions are of; 0: the"
+        " viewer's own pixels",
         size=2,
         default=(0, 0),
         min=0,
@@ -81,7 +97,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     index: FloatProperty(
         name="Index",
-        description="By how much a glass's index of refraction is likely to be another; 0: it is known",
+        description="By how much a glass's index of refraction is likely to be another; 0: it is"
+        " known",
         default=TOLERANCES["index"],
         min=0.0,
         max=0.5,
@@ -90,7 +107,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     focal: FloatProperty(
         name="Focal Length",
-        description="By how many per cent the camera's focal length is likely to be another; 0: it is known",
+        description="By how many per cent the camera's focal length is likely to be another; 0: it"
+        " is known",
         default=TOLERANCES["focal"],
         min=0.0,
         max=20.0,
@@ -110,7 +128,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     mirror: FloatProperty(
         name="Mirror Height",
-        description="By how many millimetres a plate's mirrors are likely to be higher or lower; 0: they are not",
+        description="By how many millimetres a plate's mirrors are likely to be higher or lower;"
+        " 0: they are not",
         default=TOLERANCES["mirror"],
         min=0.0,
         max=10.0,
@@ -118,8 +137,15 @@ class KirikoCalibration(bpy.types.PropertyGroup):
         step=1,
         unit="CAMERA",
     )
-    keep: EnumProperty(name="Keep", description="The use that is made of the fitted rig", items=KEPT, default="OFFSET")
+    keep: EnumProperty(
+        name="Keep",
+        description="The use that is made of the fitted rig",
+        items=KEPT,
+        default="OFFSET",
+    )
     found: StringProperty(name="Found", description="The last calibration's result, as JSON")
     offset: StringProperty(
-        name="Offset", description="Amounts by which the rig is off, by name, one set for each calibration, as JSON"
+        name="Offset",
+        description="Amounts by which the rig is off, by name, one set for each"
+        " calibration, as JSON",
     )

@@ -16,31 +16,67 @@ from ..plane import show
 
 ROLES = (
     ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
-    ("GLASS", "Glass", "Bends the light; closed surfaces, an inner one is a cavity", "MATSPHERE", 1),
-    ("PLATE", "Plate", "Flat imaging plate: sends light to the mirror image of where it came from", "MESH_GRID", 2),
+    (
+        "GLASS",
+        "Glass",
+        "Bends the light; closed surfaces, an inner one is a cavity",
+        "MATSPHERE",
+        1,
+    ),
+    (
+        "PLATE",
+        "Plate",
+        "Flat imaging plate: sends light to the mirror image of where it came from",
+        "MESH_GRID",
+        2,
+    ),
     ("MIRROR", "Mirror", "Reflects light on both sides", "MOD_MIRROR", 3),
-    ("DISPLAY", "Display", "Shows the source image on its front, laid out by its UV map", "RESTRICT_VIEW_OFF", 4),
+    (
+        "DISPLAY",
+        "Display",
+        "Shows the source image on its front, laid out by its UV map",
+        "RESTRICT_VIEW_OFF",
+        4,
+    ),
     ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
     ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
 )
 PLATE_MODELS = (
-    ("IDEAL", "Ideal", "A law without mirrors: every ray goes to the mirror image of where it came from"),
-    ("CROSSED", "Two Layers (MMAP)", "Two layers of mirrors, crossed at right angles, as in ASKA3D plates"),
-    ("HOLES", "Square Holes (DCRA)", "Holes with mirrors in both directions on their walls, in one layer"),
-    ("RADIAL", "Radial Holes (DCRA)", "Such holes, turned with the azimuth about the plate's origin"),
+    (
+        "IDEAL",
+        "Ideal",
+        "A law without mirrors: every ray goes to the mirror image of where it came from",
+    ),
+    (
+        "CROSSED",
+        "Two Layers (MMAP)",
+        "Two layers of mirrors, crossed at right angles, as in ASKA3D plates",
+    ),
+    (
+        "HOLES",
+        "Square Holes (DCRA)",
+        "Holes with mirrors in both directions on their walls, in one layer",
+    ),
+    (
+        "RADIAL",
+        "Radial Holes (DCRA)",
+        "Such holes, turned with the azimuth about the plate's origin",
+    ),
 )
 SURFACES = (
     (
         "AUTOMATIC",
         "Automatic",
-        "Smooth where the mesh is regular enough to tell the curved surface, as drawn elsewhere, face by face",
+        "Smooth where the mesh is regular enough to tell the curved surface, as drawn elsewhere,"
+        " face by face",
         "NONE",
         2,
     ),
     (
         "SMOOTH",
         "Smooth",
-        "The curved surface that smooth shading stands for; flat faces and sharp edges stay as drawn",
+        "The curved surface that smooth shading stands for; flat faces and sharp edges stay as"
+        " drawn",
         "NONE",
         0,
     ),
@@ -55,7 +91,9 @@ SURFACES = (
 
 
 def show_image(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """The plane shows the image that is chosen as the picture, too. The plane's size is left to whoever chooses."""
+    """The plane shows the image that is chosen as the picture, too.
+    The plane's size is left to whoever chooses.
+    """
     ours.is_image_shown = False
     if ours.image is not None and ours.role == "PICTURE":
         ours.is_image_shown = show(ours.id_data, ours.image)
@@ -83,7 +121,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     height: FloatProperty(
         name="Height",
-        description="Of the mirrors of one layer, in pitches: it sets the angle at which the plate is brightest",
+        description="Of the mirrors of one layer, in pitches: it sets the angle at which the plate"
+        " is brightest",
         default=2.5,
         min=0.01,
         soft_max=10.0,
@@ -111,7 +150,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     crossing_error: FloatProperty(
         name="Crossing Error",
-        description="By how much the second layer is turned further than 90 degrees; the image turns by twice as much",
+        description="By how much the second layer is turned further than 90 degrees; the image"
+        " turns by twice as much",
         default=0.0,
         min=-MOST_CROSSING_ERROR,
         max=MOST_CROSSING_ERROR,
@@ -126,7 +166,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     phase: FloatVectorProperty(
         name="Phase",
-        description="By how many pitches the mirrors of each direction stand beside the object's origin",
+        description="By how many pitches the mirrors of each direction stand beside the object's"
+        " origin",
         size=2,
         default=(0.0, 0.0),
         soft_min=0.0,
@@ -150,7 +191,8 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     ior: FloatProperty(
         name="IOR",
-        description="Index of refraction: the higher, the more the glass bends the picture (acrylic 1.49, N-BK7 1.517)",
+        description="Index of refraction: the higher, the more the glass bends the picture"
+        " (acrylic 1.49, N-BK7 1.517)",
         default=1.49,
         min=0.1,
         soft_min=1.0,
@@ -161,7 +203,8 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     priority: IntProperty(
         name="Priority",
-        description="Where two glass objects overlap, the higher number is the glass that is there; among equals the "
+        description="Where two glass objects overlap, the higher number is the glass that is"
+        " there; among equals the "
         "smaller object",
         default=0,
         min=-1000,
@@ -172,19 +215,22 @@ class KirikoObject(bpy.types.PropertyGroup):
     plate: PointerProperty(name="Plate", description="The plate's make", type=KirikoPlate)
     surface: EnumProperty(
         name="Surface",
-        description="The surface that smooth shading stands for; facets bend the picture where a curve was meant",
+        description="The surface that smooth shading stands for; facets bend the picture where a"
+        " curve was meant",
         items=SURFACES,
         default="AUTOMATIC",
     )
     use_resolution: BoolProperty(
         name="Own Resolution",
-        description="The viewer has these pixels, which are square, and not those of the scene's render, whose shape"
+        description="The viewer has these pixels, which are square, and not those of the scene's"
+        " render, whose shape"
         " the camera's frame in the viewport keeps",
         default=False,
     )
     resolution: IntVectorProperty(
         name="Resolution",
-        description="Width and height in pixels: of the display, and so of the source image, or of the viewer's image",
+        description="Width and height in pixels: of the display, and so of the source image, or of"
+        " the viewer's image",
         size=2,
         default=(1024, 1024),
         min=1,
@@ -193,6 +239,7 @@ class KirikoObject(bpy.types.PropertyGroup):
     # image: see `register`
     is_image_shown: BoolProperty(
         name="Image Is Shown",
-        description="The plane's own material shows the image that was chosen, and tells the picture from then on",
+        description="The plane's own material shows the image that was chosen, and tells the"
+        " picture from then on",
         options={"HIDDEN"},
     )

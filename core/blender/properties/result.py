@@ -9,20 +9,29 @@ class KirikoResult(bpy.types.PropertyGroup):
 
     source: PointerProperty(
         name="Source Image",
-        description="The image that the display has to show so that the viewer sees the picture undistorted",
+        description="The image that the display has to show so that the viewer sees the picture"
+        " undistorted",
         type=bpy.types.Image,
     )
     is_coarse: BoolProperty(
-        name="Coarse", description="The source image is a first, coarse one, whose final one is still to come"
+        name="Coarse",
+        description="The source image is a first, coarse one, whose final one is still to come",
     )
     solved_for: StringProperty(
-        name="Solved For", description="Fingerprint of the scene that was solved, as JSON; empty: not known"
+        name="Solved For",
+        description="Fingerprint of the scene that was solved, as JSON; empty: not known",
     )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
-    seen: PointerProperty(name="Seen Image", description="The viewer's image, as last simulated", type=bpy.types.Image)
-    seen_summary: StringProperty(name="Seen", description="The last simulation of this result, in one sentence")
+    seen: PointerProperty(
+        name="Seen Image", description="The viewer's image, as last simulated", type=bpy.types.Image
+    )
+    seen_summary: StringProperty(
+        name="Seen", description="The last simulation of this result, in one sentence"
+    )
     preview: PointerProperty(
-        name="Preview", description="The viewer's image, as last rendered by Cycles", type=bpy.types.Image
+        name="Preview",
+        description="The viewer's image, as last rendered by Cycles",
+        type=bpy.types.Image,
     )
     coverage: FloatProperty(
         name="Coverage",
@@ -34,8 +43,10 @@ class KirikoResult(bpy.types.PropertyGroup):
     )
     details: StringProperty(name="Details", description="Numbers of the last result as JSON")
     ladder: StringProperty(
-        name="Ladder", description="Tolerances and the seconds they took, as the last report measured, as JSON"
+        name="Ladder",
+        description="Tolerances and the seconds they took, as the last report measured, as JSON",
     )
     notes: StringProperty(
-        name="Notes", description="Settings of the scene that were read and not followed, one remark a line"
+        name="Notes",
+        description="Settings of the scene that were read and not followed, one remark a line",
     )

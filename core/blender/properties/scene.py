@@ -1,7 +1,14 @@
 """How a scene's rig is solved and exported."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..paths import RELATIVE_PATH
 from .calibration import KirikoCalibration
@@ -9,10 +16,19 @@ from .result import KirikoResult
 
 PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
-    ("IMAGE", "Image", "An image in the viewer's own pixels, such as a render of another scene from the same camera"),
+    (
+        "IMAGE",
+        "Image",
+        "An image in the viewer's own pixels, such as a render of another scene"
+        " from the same camera",
+    ),
 )
 GHOSTS = (
-    ("MEAN", "Mean", "The mean of the colours that these places ask for: each shows a ghost of the others"),
+    (
+        "MEAN",
+        "Mean",
+        "The mean of the colours that these places ask for: each shows a ghost of the others",
+    ),
     (
         "STRONGEST",
         "Strongest Path",
@@ -62,7 +78,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     max_events: IntProperty(
         name="Max Events",
-        description="Surfaces a ray may meet before it counts as lost: more follow longer paths of total reflection",
+        description="Surfaces a ray may meet before it counts as lost: more follow longer paths of"
+        " total reflection",
         default=32,
         min=1,
         max=10000,
@@ -70,7 +87,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     effort: IntProperty(
         name="Effort",
-        description="Most rays for a viewer pixel where light is chaotic, a square number: four times as many halve the"
+        description="Most rays for a viewer pixel where light is chaotic, a square number: four"
+        " times as many halve the"
         " noise there, and take up to four times as long",
         default=16,
         min=1,
@@ -79,12 +97,14 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     only_through_glass: BoolProperty(
         name="Only Through Glass",
-        description="Only rays that went through glass carry the picture: those beside it would draw ghost lines",
+        description="Only rays that went through glass carry the picture: those beside it would"
+        " draw ghost lines",
         default=True,
     )
     suppress_glare: FloatProperty(
         name="Suppress Glare",
-        description="How much it counts that light beside the glass shall be dark: at 1 as much as the picture does."
+        description="How much it counts that light beside the glass shall be dark: at 1 as much as"
+        " the picture does."
         " Pixels of the display that are seen both ways get darker",
         default=0.0,
         min=0.0,
@@ -99,12 +119,14 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     brightness: BoolProperty(
         name="Brightness",
-        description="Weigh light by the part that surfaces let through, so that dim parts of the picture are brighter",
+        description="Weigh light by the part that surfaces let through, so that dim parts of the"
+        " picture are brighter",
         default=False,
     )
     margin: IntProperty(
         name="Margin",
-        description="Pixels by which the source image is grown past the part of the display that the viewer can see",
+        description="Pixels by which the source image is grown past the part of the display that"
+        " the viewer can see",
         default=0,
         min=0,
         max=1024,
@@ -120,7 +142,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     export_format: EnumProperty(
         name="Format",
-        description="File format of the source image: displays show 8 bit, more keeps gradients smooth",
+        description="File format of the source image: displays show 8 bit, more keeps gradients"
+        " smooth",
         items=EXPORT_FORMATS,
         default="PNG8",
     )
@@ -137,4 +160,6 @@ class KirikoScene(bpy.types.PropertyGroup):
         options=RELATIVE_PATH,
     )
     result: PointerProperty(name="Result", description="The last solve's result", type=KirikoResult)
-    calibration: PointerProperty(name="Calibration", description="Measurements of a real bench", type=KirikoCalibration)
+    calibration: PointerProperty(
+        name="Calibration", description="Measurements of a real bench", type=KirikoCalibration
+    )
