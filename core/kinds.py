@@ -2,12 +2,7 @@
 
 from enum import IntEnum
 
+from .rig import MET_ROLES
 
-class Kind(IntEnum):
-    """The effect of a surface on a ray."""
-
-    GLASS = 0
-    PLATE = 1
-    MIRROR = 2
-    BLOCKER = 3
-    DISPLAY = 4
+# the effect of a surface on a ray, as the table of roles numbers it
+Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])

@@ -141,7 +141,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     d = unit(aims.targets - start)
     certain = aims.must_be_met(d)[::every]
     d = d[::every]
-    is_straight = plan.rig.glasses[0].ior(0) == STRAIGHT
+    is_straight = plan.rig.glasses[0].ior.at(0) == STRAIGHT
     found = Leaks(0, 0, 0, 0, 0)
     for first in range(0, len(d), CHUNK):
         some = slice(first, first + CHUNK)

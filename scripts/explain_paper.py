@@ -378,7 +378,7 @@ class Experiment:
         wanted = ideal_image(self.rig.picture, _coarse(self.rig, pixels).viewer)
         found = []
         for photograph in setup.photographs:
-            is_bare = all(glass.ior(WAVELENGTH) == 1 for glass in photograph.made_for.glasses)
+            is_bare = all(glass.ior.at(WAVELENGTH) == 1 for glass in photograph.made_for.glasses)
             source = solve(
                 _coarse(photograph.made_for, pixels), only_through_glass=not is_bare
             ).source

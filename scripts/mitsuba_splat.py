@@ -229,7 +229,7 @@ class MitsubaSplat:
             )
         self.rig = rig
         mesh = rig.glasses[0].mesh
-        self.ior = float(rig.glasses[0].ior(WAVELENGTH))
+        self.ior = float(rig.glasses[0].ior.at(WAVELENGTH))
         self.glass = SphereGlass(mesh) if is_sphere else MeshGlass(mesh)
         self.plate = Rectangle(rig.plates[0].mesh)
         self.display = Rectangle(rig.display.mesh)

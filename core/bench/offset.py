@@ -197,7 +197,7 @@ def _changed(kind: str, number: int, change: Callable) -> Callable[[Rig, float],
 
 
 def _other_index(glass, amount: float):
-    return replace(glass, ior=ConstantIndex(glass.ior(WAVELENGTH) + amount))
+    return replace(glass, ior=ConstantIndex(glass.ior.at(WAVELENGTH) + amount))
 
 
 def _crossed_wrong(plate: Plate, degrees: float) -> Plate:

@@ -130,10 +130,10 @@ def _change(reading: Reading, undo: _Undo) -> None:
     length, where they are not as the scene has them.
     """
     for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
-        if a.ior(WAVELENGTH) != b.ior(WAVELENGTH):
+        if a.ior.at(WAVELENGTH) != b.ior.at(WAVELENGTH):
             ours = _object(b.name).kiriko
             undo.set(ours, "use_ior", True)
-            undo.set(ours, "ior", b.ior(WAVELENGTH))
+            undo.set(ours, "ior", b.ior.at(WAVELENGTH))
     for a, b in zip(reading.drawn.plates, reading.rig.plates, strict=True):
         if a.array != b.array:
             ours = _object(b.name).kiriko.plate
@@ -188,7 +188,7 @@ def _held(name: str) -> RigError:
 def _is_made_like(a: Any, b: Any) -> bool:
     """Have two parts the same index, or mirrors, to single precision?"""
     if hasattr(a, "ior"):
-        return abs(a.ior(WAVELENGTH) - b.ior(WAVELENGTH)) < SINGLE
+        return abs(a.ior.at(WAVELENGTH) - b.ior.at(WAVELENGTH)) < SINGLE
     if getattr(a, "array", None) is not None:
         return abs(a.array.crossing_error - b.array.crossing_error) < SINGLE and (
             abs(a.array.height - b.array.height) < SINGLE * a.array.pitch

@@ -111,12 +111,12 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
             reasons[f"{who} touch or overlap, which Cycles cannot follow"] = None
         around = max((j for j in near if solids.holds(j, i)), key=solids.rank, default=None)
         if around is None:
-            ratios[k].add(glasses[k].ior(WAVELENGTH))
+            ratios[k].add(glasses[k].ior.at(WAVELENGTH))
         elif solids.rank(around) > solids.rank(i):
             ratios[k].add(None)
         else:
             ratios[k].add(
-                glasses[k].ior(WAVELENGTH) / glasses[solids.owners[around]].ior(WAVELENGTH)
+                glasses[k].ior.at(WAVELENGTH) / glasses[solids.owners[around]].ior.at(WAVELENGTH)
             )
     found = []
     for k, glass in enumerate(glasses):

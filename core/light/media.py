@@ -86,5 +86,5 @@ def make_media(
         bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)
         row[by_priority] = len(indices)
         member[by_priority] = number
-        indices += [1.0, *(float(glass_of[i].ior(wavelength)) for i in by_priority)]
+        indices += [1.0, *(float(glass_of[i].ior.at(wavelength)) for i in by_priority)]
     return Media(member, bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))

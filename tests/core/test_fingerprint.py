@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from kiriko.core.fingerprint import fingerprint
-from kiriko.core.rig import ConstantIndex, Glass, Mesh
+from kiriko.core.rig import ConstantIndex, Glass, Index, Mesh
 
 
 @dataclass(frozen=True)
-class Cauchy:
+class Cauchy(Index):
     """An index that depends on the wavelength."""
 
     a: float
     b: float
 
-    def __call__(self, wavelength: float) -> float:
+    def at(self, wavelength: float) -> float:
         return self.a + self.b / wavelength**2
 
 

@@ -651,8 +651,12 @@ def with_triangles(a_rig, corner):
             lambda r: with_triangles(r, -1),
             "The glass 'glass' has faces with corners that it has no vertices for",
         ),
+        (
+            lambda r: replace(r, glasses=(replace(r.glasses[0], ior=lambda wavelength: 1.49),)),
+            "The glass 'glass' has an index of refraction that is no data: give it one such as",
+        ),
     ],
-    ids=["viewer", "display", "corner too many", "corner below 0"],
+    ids=["viewer", "display", "corner too many", "corner below 0", "index is a function"],
 )
 def test_numbers_that_count_nothing_are_refused(change, sentence):
     """In one sentence, before anything is traced."""

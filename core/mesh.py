@@ -1,0 +1,105 @@
+"""Triangles of a part, as plain data."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from .arrays import Bools, Floats, Ints
+from .errors import MeshError
+
+SurfaceChoice = Literal["automatic", "smooth", "facets"]
+
+FLAT = 1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles in world coordinates.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64, m
+    triangles : (t, 3) int, indices into vertices, counterclockwise
+        seen from the front (outside of a solid)
+    corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
+    is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
+    uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
+    surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as
+        drawn, on which only the normal is interpolated ("facets"), or whichever the mesh shows to
+        be nearer to the one meant, face by face ("automatic")
+    has_mean_normals : corner normals are means over the faces around, as Blender makes them where
+        the artist gave none; they only say where the surface is smooth, and its own normals are
+        found from the vertices
+    rounding : m, by which vertices may be off because they were rounded
+    """
+
+    vertices: Floats
+    triangles: Ints
+    corner_normals: Floats | None = None
+    is_smooth: Bools | None = None
+    uv: Floats | None = None
+    surface: SurfaceChoice = "smooth"
+    has_mean_normals: bool = False
+    rounding: float = 0.0
+
+    def flat(self) -> "Mesh":
+        """The same triangles, each flat whatever its shading."""
+        return replace(self, corner_normals=None, is_smooth=None)
+
+    @property
+    def corners(self) -> Floats:
+        """Corner positions (t, 3, 3), m."""
+        return self.vertices[self.triangles]
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner of the axis-aligned box (2, 3), m."""
+        used = self._used_vertices()
+        return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    def _used_vertices(self) -> Floats:
+        """Vertices (n, 3) at which a triangle has a corner, m."""
+        is_used = np.zeros(len(self.vertices), bool)
+        is_used[self.triangles] = True
+        return self.vertices[is_used]
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Do all corners lie in one plane, but for rounding?"""
+        points = self._used_vertices()
+        points = points - points.mean(axis=0)
+
+        # without the threads of BLAS (core/products.py); the first
+        # axis is the one along which they spread least
+        _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
+        thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
+
+        return bool(thick <= FLAT * wide + 4 * self.rounding)
+
+    def check(self, owner: str) -> None:
+        """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
+        if len(self.triangles) == 0:
+            raise MeshError(
+                f"{owner} has no faces with an area: give it some, or set its role to None."
+            )
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
+            raise MeshError(
+                f"{owner} has faces with corners that it has no vertices for: number them from 0."
+            )
+        if not np.isfinite(self.vertices).all():
+            raise MeshError(
+                f"{owner} has vertices that are not finite numbers: repair or remove them."
+            )
+
+    def check_uv(self, owner: str) -> None:
+        """Raise MeshError when there is no UV map that an image can be put on."""
+        if self.uv is None:
+            raise MeshError(f"{owner} has no UV map: unwrap it, so that pixels have a place.")
+        if not np.isfinite(self.uv).all():
+            raise MeshError(
+                f"{owner} has a UV map with numbers that are not finite: unwrap it again."
+            )
+        if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
+            raise MeshError(f"{owner} has a UV map without area: unwrap it again.")

@@ -1,0 +1,81 @@
+"""The mirrors that a plate is made of."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .errors import RigError
+
+MOST_CROSSING_ERROR = np.radians(10.0)
+
+
+@dataclass(frozen=True)
+class MirrorArray:
+    """A plate of upright micro mirrors in glass, of which those
+    in two directions at right angles make a corner.
+
+    Parameters
+    ----------
+    layout : how the two directions are made: two crossed layers of slits, one above the other
+        (MMAP); square holes, both directions in one layer (DCRA); or such holes, turned with the
+        azimuth about the plate's centre
+    pitch : m, from mirror to mirror
+    height : m, of the mirrors, that of one layer
+    ior : index of refraction of the glass between the mirrors
+    reflectance : of a mirror, above 0, up to 1
+    crossing_error : rad, by which the second layer is turned further than 90 degrees from the first
+    has_fresnel : the plate's two faces reflect as glass does
+    phase : in pitches, by which the mirrors of the two directions stand beside the plate's centre
+    """
+
+    layout: Literal["crossed", "holes", "radial"] = "crossed"
+    pitch: float = 0.5e-3
+    height: float = 1.25e-3
+    ior: float = 1.52
+    reflectance: float = 0.87
+    crossing_error: float = 0.0
+    has_fresnel: bool = True
+    phase: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def n_layers(self) -> int:
+        return 2 if self.layout == "crossed" else 1
+
+    @property
+    def thickness(self) -> float:
+        """From face to face, m."""
+        return self.n_layers * self.height
+
+    def check(self, owner: str) -> None:
+        """Raise RigError when no such plate can be made."""
+        for name, value in (("pitch", self.pitch), ("mirror height", self.height)):
+            if not (np.isfinite(value) and value > 0):
+                raise RigError(f"{owner} has a {name} of {1e3 * value:g} mm: set one above 0.")
+        if not 0 < self.reflectance <= 1:
+            raise RigError(
+                f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set"
+                f" one above 0, up to 1."
+            )
+        if not (np.isfinite(self.ior) and self.ior >= 1):
+            raise RigError(
+                f"{owner} has an index of refraction of {self.ior:g}: set one of 1 or more."
+            )
+        if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:
+            raise RigError(
+                f"{owner} has layers crossed {np.degrees(self.crossing_error):g} degrees wrong:"
+                f" set at most {np.degrees(MOST_CROSSING_ERROR):g}."
+            )
+        if self.crossing_error and self.layout != "crossed":
+            raise RigError(
+                f"{owner} has one layer only, which cannot be crossed wrong: set the"
+                f" crossing error to 0."
+            )
+        if not np.isfinite(self.phase).all():
+            raise RigError(f"{owner} has a phase that is no number: set one in pitches.")
+
+
+# the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi
+# 10.1016/j.cag.2021.02.007), and one of finer pitch
+PRESETS = {"ASKA3D-488": MirrorArray(), "ASKA3D-200": MirrorArray(pitch=0.3e-3, height=0.75e-3)}
+PRESET_SIDES = {"ASKA3D-488": 0.488, "ASKA3D-200": 0.2}  # m

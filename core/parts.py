@@ -1,0 +1,124 @@
+"""The parts of a rig that have a mesh, each with the reasons why it cannot be one."""
+
+from dataclasses import dataclass, field, is_dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import Floats
+from .errors import MeshError, RigError
+from .index import WAVELENGTH, ConstantIndex, Index
+from .mesh import Mesh
+from .mirror_array import MirrorArray
+from .roles import Part
+
+
+@dataclass(frozen=True, eq=False)
+class Glass(Part):
+    """A glass object as drawn: one or more closed shells. Shells inside shells are cavities (air).
+
+    `priority` decides where solids overlap: higher wins; among equals the smaller solid does.
+    """
+
+    name: str
+    mesh: Mesh
+    ior: Index = field(default_factory=lambda: ConstantIndex(1.49))
+    priority: int = 0
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError when its index of refraction is no data, or no number above 0."""
+        if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
+            raise RigError(
+                f"{owner} has an index of refraction that is no data: give it one such as"
+                " ConstantIndex(1.49)."
+            )
+        n = self.ior.at(WAVELENGTH)
+        if not (np.isfinite(n) and n > 0):
+            raise RigError(
+                f"{owner} has an index of refraction that is no number above 0: set one."
+            )
+
+    def check_shape(self, owner: str) -> None:
+        """Raise MeshError when it encloses nothing."""
+        if self.mesh.is_flat:
+            raise MeshError(
+                f"{owner} is no closed body, but flat: give it a thickness,"
+                " as by a Solidify modifier, or set its role to None."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Plate(Part):
+    """A flat plane-symmetric imaging element; its triangles give plane and outline.
+
+    array : the mirrors it is made of; None for the ideal plate
+    side : (3,) world, along one of its sides, to which mirrors stand
+        at 45 degrees; None: its first face's first edge
+    centre : (3,) m, world, from which the mirrors are counted; None: the middle of its extent
+    """
+
+    name: str
+    mesh: Mesh
+    array: MirrorArray | None = None
+    side: Floats | None = None
+    centre: Floats | None = None
+
+    def check_shape(self, owner: str) -> None:
+        """Raise RigError when it has mirrors that cannot be made."""
+        if self.array is not None:
+            self.array.check(owner)
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror(Part):
+    """A surface that reflects on both sides."""
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Blocker(Part):
+    """A surface that stops light."""
+
+    name: str
+    mesh: Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Display(Part):
+    """A surface with a UV map that shows the source image on its front; (width, height)
+    in pixels.
+    """
+
+    name: str
+    mesh: Mesh
+    width: int
+    height: int
+
+    def check_shape(self, owner: str) -> None:
+        """Raise MeshError or RigError when no image can be put on it."""
+        self.mesh.check_uv(owner)
+        if min(self.width, self.height) < 1:
+            raise RigError(f"{owner} has no pixels: set its resolution.")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture(Part):
+    """The image that the viewer should see.
+
+    Parameters
+    ----------
+    image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
+    mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
+    """
+
+    name: str
+    image: NDArray[np.float32]
+    mesh: Mesh | None = None
+
+    def check_shape(self, owner: str) -> None:
+        """Raise MeshError when its plane has no place for an image."""
+        if self.mesh is not None:
+            self.mesh.check(owner)
+            self.mesh.check_uv(owner)

@@ -1,0 +1,103 @@
+"""The eye or camera that the source image is made for."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .arrays import Floats
+from .errors import RigError
+from .roles import Part
+
+PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
+
+
+@dataclass(frozen=True, eq=False)
+class Viewer(Part):
+    """A pinhole or orthographic camera.
+
+    Viewer pixels (x, y) run right and down from the top left
+    corner of the image; pixel centres at + 0.5.
+
+    Parameters
+    ----------
+    position : (3,) float64, m
+    axes : (3, 3) float64, rows right, up, forward; orthonormal, world
+    window : left, right, bottom, top of the image on the plane at unit distance along forward
+        (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
+    width, height : pixels
+    """
+
+    name: str
+    projection: Literal["perspective", "orthographic"]
+    position: Floats
+    axes: Floats
+    window: tuple[float, float, float, float]
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
+            raise RigError(
+                f"The axes of the viewer '{self.name}' are not orthonormal: remove"
+                f" shear from the camera."
+            )
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError when it stands nowhere or sees nothing."""
+        left, right, bottom, top = self.window
+        if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
+            raise RigError(
+                f"{owner} has a place, lens or shift that is no finite number:"
+                " look for a driver or a keyframe."
+            )
+        if min(self.width, self.height) < 1:
+            raise RigError(f"{owner} has no pixels: set its resolution.")
+        if not (right != left and top != bottom):
+            raise RigError(f"{owner} sees nothing: its lens or orthographic scale has no size.")
+
+    def plane_from_pixels(self, xy: ArrayLike) -> Floats:
+        """Window coordinates (n, 2) of viewer pixels (n, 2)."""
+        left, right, bottom, top = self.window
+        xy = np.asarray(xy, float)
+        return np.stack(
+            [
+                left + (right - left) * (xy[:, 0] / self.width),
+                top + (bottom - top) * (xy[:, 1] / self.height),
+            ],
+            axis=1,
+        )
+
+    def rays(self, xy: ArrayLike) -> tuple[Floats, Floats]:
+        """Origins and unit directions (n, 3) of the rays through viewer pixels xy (n, 2)."""
+        # column by column: numpy is slow where rows are three numbers long
+        u, v = self.plane_from_pixels(xy).T
+        right, up, forward = self.axes
+        across = [u * right[k] + v * up[k] for k in range(3)]
+        if self.projection == "orthographic":
+            origins = np.stack(across, axis=1) + self.position
+            return origins, np.broadcast_to(forward, origins.shape).copy()
+
+        along = [forward[k] + across[k] for k in range(3)]
+        length = np.sqrt(sum(a * a for a in along))
+        directions = np.stack([a / length for a in along], axis=1)
+        return np.broadcast_to(self.position, directions.shape).copy(), directions
+
+    def project(self, points: ArrayLike) -> Floats:
+        """Viewer pixels (n, 2) at which points (n, 3) are seen
+        straight; NaN behind a perspective viewer.
+        """
+        across = (np.asarray(points, float) - self.position) @ self.axes.T
+        plane = across[:, :2]
+        if self.projection == "perspective":
+            depth = np.where(across[:, 2:] > 0, across[:, 2:], np.nan)
+            plane = plane / depth
+        left, right, bottom, top = self.window
+        return np.stack(
+            [
+                (plane[:, 0] - left) / (right - left) * self.width,
+                (plane[:, 1] - top) / (bottom - top) * self.height,
+            ],
+            axis=1,
+        )
