@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..light.kept import Kept
+from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
@@ -90,7 +91,7 @@ class Bench:
                 at = at + step * np.minimum(1.0, FARTHEST / length)
             if not np.nanmax(np.abs(missing), initial=0.0) > CONVERGED:
                 break
-        y, _ = self._land(plan, at)
+        y, _ = self._land(plan, at, self._branch)
         with np.errstate(invalid="ignore"):
             at[~(np.abs(y - wanted) <= 1e3 * CONVERGED).all(axis=1)] = np.nan
         return at
@@ -128,14 +129,21 @@ class Bench:
         y = self._on_branch(plan, (at + steps[:, None]).reshape(-1, 2)).reshape(5, -1, 2)
         return y[0], np.stack([y[1] - y[2], y[3] - y[4]], axis=2) / STEP
 
-    def _land(self, plan: Plan, at: Floats) -> tuple[Floats, np.ndarray]:
+    def _land(
+        self, plan: Plan, at: Floats, expected: Words | None = None
+    ) -> tuple[Floats, np.ndarray]:
         """Display px (n, 2), also beside a flat display, and
         branch (n,) of viewer px (n, 2); NaN for none.
+
+        Where light goes several ways the one on the expected branch (n,) counts.
         """
         is_there = np.isfinite(at).all(axis=1)
         xy = np.full(at.shape, np.nan)
         branch = np.zeros(len(at), np.uint64)
-        landings = trace_all(plan, *plan.rig.viewer.rays(at[is_there]))
+
+        found = trace_all(plan, *plan.rig.viewer.rays(at[is_there]))
+        wanted = None if expected is None else expected[is_there]
+        landings = main_landings(found, int(is_there.sum()), wanted)
         xy[is_there] = landings.xy
         branch[is_there] = landings.branch
         return xy, branch
@@ -144,8 +152,9 @@ class Bench:
         """Landings (k m, 2) of viewer px; NaN where light takes
         another way than as planned to the same point.
         """
-        xy, branch = self._land(plan, at)
-        xy[branch != np.tile(self._branch, len(at) // len(self.view))] = np.nan
+        planned = np.tile(self._branch, len(at) // len(self.view))
+        xy, branch = self._land(plan, at, planned)
+        xy[branch != planned] = np.nan
         return xy
 
 

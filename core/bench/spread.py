@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..light.landings import REASON_WORDS, Reason
+from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import tracing
 from ..rig import Picture
@@ -143,7 +143,8 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     has_leaked = np.zeros(len(uv), bool)
     for first in range(0, len(uv), CHUNK):
         some = slice(first, first + CHUNK)
-        landings = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
+        found = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
+        landings = main_landings(found, len(origins[some]))
         across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
         reason[some] = landings.reason
         has_leaked[some] = landings.leak >= 0

@@ -12,6 +12,7 @@ from ..arrays import Floats
 from ..errors import RigError
 from ..glass.meshes import areas_of
 from ..glass.quartics import grid
+from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.trace import trace_all
 from ..vectors import dot
@@ -79,7 +80,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         origins = np.repeat(positions, len(points), axis=0)
         directions = np.tile(points, (len(positions), 1)) - origins
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        landings = trace_all(plan, origins, directions)
+        landings = main_landings(trace_all(plan, origins, directions), len(origins))
         share = landings.has_arrived.reshape(len(positions), -1) @ area
         light = dot(
             np.where(landings.has_arrived, landings.throughput, 0.0).reshape(len(positions), -1),

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
+from .plate import PlatePath
 
 Words = NDArray[np.uint64]
 
@@ -35,7 +36,7 @@ REASON_WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Landings:
-    """Where and how the rays end.
+    """Where and how the rays end, in any order: a ray may have one landing, several, or none.
 
     sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there
     is no landing; xy (n, 2) display pixels, x right and y down from the top left corner, NaN
@@ -95,3 +96,47 @@ def join(parts: list[Landings]) -> Landings:
             for name in Landings.__dataclass_fields__
         )
     )
+
+
+def main_landings(landings: Landings, n_rays: int, expected: Words | None = None) -> Landings:
+    """One landing for each of n rays, in their order: the main one where a ray has several.
+
+    A landing that has a place comes before one that has none, one on the display before one beside
+    it, then the one with the largest throughput, then the one whose branch has the smallest number.
+    The choice does not depend on the order in which landings are listed. A ray that has none
+    missed the display: its throughput is 0, its end unknown.
+
+    expected : (n,) branches, where they are known: a landing on its ray's comes before all others
+    """
+    if len(landings.sample) == n_rays and (landings.sample == np.arange(n_rays)).all():
+        return landings
+
+    is_other = np.zeros(len(landings.sample), bool)
+    if expected is not None:
+        is_other = landings.branch != expected[landings.sample]
+    # the last counts most
+    order = np.lexsort((
+        landings.branch,
+        -landings.throughput,
+        ~landings.has_arrived,
+        landings.branch == 0,
+        is_other,
+        landings.sample,
+    ))  # fmt: skip
+    with_one, first = np.unique(landings.sample[order], return_index=True)
+
+    unknown = Landings(
+        sample=np.arange(n_rays),
+        reason=np.full(n_rays, Reason.MISSED_DISPLAY, landings.reason.dtype),
+        branch=np.zeros(n_rays, np.uint64),
+        xy=np.full((n_rays, 2), np.nan),
+        positions=np.full((n_rays, 3), np.nan),
+        directions=np.full((n_rays, 3), np.nan),
+        throughput=np.zeros(n_rays),
+        n_events=np.zeros(n_rays, np.int64),
+        plate_path=np.full(n_rays, PlatePath.NONE, landings.plate_path.dtype),
+        leak=np.full(n_rays, -1, np.int64),
+    )
+    for name in Landings.__dataclass_fields__:
+        getattr(unknown, name)[with_one] = getattr(landings, name)[order[first]]
+    return unknown

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
-from ..light.landings import Words
+from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
 
@@ -106,6 +106,8 @@ def trace_points(
     """Trace viewer points (n, 2), on their courses; yields
     the number of rays after each chunk of them.
 
+    A map has one landing at a point: the main one where light goes several ways.
+
     paths : take up where the rays went
     """
     n = len(view)
@@ -116,14 +118,15 @@ def trace_points(
         some = slice(first, first + CHUNK)
         origins, directions = plan.rig.viewer.rays(view[some])
         steps = None if paths is None else []
-        landings = yield from tracing(
+        found = yield from tracing(
             plan, origins, directions, None if course is None else course[some], steps
         )
+        landings = main_landings(found, len(origins))
         if paths is not None:
             paths.add(origins, steps)
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
-        yield len(landings.xy)
+        yield len(origins)
     return points
 
 

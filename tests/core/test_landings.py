@@ -1,0 +1,228 @@
+"""A ray may have one landing, several or none, in any order: all that follows joins them by ray."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from reference_rigs import ball_rig, cube_rig, icosphere, rig
+from work import drain
+
+from kiriko.core.bench import misalignment, spread, visible_range
+from kiriko.core.bench.misalignment import Bench
+from kiriko.core.light.landings import Landings, Reason, join, main_landings
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all, tracing
+from kiriko.core.map import points
+from kiriko.core.map.points import trace_points
+from kiriko.core.map.sampling import sample
+from kiriko.core.settings import Settings
+
+NAMES = [f.name for f in fields(Landings)]
+
+
+def some_of(landings, which):
+    return Landings(*(getattr(landings, name)[which] for name in NAMES))
+
+
+def ghosts_of(landings):
+    """Weaker landings of the same rays, elsewhere, by another way."""
+    return replace(
+        landings,
+        branch=np.where(landings.branch != 0, landings.branch ^ np.uint64(0xABCDEF), 0),
+        xy=landings.xy + 7.0,
+        throughput=0.5 * landings.throughput,
+    )
+
+
+def lost(landings, is_lost):
+    """The same landings, where some rays have none."""
+    found = Landings(*(getattr(landings, name).copy() for name in NAMES))
+    found.reason[is_lost] = Reason.MISSED_DISPLAY
+    found.branch[is_lost] = 0
+    found.throughput[is_lost] = found.n_events[is_lost] = found.plate_path[is_lost] = 0
+    found.leak[is_lost] = -1
+    for name in ("xy", "positions", "directions"):
+        getattr(found, name)[is_lost] = np.nan
+    return found
+
+
+def shuffled(landings, seed=1):
+    return some_of(landings, np.random.default_rng(seed).permutation(len(landings.sample)))
+
+
+def strange(landings):
+    """Nothing of rays that go to the left on the display, ghosts of every second
+    other one, all of them shuffled.
+    """
+    is_lost = is_left(landings)
+    every_second = some_of(ghosts_of(landings), (landings.sample % 2 == 0) & ~is_lost)
+    return shuffled(join([some_of(landings, ~is_lost), every_second]))
+
+
+def is_left(landings):
+    return np.nan_to_num(landings.xy[:, 0], nan=np.inf) < 100.0
+
+
+def plain(landings):
+    """What `strange` comes to, one landing a ray."""
+    return lost(landings, is_left(landings))
+
+
+def traced_as(change):
+    """A tracer whose landings are changed."""
+
+    def changed(*some, **settings):
+        return change((yield from tracing(*some, **settings)))
+
+    return changed
+
+
+def same(one, other):
+    return all(
+        np.array_equal(getattr(one, f.name), getattr(other, f.name), equal_nan=True)
+        if isinstance(getattr(one, f.name), np.ndarray)
+        else getattr(one, f.name) == getattr(other, f.name)
+        for f in fields(one)
+    )
+
+
+def landings_of(a_rig, n=500, seed=0, **settings):
+    viewer = a_rig.viewer
+    at = np.random.default_rng(seed).random((n, 2)) * (viewer.width, viewer.height)
+    return trace_all(make_plan(a_rig, Settings(**settings)), *viewer.rays(at))
+
+
+def test_one_landing_a_ray_in_order_is_left_as_it_is():
+    """Landings of the tracer that has one for each ray are handed on, not copied."""
+    landings = landings_of(ball_rig(2))
+    assert main_landings(landings, 500) is landings
+
+
+def test_the_main_landing_does_not_hang_on_the_order():
+    """Permuted, doubled and missing landings give the strongest one a ray, in the rays' order."""
+    landings = landings_of(ball_rig(2))
+    assert 40 < is_left(landings).sum() < landings.has_arrived.sum()
+    assert same(main_landings(shuffled(landings), 500), landings)
+    assert same(main_landings(join([ghosts_of(landings), landings, landings]), 500), landings)
+    for seed in range(3):
+        assert same(main_landings(shuffled(strange(landings), seed), 500), plain(landings))
+
+
+def test_no_landing_at_all_is_a_miss():
+    """Rays without landings missed the display, each of them."""
+    landings = main_landings(some_of(landings_of(ball_rig(2)), slice(0)), 3)
+    assert (landings.sample == [0, 1, 2]).all()
+    assert (landings.reason == Reason.MISSED_DISPLAY).all()
+    assert np.isnan(landings.xy).all()
+    assert not landings.branch.any()
+
+
+@pytest.mark.parametrize(
+    ("name", "better", "worse"),
+    [
+        ("branch", 5, 0),
+        ("reason", Reason.ARRIVED, Reason.MISSED_DISPLAY),
+        ("throughput", 0.6, 0.5),
+        ("branch", 5, 6),
+    ],
+)
+def test_the_rule_says_which_is_the_main_one(name, better, worse):
+    """A landing with a place, on the display, with more throughput, of the smaller number."""
+    landings = some_of(landings_of(ball_rig(2)), np.arange(2))
+    landings.sample[:] = 0
+    landings.branch[:] = 5
+    landings.reason[:] = Reason.ARRIVED
+    landings.throughput[:] = 0.5
+    getattr(landings, name)[:] = better, worse
+    # whatever counts less speaks for the other one
+    if name != "throughput" and better != worse and 0 in (better, worse):
+        landings.throughput[:] = 0.1, 0.9
+    for both in (landings, some_of(landings, [1, 0])):
+        assert getattr(main_landings(both, 1), name) == [better]
+
+
+def test_an_expected_branch_comes_first():
+    """A landing on the branch that is asked for is taken, weaker though it is."""
+    landings = some_of(landings_of(ball_rig(2)), np.full(2, 7))
+    landings.sample[:] = 0
+    landings.branch[:] = 8, 9
+    landings.throughput[:] = 0.9, 0.1
+    assert main_landings(landings, 1).branch == [8]
+    assert main_landings(landings, 1, np.array([9], np.uint64)).branch == [9]
+    assert main_landings(landings, 1, np.array([7], np.uint64)).branch == [8]
+
+
+def test_points_have_the_landing_of_their_own_ray(monkeypatch):
+    """Points in several chunks, whose landings are strange, are as with one landing each."""
+    monkeypatch.setattr(points, "CHUNK", 128)
+    a_rig = ball_rig(2)
+    plan = make_plan(a_rig, Settings())
+    view = np.random.default_rng(0).random((500, 2)) * a_rig.viewer.width
+    found = []
+    for change in (strange, plain):
+        monkeypatch.setattr(points, "tracing", traced_as(change))
+        work = trace_points(plan, view)
+        n_rays = 0
+        while True:
+            try:
+                n_rays += next(work)
+            except StopIteration as end:
+                found.append(end.value)
+                break
+        assert n_rays == 500
+    assert np.isnan(found[0].xy[:, 0]).any()
+    assert same(*found)
+
+
+@pytest.mark.parametrize(
+    ("a_rig", "is_chaotic"),
+    [
+        (cube_rig(pixels=64), False),
+        (ball_rig(3, pixels=64), False),
+        (rig(icosphere(0.025, 3, smooth=False), pixels=64, display=0.2), True),
+    ],
+    ids=["cube", "ball", "chaotic"],
+)
+def test_the_map_of_strange_landings_is_that_of_one_each(a_rig, is_chaotic, monkeypatch):
+    """Cells, cut pixels, samples and their error are the same bit for bit, however many
+    landings a ray has.
+    """
+    plan = make_plan(a_rig, Settings())
+    found = []
+    for change in (strange, plain):
+        monkeypatch.setattr(points, "tracing", traced_as(change))
+        found.append(drain(sample(plan)))
+    one, other = found
+    assert same(one.points, other.points)
+    assert len(one.triangles)
+    assert bool(len(one.samples)) == is_chaotic
+    assert same(replace(one, points=None), replace(other, points=None))
+
+
+def test_the_bench_joins_landings_by_ray(monkeypatch):
+    """Dots seen on a bench that is off, the light of its picture and its visible range are
+    the same bit for bit.
+    """
+    a_rig = ball_rig(2)
+    plan = make_plan(a_rig, Settings())
+    view = np.random.default_rng(0).random((40, 2)) * a_rig.viewer.width
+    found = []
+    monkeypatch.setattr(visible_range, "STEPS", 4)
+    monkeypatch.setattr(visible_range, "FINE", 0.2)
+    for change in (strange, plain):
+        for module in (misalignment, visible_range):
+            monkeypatch.setattr(
+                module, "trace_all", lambda *some, change=change: change(trace_all(*some))
+            )
+        monkeypatch.setattr(spread, "tracing", traced_as(change))
+        bench = Bench(a_rig, Settings(), view)
+        off = np.full(len(bench.parameters), 1e-3)
+        found.append([
+            bench.seen(off),
+            bench.sensitivity()[0],
+            drain(visible_range.visible_range(plan)).share,
+            drain(spread.spread_of(plan, np.eye(4))).across,
+        ])  # fmt: skip
+    for one, other in zip(*found, strict=True):
+        assert np.isfinite(one).any()
+        assert np.array_equal(one, other, equal_nan=True)
