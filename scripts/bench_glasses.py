@@ -160,8 +160,8 @@ def print_light(arguments: argparse.Namespace) -> None:
         a_rig = rig_of(name, replace(made(name), surface="automatic"))
         seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
         solution = finish(Session().solve(a_rig, replace(settings, ghosts="strongest")))
-        paths = Paths(solution.shares.display_size)
-        for shares in solution.shares:
+        paths = Paths(solution.first.shares.display_size)
+        for shares in solution.first.shares:
             paths.add(shares)
         weight, contested = paths.weights()
         share = 100 * float((weight * contested).sum() / weight.sum())
@@ -174,7 +174,7 @@ def print_light(arguments: argparse.Namespace) -> None:
                 (("mean", 1), 7),
             )
         )
-        glare = solution.glare
+        glare = solution.first.glare
         print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
 
 
@@ -243,8 +243,8 @@ def print_table(arguments: argparse.Namespace) -> None:
             seconds = perf_counter() - started
             of_processor = process_time() - of_processor
             taken = memory.taken
-            error = solution.map_error
-            estimate = sum(estimated(a_rig, settings, solution.view_map).values())
+            error = solution.first.map_error
+            estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
             off = max(estimate / taken, taken / estimate) if taken else float("nan")
             beyond = 100 * (error.facet_limited + error.unresolved)
             told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}"

@@ -81,9 +81,9 @@ def measure(name: str, runs: int) -> dict[str, object]:
         "repaint": statistics.median(again),
         "parts": {part: statistics.median(p[part] for p in parts) for part in parts[0]},
         "rays": solution.n_rays,
-        "shares": len(solution.shares),
+        "shares": len(solution.first.shares),
         "peak": peak(),
-        "told": before + sum(estimated(a_rig, settings, solution.view_map).values()) / 1e6,
+        "told": before + sum(estimated(a_rig, settings, solution.first.view_map).values()) / 1e6,
     }
 
 

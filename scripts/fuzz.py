@@ -300,7 +300,7 @@ def check_solution(
     solution = finish(Session().solve(reading.rig, settings))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
-    need(are_shares(solution.view_coverage), "view coverage beyond 0..1")
+    need(are_shares(solution.first.view_coverage), "view coverage beyond 0..1")
     need(
         np.isfinite(solution.weight).all() and (solution.weight >= 0).all(),
         "weights that cannot be",

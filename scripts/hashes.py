@@ -63,7 +63,7 @@ def hashes(a_rig: Rig) -> list[str]:
     places = np.random.default_rng(0).uniform(0, [viewer.width, viewer.height], (N_RAYS, 2))
     landings = trace_all(make_plan(a_rig, settings), *viewer.rays(places))
     solution = finish(Session().solve(a_rig, settings))
-    things = landings, solution.view_map.points, solution.weight, solution.source
+    things = landings, solution.first.view_map.points, solution.weight, solution.source
     return [fingerprint(thing)[:DIGITS] for thing in things]
 
 

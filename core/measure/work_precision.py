@@ -206,7 +206,7 @@ def measure(
             _unmeasured(finest.tolerance, reference.solution, reference),
             image=reference.own_errors(),
         ),
-        tessellation_error=reference.solution.tessellation_error,
+        tessellation_error=reference.solution.first.tessellation_error,
         quantisation=quantisation(source[reference.is_shown]),
         tolerance=own,
         read_seconds=read_seconds,
@@ -258,7 +258,7 @@ def _adaptive(
 
 def _unmeasured(tolerance: float, solution: Solution, reference: Reference) -> Rung:
     """A rung of the ladder of tolerances without its times."""
-    told = solution.map_error
+    told = solution.first.map_error
     return Rung(
         "adaptive",
         tolerance,
@@ -266,7 +266,7 @@ def _unmeasured(tolerance: float, solution: Solution, reference: Reference) -> R
         estimate=told.percentile,
         facet_limited=told.facet_limited,
         unresolved=told.unresolved,
-        map=reference.map_errors(solution.view_map),
+        map=reference.map_errors(solution.first.view_map),
     )
 
 

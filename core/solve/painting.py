@@ -1,8 +1,8 @@
 """A source image from the shares of a map, for a picture in its place."""
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import partial, reduce
 from time import perf_counter
 
 import numpy as np
@@ -16,11 +16,11 @@ from ..image.source_image import Painting, Strokes, find_strokes
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import Piece, ViewMap
-from ..rig import Rig
+from ..rig import Picture, Viewer
 from ..settings import Settings
-from ..steps import Pauses, at
+from ..steps import Pauses, at, within
+from .channel import shares_of
 from .reach import times_slower
-from .solution import shares_of
 
 # seconds, about, that painting takes for each display pixel,
 # cell and share, where `reach.times_slower` is 1
@@ -30,7 +30,7 @@ MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
 @dataclass(eq=False)
 class Placed:
-    """The part of a solve that depends on the picture's place and size, but not on its colours.
+    """The part of a channel that depends on the picture's place and size, but not on its colours.
 
     seconds_to_paint : about, with all that comes with it
     cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
@@ -38,7 +38,7 @@ class Placed:
     strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
     """
 
-    key: str
+    viewer: Viewer
     shares: ShareBatches
     seconds_to_paint: float
     cells: Floats
@@ -80,13 +80,23 @@ class Clock:
 
 
 def paint(
-    rig: Rig, placed: Placed, pyramid: Pyramid, clock: Clock
+    picture: Picture, channels: Sequence[Placed], pyramid: Pyramid, clock: Clock
 ) -> Generator[float, None, Painting]:
-    """Add all shares to a painting, and to the sums over them where these are new.
+    """Paint the shares of all channels, and add them to the sums over them where these are new.
 
     Yields progress 0..1.
     """
-    painting = Painting(placed.shares.display_size)
+    painting = Painting(channels[0].shares.display_size)
+    for k, placed in enumerate(channels):
+        steps = _add(painting, picture, placed, pyramid, clock)
+        yield from within(steps, k / len(channels), (k + 1) / len(channels))
+    return painting
+
+
+def _add(
+    painting: Painting, picture: Picture, placed: Placed, pyramid: Pyramid, clock: Clock
+) -> Generator[float, None, None]:
+    """Add the shares of a channel to a painting; yields progress 0..1."""
     is_new = placed.covered is None
     n_painted, told = 0, 0.0
     clock.lap("painting")
@@ -102,7 +112,7 @@ def paint(
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
 
-        strokes = placed.strokes[n] if is_known else find_strokes(rig.picture, rig.viewer, shown)
+        strokes = placed.strokes[n] if is_known else find_strokes(picture, placed.viewer, shown)
         # another solve may have let some go meanwhile
         if n == len(placed.strokes) and n_painted < MOST_PLACED:
             placed.strokes.append(strokes)
@@ -120,27 +130,33 @@ def paint(
         yield told
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
-    return painting
 
 
-def place(key: str, view_map: ViewMap, rig: Rig, settings: Settings) -> Placed:
-    """The shares of a map as a picture's place has them, none of which are made yet."""
-    shares = _shares_to_paint(view_map, rig, settings)
+def place(view_map: ViewMap, picture: Picture, viewer: Viewer, settings: Settings) -> Placed:
+    """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
+    shares = _shares_to_paint(view_map, picture, viewer, settings)
     width, height = shares.display_size
     cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
     seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
     part = n_shares / max(n_shares[-1], 1)
-    return Placed(
-        key, shares, seconds, cells, part, Coverage(shares.display_size, shares.view_size)
-    )
+    coverage = Coverage(shares.display_size, shares.view_size)
+    return Placed(viewer, shares, seconds, cells, part, coverage)
 
 
 def finished(
-    painting: Painting, coverage: Coverage, beside: Floats | None, settings: Settings
+    painting: Painting,
+    channels: Sequence[Placed],
+    beside: Sequence[Floats | None],
+    settings: Settings,
 ) -> NDArray[np.float32]:
-    """The source image of a painting to which all shares were added."""
-    held_back = None if beside is None else settings.suppress_glare * beside
-    return painting.finished(coverage.weight, settings.margin, held_back)
+    """The source image of a painting to which all shares of all channels were added.
+
+    beside : for each channel the weight (H, W) of light beside the glass, where it counts
+    """
+    weight = reduce(np.add, [placed.coverage.weight for placed in channels])
+    counted = [of_channel for of_channel in beside if of_channel is not None]
+    held_back = settings.suppress_glare * reduce(np.add, counted) if counted else None
+    return painting.finished(weight, settings.margin, held_back)
 
 
 def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
@@ -151,11 +167,13 @@ def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
     return paths.strongest()
 
 
-def _shares_to_paint(view_map: ViewMap, rig: Rig, settings: Settings) -> ShareBatches:
+def _shares_to_paint(
+    view_map: ViewMap, picture: Picture, viewer: Viewer, settings: Settings
+) -> ShareBatches:
     """The shares of a map's cells, which are cut along the picture's outline."""
 
     def pieces() -> Iterator[Piece]:
-        return cut_along_outline(view_map.pieces(), rig.picture, rig.viewer)
+        return cut_along_outline(view_map.pieces(), picture, viewer)
 
     return shares_of(view_map, settings.brightness, pieces, has_path=settings.ghosts == "strongest")
 

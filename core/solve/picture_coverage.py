@@ -8,7 +8,7 @@ from ..errors import RigError
 from ..image.picture import cover_in_view, why_unseen
 from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
-from ..rig import Rig
+from ..rig import Picture, Viewer
 
 UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = "finer than a viewer pixel"
@@ -19,9 +19,9 @@ PIXELS_AT_ONCE = 1 << 18
 
 
 def of_the_picture(
-    rig: Rig, view_map: ViewMap, view_coverage: Floats
+    picture: Picture, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
 ) -> tuple[float, dict[str, float]]:
-    """Share of the picture, as the viewer sees it, that is covered,
+    """Share of the picture, as a viewer sees it, that is covered,
     and shares of it by reason of the misses: 1 in all.
 
     The part missing in a pixel is put down to the reasons of the rays at its corners and within.
@@ -32,7 +32,7 @@ def of_the_picture(
     unseen = 0.0
     lost = np.zeros(len(Reason))
     within = _reasons_within(view_map)
-    cover_of_view = cover_in_view(rig.picture, rig.viewer)
+    cover_of_view = cover_in_view(picture, viewer)
     shown = float(cover_of_view.sum())
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
@@ -54,8 +54,8 @@ def of_the_picture(
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
     if shown < UNSEEN:
         raise RigError(
-            f"The viewer '{rig.viewer.name}' does not see the picture '{rig.picture.name}',"
-            f" {why_unseen(rig.picture, rig.viewer)}."
+            f"The viewer '{viewer.name}' does not see the picture '{picture.name}',"
+            f" {why_unseen(picture, viewer)}."
         )
     misses = {
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0

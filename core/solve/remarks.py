@@ -1,6 +1,6 @@
 """Remarks on a solution: each names the cause that was measured, and a remedy for it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..light.plan import Plan
 from ..map.view_map import MapError
 from ..rig import Mesh, Rig
 from ..words import millimetres, number, percent
-from .accuracy import Accuracy
+from .channel import Channel
 from .tessellation import COARSE, Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
@@ -53,36 +53,33 @@ class Remark:
         )
 
 
-def remarks_on(
-    rig: Rig,
-    plan: Plan,
-    accuracy: Accuracy,
-    error: MapError,
-    misses: dict[str, float],
-    source: NDArray[np.float32],
-    glare: Glare | None = None,
-) -> tuple[Remark, ...]:
-    """Remarks on a solution.
+def remarks_on(channels: Sequence[Channel], source: NDArray[np.float32]) -> tuple[Remark, ...]:
+    """Remarks on the channels of a solution, each sentence once.
 
-    Parameters
-    ----------
-    rig : the one that was solved; the plan may be of an equal one with other names
-    misses : share of the picture by reason why it has no landing
     source : (H, W, 3) linear
-    glare : the light that comes beside the glass; None where that carries the picture
     """
-    return (
-        *_on_gaps(rig, plan, accuracy.leaks),
-        *_on_normals(rig, plan),
-        *_on_doubted(rig, plan),
-        *_on_cut_off(plan, misses, accuracy.caught),
-        *_on_chaos(rig, plan, error),
-        *_beyond_tolerance(rig, accuracy.tessellation, error),
-        *_on_the_mesh(rig, plan, accuracy.tessellation),
-        *_on_rounding(plan, accuracy.rounding),
-        *_on_white(rig, plan, source),
-        *_on_glare(plan, glare),
-    )
+    remarks: list[Remark] = []
+    for channel in channels:
+        remarks += [remark for remark in _on_channel(channel, source) if remark not in remarks]
+    return tuple(remarks)
+
+
+def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remark]:
+    """Remarks on one channel, the gravest first."""
+    plan = channel.plan
+    rig = plan.rig
+    accuracy = channel.accuracy
+    error = channel.map_error
+    yield from _on_gaps(rig, plan, accuracy.leaks)
+    yield from _on_normals(rig, plan)
+    yield from _on_doubted(rig, plan)
+    yield from _on_cut_off(plan, channel.misses, accuracy.caught)
+    yield from _on_chaos(rig, plan, error)
+    yield from _beyond_tolerance(rig, accuracy.tessellation, error)
+    yield from _on_the_mesh(rig, plan, accuracy.tessellation)
+    yield from _on_rounding(plan, accuracy.rounding)
+    yield from _on_white(rig, plan, source)
+    yield from _on_glare(plan, channel.glare)
 
 
 def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]:

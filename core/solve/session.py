@@ -5,26 +5,24 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Generator
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
 from ..errors import RigError
 from ..fingerprint import fingerprint
-from ..image.glare import LightBeside, look_beside
+from ..image.glare import look_beside
 from ..image.pyramid import Pyramid
-from ..image.simulation import PlateView, plate_view
+from ..image.simulation import plate_view
 from ..light.kept import Kept
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..light.planning import make_plan
-from ..map.share_batches import ShareBatches
-from ..map.view_map import ViewMap
-from ..rig import Picture, Rig
+from ..rig import Picture, Rig, Viewer
 from ..settings import Settings
 from ..steps import (
     at,
@@ -32,7 +30,8 @@ from ..steps import (
     within,
 )
 from ..words import percent
-from .accuracy import Accuracy, measure
+from .accuracy import measure
+from .channel import Channel, Traced
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
@@ -56,17 +55,18 @@ REMEDIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class _Optics:
-    """The part of a solve that does not depend on the picture."""
+class _Optics(NamedTuple):
+    """The part of a solve that does not depend on the picture, for each channel."""
 
     key: str
-    plan: Plan
-    view_map: ViewMap
-    accuracy: Accuracy
-    plate: PlateView | None
-    beside: LightBeside | None
-    weight_beside: Floats | None
+    channels: tuple[Traced, ...]
+
+
+class _Place(NamedTuple):
+    """The part that depends on the picture's place and size, for each channel."""
+
+    key: str
+    channels: tuple[Placed, ...]
 
 
 class Session:
@@ -75,7 +75,7 @@ class Session:
     def __init__(self) -> None:
         self._kept = Kept()
         self._optics: _Optics | None = None
-        self._placed: Placed | None = None
+        self._placed: _Place | None = None
         self._pyramid: Pyramid | None = None
         self.is_tracing = False  # is the view map of a solve under way?
 
@@ -94,59 +94,51 @@ class Session:
         settings.check()
         key = fingerprint(replace(rig, pictures=()), settings.of_optics)
         clock.lap("fingerprint")
+
         optics, told = self._optics, 0.0
         is_new = optics is None or optics.key != key
         if is_new:
             check_memory(rig, settings)
             optics, told = yield from self._look(rig, settings, key, clock)
         yield told
-        picture = rig.picture
-        placed_key = fingerprint(key, picture.mesh, picture.image.shape, settings.ghosts)
-        placed = self._placed
-        if placed is None or placed.key != placed_key:
-            if placed is not None:
-                placed.let_go()  # or there would be twice as many
-            placed = place(placed_key, optics.view_map, rig, settings)
+
+        placed = self._place(rig, settings, optics)
         if is_new:
             so_far = perf_counter() - started
-            told = max(told, min(PAINTED, so_far / (so_far + placed.seconds_to_paint)))
+            to_come = sum(one.seconds_to_paint for one in placed.channels)
+            told = max(told, min(PAINTED, so_far / (so_far + to_come)))
         painting = yield from within(
-            paint(rig, placed, self._pyramid_of(picture), clock), told, PAINTED
+            paint(rig.picture, placed.channels, self._pyramid_of(rig.picture), clock), told, PAINTED
         )
         if is_new:
-            _refuse_if_dark(optics, placed.shares)
+            _refuse_if_dark(optics.channels, placed.channels)
             self._optics = optics
-        source = finished(painting, placed.coverage, optics.weight_beside, settings)
+        beside = [traced.weight_beside for traced in optics.channels]
+        source = finished(painting, placed.channels, beside, settings)
         clock.lap("painting")
+
         yield PAINTED
-        if placed.covered is None:
-            placed.view_coverage = placed.view_coverage_in(optics.view_map)
-            placed.covered = of_the_picture(rig, optics.view_map, placed.view_coverage)
+        channels = tuple(
+            _channel(replace(traced.plan, rig=rig, settings=settings), viewer, traced, one, source)
+            for viewer, traced, one in zip(
+                rig.viewers, optics.channels, placed.channels, strict=True
+            )
+        )
         self._placed = placed
-        plan = replace(optics.plan, settings=settings)
-        glare = None if optics.beside is None else optics.beside.seen_of(source)
         clock.lap("coverage")
+
         yield 1.0
+        first = optics.channels[0].plan
         return Solution(
-            rig,
-            source,
-            placed.shares,
-            placed.coverage.weight,
-            optics.view_map,
-            placed.coverage.of_display,
-            placed.view_coverage,
-            *placed.covered,
-            clock.seconds,
-            optics.view_map.n_rays if is_new else 0,
-            optics.accuracy.tessellation.error,
-            optics.plate,
-            glare,
-            plan,
-            optics.plan.used,
-            optics.plan.left_out + (() if is_new else ("tracing (the optics have not changed)",)),
-            remarks_on(
-                rig, plan, optics.accuracy, optics.view_map.error, placed.covered[1], source, glare
-            ),
+            rig=rig,
+            source=source,
+            channels=channels,
+            seconds=clock.seconds,
+            n_rays=sum(channel.view_map.n_rays for channel in channels) if is_new else 0,
+            used=first.used,
+            left_out=first.left_out
+            + (() if is_new else ("tracing (the optics have not changed)",)),
+            remarks=remarks_on(channels, source),
         )
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
@@ -161,19 +153,26 @@ class Session:
         RigError, MeshError : as by `solve`, but for the words
         """
         clock = Clock()
-        _, view_map = yield from within(
-            sample_reached(rig, settings, self._kept, clock.lap), 0.0, 0.5
-        )
-        placed = place("", view_map, rig, settings)
+        found = []
+        n = len(rig.viewers)
+        for k, viewer in enumerate(rig.viewers):
+            steps = sample_reached(rig, settings, self._kept, clock.lap)
+            _, view_map = yield from within(steps, 0.5 * k / n, 0.5 * (k + 1) / n)
+            found.append((view_map, place(view_map, rig.picture, viewer, settings)))
+
+        channels = [placed for _, placed in found]
         painting = yield from within(
-            paint(rig, placed, self._pyramid_of(rig.picture), clock), 0.5, 1.0
+            paint(rig.picture, channels, self._pyramid_of(rig.picture), clock), 0.5, 1.0
         )
-        if not len(placed.shares):
+        if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
-        # refuses a picture out of sight
-        of_the_picture(rig, view_map, placed.view_coverage_in(view_map))
-        beside = yield from at(1.0, weight_beside(view_map, settings))
-        return finished(painting, placed.coverage, beside, settings)
+
+        beside = []
+        for view_map, placed in found:
+            # refuses a picture out of sight
+            of_the_picture(rig.picture, placed.viewer, view_map, placed.view_coverage_in(view_map))
+            beside.append((yield from at(1.0, weight_beside(view_map, settings))))
+        return finished(painting, channels, beside, settings)
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The whole of a rig ready to be traced, with all that is kept from before."""
@@ -187,10 +186,40 @@ class Session:
             self._pyramid = Pyramid(picture.image)
         return self._pyramid
 
+    def _place(self, rig: Rig, settings: Settings, optics: _Optics) -> _Place:
+        """The shares of all channels for a picture's place and size: known ones, or new ones."""
+        picture = rig.picture
+        key = fingerprint(optics.key, picture.mesh, picture.image.shape, settings.ghosts)
+        if self._placed is not None and self._placed.key == key:
+            return self._placed
+
+        if self._placed is not None:  # or there would be twice as many
+            for placed in self._placed.channels:
+                placed.let_go()
+        channels = (
+            place(traced.view_map, picture, viewer, settings)
+            for traced, viewer in zip(optics.channels, rig.viewers, strict=True)
+        )
+        return _Place(key, tuple(channels))
+
     def _look(
         self, rig: Rig, settings: Settings, key: str, clock: Clock
     ) -> Generator[float, None, tuple[_Optics, float]]:
-        """Trace the view map of a rig; yields progress of the whole solve, and returns it, too."""
+        """Trace the view maps of a rig; yields progress of the whole solve, and returns it, too."""
+        channels = []
+        n = len(rig.viewers)
+        for k, viewer in enumerate(rig.viewers):
+            steps = self._trace(rig, viewer, settings, clock)
+            traced, told = yield from within(steps, k / n, (k + 1) / n)
+            channels.append(traced)
+        return _Optics(key, tuple(channels)), (n - 1 + told) / n
+
+    def _trace(
+        self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
+    ) -> Generator[float, None, tuple[Traced, float]]:
+        """Trace the view map of one viewer; yields progress of the
+        whole solve as if there were no other, and returns it, too.
+        """
         self.is_tracing = True
         try:
             sampling = within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, PAINTED)
@@ -198,35 +227,80 @@ class Session:
         finally:
             self.is_tracing = False
         clock.lap("tracing")
+
         check_borders(rig, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
         after = told + MEASURED * (PAINTED - told)
         accuracy = yield from within(measure(plan, is_cut_off), told, after)
         clock.lap("tessellation error")
+
         plate = yield from at(after, plate_view(plan))
         if plate is not None:
             clock.lap("brightness and blur")
+
         beside = (yield from at(after, look_beside(plan))) if settings.only_through_glass else None
         weight = yield from at(after, weight_beside(view_map, settings))
         clock.lap("glare")
-        return _Optics(key, plan, view_map, accuracy, plate, beside, weight), after
+
+        traced = Traced(
+            viewer=viewer,
+            plan=plan,
+            view_map=view_map,
+            accuracy=accuracy,
+            plate=plate,
+            beside=beside,
+            weight_beside=weight,
+        )
+        return traced, after
 
 
-def _refuse_if_dark(optics: _Optics, shares: ShareBatches) -> None:
-    """Raise RigError when no ray arrives: nobody means a black source image."""
-    if len(shares):
+def _channel(
+    plan: Plan, viewer: Viewer, traced: Traced, placed: Placed, source: NDArray[np.float32]
+) -> Channel:
+    """A channel, all shares of which are painted, in a source image (H, W, 3).
+
+    plan, viewer : of the rig that is solved; traced was an equal one, perhaps with other names
+    """
+    if placed.covered is None:
+        placed.view_coverage = placed.view_coverage_in(traced.view_map)
+        placed.covered = of_the_picture(
+            plan.rig.picture, viewer, traced.view_map, placed.view_coverage
+        )
+    picture_coverage, misses = placed.covered
+    return Channel(
+        viewer=viewer,
+        plan=plan,
+        view_map=traced.view_map,
+        accuracy=traced.accuracy,
+        plate=traced.plate,
+        glare=None if traced.beside is None else traced.beside.seen_of(source),
+        shares=placed.shares,
+        coverage=placed.coverage,
+        view_coverage=placed.view_coverage,
+        picture_coverage=picture_coverage,
+        misses=misses,
+    )
+
+
+def _refuse_if_dark(channels: Sequence[Traced], placed: Sequence[Placed]) -> None:
+    """Raise RigError when no ray arrives: nobody means a black source image.
+
+    The reason is the first viewer's.
+    """
+    if any(len(channel.shares) for channel in placed):
         return
 
-    leaks = optics.accuracy.leaks
+    traced = channels[0]
+    leaks = traced.accuracy.leaks
     leaked = max(leaks)
     if leaked > MOSTLY:
-        glass = optics.plan.rig.glasses[leaks.index(leaked)]
+        glass = traced.plan.rig.glasses[leaks.index(leaked)]
         raise RigError(
             f"The display stays dark: {percent(leaked)} of the picture's light goes through gaps"
             f" in the glass '{glass.name}': close them."
         )
 
-    counts = np.bincount(optics.view_map.reason.ravel(), minlength=len(Reason))
+    counts = np.bincount(traced.view_map.reason.ravel(), minlength=len(Reason))
     counts[Reason.ARRIVED] = 0
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS

@@ -56,16 +56,18 @@ def differs(here: Solution, there: Solution) -> tuple[float, float]:
 
     And of colours.
     """
-    w, h = here.view_map.view_size
+    w, h = here.first.view_map.view_size
     x, y = np.meshgrid(np.arange(w) + 0.3, np.arange(h) + 0.2)
     at = np.stack([x.ravel(), y.ravel()], axis=1)
-    one = here.view_map.display_from_view(at)
-    other = there.view_map.display_from_view(at)
+    one = here.first.view_map.display_from_view(at)
+    other = there.first.view_map.display_from_view(at)
     off = np.abs(one - other).max(axis=1)
     with np.errstate(
         invalid="ignore"
     ):  # beside the image places may be off by as many times as they are further off
-        known = np.isfinite(off) & ((one >= 0) & (one <= here.view_map.display_size)).all(axis=1)
+        known = np.isfinite(off) & ((one >= 0) & (one <= here.first.view_map.display_size)).all(
+            axis=1
+        )
     is_same = (np.isnan(one[:, 0]) == np.isnan(other[:, 0])).mean() > 0.999 and known.mean() > 0.3
     colours = np.abs(here.source - there.source)
     return (float(np.quantile(off[known], 0.999)) if is_same else np.inf), float(

@@ -411,7 +411,7 @@ def through_vertices(quick: bool) -> Rows:
                 field=0.08,
             )
         )
-        cover = seen.view_coverage
+        cover = seen.first.view_coverage
         yield exact(
             f"cube, {pixels} px: left and right, top and bottom differ",
             worst(cover - cover[:, ::-1], cover - cover[::-1]),
@@ -467,7 +467,7 @@ def off_map(
     """
     at = np.random.default_rng(5).uniform(0, (a_rig.viewer.width, a_rig.viewer.height), (20_000, 2))
     expected = closed_forms.landing(a_rig, *through(*a_rig.viewer.rays(at))).astype(float)
-    found = solution.view_map.display_from_view(at)
+    found = solution.first.view_map.display_from_view(at)
     with np.errstate(invalid="ignore"):
         is_seen = ((expected > 0) & (expected < (a_rig.display.width, a_rig.display.height))).all(
             axis=1
@@ -545,7 +545,7 @@ def conditions(quick: bool) -> Rows:
     b = np.linspace(1e-4, 0.014, 20_001)
     radial, across = lens.stretch(b)
     fold = b[np.flatnonzero(np.diff(np.sign(radial)))[0]]
-    view_map = solve(a_rig).view_map
+    view_map = solve(a_rig).first.view_map
     for power in (2, 4, 6, 8):
         low = np.full(1, fold - 0.002)
         high = np.full(1, fold + 1e-6)

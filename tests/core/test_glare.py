@@ -147,12 +147,12 @@ def test_more_weight_is_less_glare_and_a_darker_picture():
     before = None
     for glare in (0.0, 0.1, 0.5, 1.0):
         found = solve(a_rig, session, suppress_glare=glare)
-        here = found.glare.share, float(found.seen().sum())
+        here = found.first.glare.share, float(found.seen().sum())
         assert before is None or (here[0] < before[0] and here[1] < before[1])
         assert (found.source >= 0).all()
         before = here
     assert solve(a_rig, session, suppress_glare=0.7).n_rays == 0  # the optics are the same
-    assert solve(a_rig, session, only_through_glass=False).glare is None
+    assert solve(a_rig, session, only_through_glass=False).first.glare is None
 
 
 def test_coverage_knows_the_glass_alone():
@@ -169,7 +169,7 @@ def test_coverage_knows_the_glass_alone():
     assert other.misses["missed the glass"] == pytest.approx(
         one.misses["missed the glass"], abs=1e-3
     )
-    np.testing.assert_allclose(other.view_coverage, one.view_coverage, atol=1e-4)
+    np.testing.assert_allclose(other.first.view_coverage, one.first.view_coverage, atol=1e-4)
     np.testing.assert_allclose(other.display_coverage, one.display_coverage, atol=1e-3)
 
 
@@ -181,7 +181,7 @@ def test_the_share_that_is_told_is_the_one_that_is_seen():
     for name, make in RIGS.items():
         found = solve(make())
         through, both = (dot_luminance(found.seen(beside=beside)) for beside in (False, True))
-        assert found.glare.share == pytest.approx(1 - through / both, abs=0.03), name
+        assert found.first.glare.share == pytest.approx(1 - through / both, abs=0.03), name
 
 
 def dot_luminance(image):
@@ -231,9 +231,11 @@ def test_grown_margins_stay_dark_where_they_would_be_seen():
     a_rig = ball()
     plain = solve(a_rig, margin=6)
     held = solve(a_rig, margin=6, suppress_glare=1.0)
-    beside = Coverage(held.view_map.display_size, held.view_map.view_size)
-    for piece in held.view_map.pieces(beside=True):
-        beside.add(rasterise(held.view_map.display_size, held.view_map.view_size, *piece[:3]))
+    beside = Coverage(held.first.view_map.display_size, held.first.view_map.view_size)
+    for piece in held.first.view_map.pieces(beside=True):
+        beside.add(
+            rasterise(held.first.view_map.display_size, held.first.view_map.view_size, *piece[:3])
+        )
     grown = (plain.weight == 0) & (plain.source.max(axis=2) > 0)
     is_beside = beside.weight > 0
     assert (grown & is_beside).sum() > 20
@@ -254,10 +256,10 @@ def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
     )
     one = solve(a_rig)
     other = solve(a_rig, suppress_glare=1.0)
-    assert one.map_error.sampled > 0.2
+    assert one.first.map_error.sampled > 0.2
     for name in ("unresolved", "sampled", "facet_limited"):
-        assert getattr(other.map_error, name) == pytest.approx(
-            getattr(one.map_error, name), abs=0.05
+        assert getattr(other.first.map_error, name) == pytest.approx(
+            getattr(one.first.map_error, name), abs=0.05
         )
     told = [
         [r.text.split(":")[0][:20] for r in found.remarks if r.is_warning] for found in (one, other)

@@ -44,7 +44,7 @@ view_map = {work}
 told = memory.estimated(a_rig, settings, view_map)
 print(json.dumps([status("VmHWM") - before, sum(told.values())]))
 """
-SOLVE = "finish(Session().solve(a_rig, settings)).view_map"
+SOLVE = "finish(Session().solve(a_rig, settings)).first.view_map"
 TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
 
 

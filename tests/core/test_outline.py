@@ -49,7 +49,7 @@ def test_a_white_picture_shows_how_much_of_each_pixel_it_covers(degrees, pixels,
     a_rig = white(a_rig, turned(0.021, 0.013, degrees))
     solution = solve(a_rig)
     corners = view_of_picture(a_rig.picture, a_rig.viewer, CORNERS)
-    outline = solution.view_map.display_from_view(corners)
+    outline = solution.first.view_map.display_from_view(corners)
     expected = np.zeros(display_pixels**2)
     for pixel, (part, _, _) in clipped(outline, display_pixels, display_pixels).items():
         expected[pixel] = part

@@ -41,7 +41,7 @@ def test_what_stands_far_aside_is_left_out_and_changes_nothing():
         sample(make_plan(a_rig, Settings()))
     )  # another ray engine: cells may be cut otherwise
     at = np.random.default_rng(0).uniform(0, 96, (2000, 2))
-    one = found.view_map.display_from_view(at)
+    one = found.first.view_map.display_from_view(at)
     other = whole.display_from_view(at)
     assert np.array_equal(np.isnan(one), np.isnan(other))
     seen = ((one >= 0) & (one <= 512)).all(axis=1)

@@ -3,6 +3,7 @@ that helps.
 """
 
 from dataclasses import replace
+from types import MappingProxyType, SimpleNamespace
 
 import closed_forms
 import numpy as np
@@ -89,7 +90,8 @@ def test_a_view_that_changes_within_a_pixel_is_told():
     """A bottle's rim at 64 pixels: the share is the error's own. A ball has no such place."""
     bent = solve(rig(bottle(), pixels=64))
     plain = solve(ball_rig(4, pixels=64))
-    share = bent.map_error.facet_limited + bent.map_error.unresolved - bent.map_error.noise
+    error = bent.first.map_error
+    share = error.facet_limited + error.unresolved - error.noise
     assert share > BEYOND
     assert [f"{percent(share)} of what is seen" in note for note in bent.warnings] == [True]
     assert plain.notes == ()
@@ -102,10 +104,10 @@ def test_a_coarse_mesh_is_told_and_a_flat_one_has_no_tessellation_error():
     """
     coarse = rig(replace(icosphere(0.025, 2), surface="facets"), pixels=48, image=lattice_image(64))
     found = solve(coarse)
-    assert found.tessellation_error > 0.1
+    assert found.first.tessellation_error > 0.1
     assert any("The mesh costs up to" in note for note in found.notes)
     flat = solve(rig(box([0.05] * 3), pixels=48, image=lattice_image(64)))
-    assert flat.tessellation_error == 0.0
+    assert flat.first.tessellation_error == 0.0
     assert "curved faces (no face that may be curved turns far)" in flat.left_out
 
 
@@ -149,10 +151,15 @@ def true_and_told(mesh):
 def notes_without_solving(mesh, error=NO_ERROR):
     """What is told of a mesh by a sample of rays."""
     plan = make_plan(rig(mesh), Settings())
-    remarks = remarks_on(
-        plan.rig, plan, drain(measure(plan)), error, {}, np.zeros((1, 1, 3), np.float32)
+    return [remark.told() for remark in remarks_of(plan, drain(measure(plan)), error)]
+
+
+def remarks_of(plan, accuracy, error, misses=MappingProxyType({})):
+    """Remarks on a channel of which no more is known than this, and on a black source image."""
+    channel = SimpleNamespace(
+        plan=plan, accuracy=accuracy, map_error=error, misses=misses, glare=None
     )
-    return [remark.told() for remark in remarks]
+    return remarks_on((channel,), np.zeros((1, 1, 3), np.float32))
 
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.0, 1e-2), (0.0, 1e-3), (0.0, 1e-4), (0.2, 1e-3)])
@@ -289,9 +296,7 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
     ):
         accuracy = Accuracy(Tessellation(), 0.0, (leaked,), caught)
         misses = {"cut off by Max Events": cut_off}
-        found = remarks_on(
-            plan.rig, plan, accuracy, NO_ERROR, misses, np.zeros((1, 1, 3), np.float32)
-        )
+        found = remarks_of(plan, accuracy, NO_ERROR, misses)
         assert [words in remark.text and remark.is_warning for remark in found] == [True] * is_told
 
 
@@ -314,7 +319,7 @@ def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, noise, 
     error = replace(
         NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise
     )
-    (remark,) = remarks_on(plan.rig, plan, accuracy, error, {}, np.zeros((1, 1, 3), np.float32))
+    (remark,) = remarks_of(plan, accuracy, error)
     assert remedy in remark.text
     assert remark.text.startswith(percent(bends + unresolved - noise))
 

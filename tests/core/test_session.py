@@ -72,7 +72,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     a_rig = ball_rig(3, pixels=48, display_pixels=300, image=lattice_image(64))
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
-    n = len(expected[0].shares)
+    n = len(expected[0].first.shares)
     assert n < share_batches.MOST_KEPT
     monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
@@ -81,16 +81,16 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     kept = Session()
     for some, one in zip((a_rig, other), expected, strict=True):
         found = solve(some, kept, brightness=brightness)
-        assert len(list(found.shares)) > 3
+        assert len(list(found.first.shares)) > 3
         # a share whose area is rounding alone is there or not, by the sizes of numpy's arrays
-        assert abs(len(found.shares) - n) <= 1e-4 * n
+        assert abs(len(found.first.shares) - n) <= 1e-4 * n
         np.testing.assert_allclose(found.source, one.source, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(found.seen(), one.seen(), rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(found.weight, one.weight, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(
             found.display_coverage, one.display_coverage, rtol=1e-9, atol=1e-12
         )
-        np.testing.assert_allclose(found.view_coverage, one.view_coverage, rtol=1e-9)
+        np.testing.assert_allclose(found.first.view_coverage, one.first.view_coverage, rtol=1e-9)
         assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
     assert found.n_rays == 0
 
@@ -573,7 +573,7 @@ def test_the_measured_error_goes_with_the_tolerance():
     """A smaller tolerance, a smaller measured error, more rays; it is told with the result."""
     tolerances = (0.3, 0.1, 0.03)
     solutions = [solve(ball_rig(4, pixels=128), tolerance=t) for t in tolerances]
-    errors = [solution.map_error.rms for solution in solutions]
+    errors = [solution.first.map_error.rms for solution in solutions]
     assert errors[0] > errors[1] > errors[2]
     assert errors[0] > 4 * errors[2]
     assert errors[0] < tolerances[0] / 4
@@ -608,12 +608,12 @@ def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
             next(work)
 
     drain(session.solve(a_rig))
-    assert len(session._placed.strokes) > 6
+    assert len(session._placed.channels[0].strokes) > 6
     first = session.solve(painted())
     other = replace(a_rig.viewer, position=a_rig.viewer.position + 0.001)
     steps(first, 4)
     second = session.solve(replace(a_rig, viewers=(other,)))
-    while session._placed.strokes:
+    while session._placed.channels[0].strokes:
         next(second)
     second.close()
     steps(first, 3)

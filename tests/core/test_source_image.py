@@ -164,7 +164,7 @@ def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
     np.testing.assert_allclose(
         solution.ideal()[inner], a_rig.picture.image[inner][..., :3], atol=2e-3
     )
-    whole = solution.view_coverage > 0.9999
+    whole = solution.first.view_coverage > 0.9999
     assert whole.mean() > 0.9
     assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
 

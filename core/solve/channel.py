@@ -1,0 +1,159 @@
+"""A channel of a solve: one viewer at one wavelength, and all that was found of it.
+
+Every number about a viewer's light (its view map, its shares, what of the picture it
+sees, how far off that is) lives in its channel. The display is one for all of them.
+"""
+
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..image.ghosts import paths_of
+from ..image.glare import Glare, LightBeside, looking_beside
+from ..image.ideal_image import ideal_image
+from ..image.seen_image import seen_image
+from ..image.simulation import PlateView
+from ..light.plan import Plan
+from ..map.sampling import sample
+from ..map.share_batches import ShareBatches
+from ..map.shares import Coverage
+from ..map.view_map import MapError, Piece, ViewMap
+from ..rig import Viewer
+from ..steps import finish
+from .accuracy import Accuracy
+from .memory import check_memory
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """The part of a channel that does not depend on the picture.
+
+    plate : brightness and blur by a plate's mirrors, None where it is ideal
+    beside : a sample of light beside the glass; None where that carries the picture, too
+    weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
+        light beside the glass, where it counts
+    """
+
+    viewer: Viewer
+    plan: Plan
+    view_map: ViewMap
+    accuracy: Accuracy
+    plate: PlateView | None
+    beside: LightBeside | None
+    weight_beside: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One viewer at one wavelength, as a solve found it.
+
+    plan : the rig as it is traced at this wavelength
+    plate : brightness and blur by a plate's mirrors, None where it is ideal
+    glare : the light that comes beside the glass; None where that carries the picture, too
+    shares : of all cells, some at a time
+    coverage : sums over the shares, by display pixel
+    view_coverage : (h, w) part of each viewer pixel that is connected to the display, 0..1
+    picture_coverage : share of the picture, as the viewer sees it, that the display can show
+    misses : share of the picture as seen, by reason why it has
+        no landing; with picture_coverage they make 1
+    """
+
+    viewer: Viewer
+    plan: Plan
+    view_map: ViewMap
+    accuracy: Accuracy
+    plate: PlateView | None
+    glare: Glare | None
+    shares: ShareBatches
+    coverage: Coverage
+    view_coverage: Floats
+    picture_coverage: float
+    misses: dict[str, float]
+
+    @property
+    def wavelength(self) -> float:
+        """Of the light that is followed, m."""
+        return self.plan.settings.wavelength
+
+    @property
+    def map_error(self) -> MapError:
+        """By how much the view map may be off, as it tells itself."""
+        return self.view_map.error
+
+    @property
+    def tessellation_error(self) -> float:
+        """About how far landings are from those of the surface that was meant, rms display px."""
+        return self.accuracy.tessellation.error
+
+    def ideal(self) -> NDArray[np.float32]:
+        """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
+        return ideal_image(self.plan.rig.picture, self.viewer)
+
+    def seen(self, source: NDArray[np.float32], beside: bool = False) -> NDArray[np.float32]:
+        """The viewer's image, through the glass, of a source image (H, W, 3): (h, w, 3) linear.
+
+        beside : and by way of the plate alone, beside the glass; that
+            is traced when first asked for, see `look_beside`
+        """
+        seen = seen_image(self._seen_shares, source)
+        if not beside or self._seen_beside is None:
+            return seen
+        return seen + seen_image(self._seen_beside, source)
+
+    @cached_property
+    def _seen_shares(self) -> ShareBatches:
+        """Shares each of which lies in one viewer pixel: those that paint may be larger."""
+        return shares_of(
+            self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True)
+        )
+
+    def look_beside(self) -> Generator[float, None, None]:
+        """Trace light beside the glass, unless it is known or is part of the map anyway.
+
+        Yields progress 0..1.
+        """
+        settings = self.plan.settings
+        if (
+            settings.only_through_glass
+            and not settings.looks_beside
+            and "_map_beside" not in vars(self)
+        ):
+            check_memory(self.plan.rig, settings)
+            vars(self)["_map_beside"] = yield from sample(looking_beside(self.plan))
+
+    @cached_property
+    def _map_beside(self) -> ViewMap:
+        return (
+            self.view_map
+            if self.plan.settings.looks_beside
+            else finish(sample(looking_beside(self.plan)))
+        )
+
+    @cached_property
+    def _seen_beside(self) -> ShareBatches | None:
+        """The shares of light beside the glass, each in one viewer
+        pixel; None where it is part of the map anyway.
+        """
+        if not self.plan.settings.only_through_glass:
+            return None
+        pieces = partial(self._map_beside.pieces, at_pixels=True, beside=True)
+        return shares_of(self._map_beside, self.shares.has_throughput, pieces)
+
+
+def shares_of(
+    view_map: ViewMap,
+    has_throughput: bool,
+    pieces: Callable[[], Iterator[Piece]],
+    has_path: bool = False,
+) -> ShareBatches:
+    """The shares of pieces of a map, with their paths if asked for."""
+
+    def cells() -> Iterator[tuple[NDArray | None, ...]]:
+        for piece in pieces():
+            yield piece.view, piece.display, piece.throughput, paths_of(piece) if has_path else None
+
+    return ShareBatches(view_map.display_size, view_map.view_size, has_throughput, cells, has_path)
