@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from reference_rigs import ball_rig, cube_rig, rig, torus
 
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
@@ -33,6 +32,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
+from known.reference_rigs import ball_rig, cube_rig, rig, torus
 
 DRIVER = ROOT / "tests" / "kernel" / "follow.c"
 N_RAYS = 20_000

@@ -16,9 +16,9 @@ from pathlib import Path
 from time import perf_counter
 
 import bpy
-from lattice import shift_in_cycles
 
 import kiriko
+from paper.lattice import shift_in_cycles
 
 kiriko.register()
 

@@ -6,7 +6,6 @@ The rest it sets up in .dev/.
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 
@@ -18,10 +17,11 @@ from environments import (
     PYTHONS,
     ROOT,
     ToolError,
+    as_module,
     clean_environment,
     find_python,
-    link_package,
     newest_blender,
+    python_path,
     run,
     run_in_newest_blender,
     set_up,
@@ -41,28 +41,30 @@ def setup(arguments: argparse.Namespace) -> None:
 
 def demo(arguments: argparse.Namespace) -> None:
     """Run the main job on the reference rigs, into out/ (further options go to scripts/demo.py)."""
-    run_in_blender("demo.py", arguments.rest)
+    run_in_blender("demo", arguments.rest)
 
 
 def paper(arguments: argparse.Namespace) -> None:
     """Put the paper's results beside ours, into out/paper/
-    (further options go to scripts/paper.py).
+    (further options go to scripts/paper/results.py).
     """
-    run_in_blender("paper.py", arguments.rest)
+    run_in_blender("paper.results", arguments.rest)
 
 
 def pictures(arguments: argparse.Namespace) -> None:
     """Render the README's pictures into docs/pictures/."""
-    run_in_blender("pictures.py", arguments.rest)
+    run_in_blender("pictures", arguments.rest)
 
 
 def fuzz(arguments: argparse.Namespace) -> None:
-    """Try random rigs, broken and wild ones among them (further options go to scripts/fuzz.py)."""
-    run_in_blender("fuzz.py", arguments.rest)
+    """Try random rigs, broken and wild ones among them
+    (further options go to scripts/fuzz/run.py).
+    """
+    run_in_blender("fuzz.run", arguments.rest)
 
 
 def run_in_blender(script: str, rest: list[str]) -> None:
-    """Run a script beside this one in the newest Blender, and leave with its exit code."""
+    """Run a module of scripts/ in the newest Blender, and leave with its exit code."""
     answer_help(script, rest)
     build_kernel.provide()
     sys.exit(run_in_newest_blender(script, *rest))
@@ -70,142 +72,139 @@ def run_in_blender(script: str, rest: list[str]) -> None:
 
 def bench(arguments: argparse.Namespace) -> None:
     """Measure seconds and memory of solves and of their parts
-    (further options go to scripts/bench_solve.py).
+    (further options go to scripts/bench/solve.py).
     """
-    run_with_tests("bench_solve.py", arguments.rest)
+    run_with_tests("bench.solve", arguments.rest)
 
 
 def compare(arguments: argparse.Namespace) -> None:
     """Measure Kiriko beside Mitsuba and the splat (further
-    options go to scripts/bench_side_by_side.py).
+    options go to scripts/bench/side_by_side.py).
     """
-    run_with_tests("bench_side_by_side.py", arguments.rest, BENCH, **ONE_THREAD)
+    run_with_tests("bench.side_by_side", arguments.rest, BENCH, **ONE_THREAD)
 
 
 def surface(arguments: argparse.Namespace) -> None:
     """Measure the error of meshes against closed forms
-    (further options go to scripts/bench_surface.py).
+    (further options go to scripts/bench/surface.py).
     """
-    run_with_tests("bench_surface.py", arguments.rest)
+    run_with_tests("bench.surface", arguments.rest)
 
 
 def irregular(arguments: argparse.Namespace) -> None:
     """Measure what each choice of Surface makes of
     irregular and noisy meshes, against closed forms.
     """
-    run_in_blender("bench_irregular.py", arguments.rest)
+    run_in_blender("bench.irregular", arguments.rest)
 
 
 def glasses(arguments: argparse.Namespace) -> None:
     """Measure solves through glass as artists bring it
-    (further options go to scripts/bench_glasses.py).
+    (further options go to scripts/bench/glasses.py).
     """
-    run_in_blender("bench_glasses.py", arguments.rest)
+    run_in_blender("bench.glasses", arguments.rest)
 
 
 def marks(arguments: argparse.Namespace) -> None:
     """Measure Kiriko beside Mitsuba on glass as artists bring it
-    (further options go to scripts/bench_marks.py).
+    (further options go to scripts/bench/marks.py).
     """
-    run_with_tests("bench_marks.py", arguments.rest, BENCH)
+    run_with_tests("bench.marks", arguments.rest, BENCH)
 
 
 def cycles(arguments: argparse.Namespace) -> None:
     """Measure landings beside Cycles on glass as artists bring it
-    (further options go to scripts/bench_cycles.py).
+    (further options go to scripts/bench/cycles.py).
     """
-    run_in_blender("bench_cycles.py", arguments.rest)
+    run_in_blender("bench.cycles", arguments.rest)
 
 
 def curved(arguments: argparse.Namespace) -> None:
     """Measure what curved faces cost a ray."""
-    run_with_tests("bench_curved.py", arguments.rest)
+    run_with_tests("bench.curved", arguments.rest)
 
 
 def growth(arguments: argparse.Namespace) -> None:
     """Measure how time and rays grow with pixels and triangles
-    (further options go to scripts/bench_growth.py).
+    (further options go to scripts/bench/growth.py).
     """
-    run_with_tests("bench_growth.py", arguments.rest)
+    run_with_tests("bench.growth", arguments.rest)
 
 
 def rules(arguments: argparse.Namespace) -> None:
     """Measure what is saved by what the plan leaves out."""
-    run_with_tests("bench_rules.py", arguments.rest)
+    run_with_tests("bench.rules", arguments.rest)
 
 
 def plate(arguments: argparse.Namespace) -> None:
     """Measure the closed form of the mirror array against a
-    mesh (further options go to scripts/bench_plate.py).
+    mesh (further options go to scripts/bench/plate.py).
     """
-    run_with_tests("bench_plate.py", arguments.rest, **ONE_THREAD)
+    run_with_tests("bench.plate", arguments.rest, **ONE_THREAD)
 
 
 def misalignment(arguments: argparse.Namespace) -> None:
     """Measure what a bench that is off does to the picture
-    (further options go to scripts/bench_misalignment.py).
+    (further options go to scripts/bench/misalignment.py).
     """
-    run_with_tests("bench_misalignment.py", arguments.rest)
+    run_with_tests("bench.misalignment", arguments.rest)
 
 
 def extremes(arguments: argparse.Namespace) -> None:
     """Check stiff and extreme cases: right, or refused with a
-    reason (further options go to scripts/extremes.py).
+    reason (further options go to scripts/bench/extremes.py).
     """
-    run_in_blender("extremes.py", arguments.rest)
+    run_in_blender("bench.extremes", arguments.rest)
 
 
 def hashes(arguments: argparse.Namespace) -> None:
     """Print hashes of landings, maps and source images, to compare before and after a change."""
-    run_in_blender("hashes.py", arguments.rest)
+    run_in_blender("bench.hashes", arguments.rest)
 
 
 def judge(arguments: argparse.Namespace) -> None:
     """Judge optics and tracer at fifty digits, and look for leaks
-    (further options go to scripts/bench_judge.py).
+    (further options go to scripts/bench/judge.py).
     """
-    run_with_tests("bench_judge.py", arguments.rest)
+    run_with_tests("bench.judge", arguments.rest)
 
 
 def mutants(arguments: argparse.Namespace) -> None:
     """Make small mutants of core and list those that no test
-    notices (further options go to scripts/mutants.py).
+    notices (further options go to scripts/mutants/run.py).
     """
-    run_with_tests("mutants.py", arguments.rest, MUTANTS)
+    run_with_tests("mutants.run", arguments.rest, MUTANTS)
 
 
 def live(arguments: argparse.Namespace) -> None:
-    """Measure updates a second of Live (further options go to scripts/bench_live.py)."""
-    run_in_blender("bench_live.py", arguments.rest)
+    """Measure updates a second of Live (further options go to scripts/bench/live.py)."""
+    run_in_blender("bench.live", arguments.rest)
 
 
 def lab(arguments: argparse.Namespace) -> None:
     """Measure the plate as a lab would: image distance, sharpness,
-    brightness (options go to scripts/bench_lab.py).
+    brightness (options go to scripts/bench/lab.py).
     """
-    run_in_blender("bench_lab.py", arguments.rest)
+    run_in_blender("bench.lab", arguments.rest)
 
 
 def run_with_tests(
     script: str, rest: list[str], environment: str | None = None, **extra: str
 ) -> None:
-    """Run a script that uses the tests' rigs and closed forms, and leave with its exit code."""
+    """Run a module of scripts/ in an environment, and leave with its exit code."""
     answer_help(script, rest)
     build_kernel.provide()
     newest, python = newest_blender()
     interpreter = set_up(environment or newest, python)
-    path = os.pathsep.join(map(str, (link_package(), ROOT / "tests" / "core")))
-    variables = clean_environment(PYTHONPATH=path, **extra)
-    sys.exit(
-        subprocess.run([interpreter, ROOT / "scripts" / script, *rest], env=variables).returncode
-    )
+    variables = clean_environment(PYTHONPATH=python_path(), **extra)
+    sys.exit(subprocess.run([interpreter, *as_module(script), *rest], env=variables).returncode)
 
 
 def kernel(arguments: argparse.Namespace) -> None:
     """Run the kernel's libraries for Windows and Arm here: the
     same bits (options go to scripts/check_kernel.py).
     """
-    run_with_tests("check_kernel.py", arguments.rest)
+    run_with_tests("check_kernel", arguments.rest)
 
 
 def answer_help(script: str, rest: list[str]) -> None:

@@ -223,16 +223,22 @@ def empty_profile() -> Iterator[str]:
         yield folder
 
 
+def python_path() -> str:
+    """PYTHONPATH of scripts: the package, the modules of scripts/, and tests/known."""
+    return os.pathsep.join(map(str, (link_package(), ROOT / "scripts", ROOT / "tests")))
+
+
+def as_module(script: str) -> tuple[str, ...]:
+    """Options of Python that run a module of scripts/, with nothing from the working folder."""
+    return "-P", "-m", script
+
+
 def run_in_newest_blender(script: str, *options: str | Path) -> int:
-    """Run a script beside this one in the newest Blender, with the tests' rigs; its exit code."""
+    """Run a module of scripts/ in the newest Blender; its exit code."""
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
-        folders = link_package(), ROOT / "tests" / "core", ROOT / "tests" / "blender"
-        path = os.pathsep.join(map(str, folders))
-        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=path)
-        return subprocess.run(
-            [interpreter, ROOT / "scripts" / script, *options], env=variables
-        ).returncode
+        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=python_path())
+        return subprocess.run([interpreter, *as_module(script), *options], env=variables).returncode
 
 
 def missing_library(interpreter: Path) -> str | None:

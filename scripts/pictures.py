@@ -10,11 +10,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from demo import RIGS
-from glasses import made
-from reference_rigs import glass_rig
 
 import kiriko
+from bench.brought_glass import made
+from demo import RIGS
 from kiriko.core import image_io
 from kiriko.core.blender.preview import render_preview
 from kiriko.core.settings import Settings
@@ -22,6 +21,7 @@ from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import without_glass
 from kiriko.core.steps import finish
 from kiriko.operators import work
+from known.reference_rigs import glass_rig
 
 PIXELS = 480
 SAMPLES = 128

@@ -63,7 +63,8 @@ class StandInFinder:
     ) -> ModuleSpec | None:
         """Find a stand-in, or leave the module to the finders after this one."""
         first = name.partition(".")[0]
-        if first in sys.stdlib_module_names or (SCRIPTS / f"{first}.py").exists():
+        here = SCRIPTS / f"{first}.py", SCRIPTS / first / "__init__.py"
+        if first in sys.stdlib_module_names or any(path.exists() for path in here):
             return None
         return ModuleSpec(name, self, is_package=True)
 
@@ -76,7 +77,7 @@ class StandInFinder:
 
 
 def show_options(script: str) -> None:
-    """Print the options of a script beside this one, by its own parser, and leave."""
+    """Print the options of a module of scripts/, by its own parser, and leave."""
     sys.meta_path.insert(0, StandInFinder())
-    sys.argv = [script, "--help"]
-    runpy.run_path(str(SCRIPTS / script), run_name="__main__")
+    sys.argv = [f"{script}.py", "--help"]
+    runpy.run_module(script, run_name="__main__")

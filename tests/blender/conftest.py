@@ -9,6 +9,7 @@ from types import FunctionType, ModuleType, SimpleNamespace
 # Before anything named bl_ext, and after tests/conftest.py has set the profile.
 import bpy
 import pytest
+
 from panel_layout import Layout
 
 EXTENSION = "bl_ext.user_default.kiriko"

@@ -6,16 +6,17 @@ import math
 from dataclasses import replace
 
 import bpy
-import closed_forms
 import numpy as np
 import pytest
+
+from known import closed_forms
 
 ACROSS_AFTER = 0.25  # px, mean: what the viewer is promised
 
 
 @pytest.fixture
 def lattice(scene):
-    import lattice
+    from paper import lattice
 
     return lattice
 

@@ -5,8 +5,9 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
-from fuzz_shapes import BROUGHT, fitting
 from mathutils import Matrix
+
+from fuzz.shapes import BROUGHT, fitting
 
 CLOSED = ["text", "bevelled text", "rod", "splines", "metaballs", "unwelded", "engraved", "array"]
 
@@ -82,8 +83,7 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     those of a text's sides do, which are shaded smooth around corners: so a little of a text's
     light goes another way there.
     """
-    from fuzz import judge
-
+    from fuzz.run import judge
     from kiriko.core.solve.session import Session
     from kiriko.core.steps import finish
 

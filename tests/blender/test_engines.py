@@ -7,8 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import rules
-from reference_rigs import (
+
+from kiriko.core import kernel
+from kiriko.core.light.engines import make_engine
+from kiriko.core.light.trace import trace_all
+from kiriko.core.solve.session import Session
+from kiriko.core.steps import finish
+from known import rules
+from known.reference_rigs import (
     ball_rig,
     cube_rig,
     icosphere,
@@ -41,12 +47,6 @@ from test_trace import (  # noqa: F401 - collected here as well
     test_smooth_ball_is_right_to_a_hundred_thousandth_of_a_pixel,
     test_solids_far_apart_share_nothing,
 )
-
-from kiriko.core import kernel
-from kiriko.core.light.engines import make_engine
-from kiriko.core.light.trace import trace_all
-from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 
 ONE_TRIANGLE = np.eye(3, dtype=np.float32)[None]
 PLANS = {

@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import cube, inventory, pixels, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"

@@ -1,21 +1,21 @@
-"""Glass as artists bring it: made by scripts/glasses.py, judged by the same glass
+"""Glass as artists bring it: made by scripts/bench/brought_glass.py, judged by the same glass
 divided finely.
 """
 
 from dataclasses import replace
 
-import glasses
 import numpy as np
 import pytest
-from both_ways import find_parted
-from reference_rigs import glass_rig
 
+from bench import brought_glass as glasses
 from kiriko.core import kernel
 from kiriko.core.kinds import Kind
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted
+from known.both_ways import find_parted
+from known.reference_rigs import glass_rig
 
 RAYS = 8000
 FINE = 4  # levels of subdivision: sixteen times the triangles

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import bpy
 import pytest
+
 from panel_layout import Layout
 from small_rigs import new_object, primitive, small_rig
 

@@ -12,8 +12,7 @@ def test_the_image_stands_as_far_from_the_plate_as_the_display(kiriko, scene, di
     """A chart of dots seen by two viewers 50 mm apart, 1 m away:
     on average right to 0.05 mm, and sideways to 1 um.
     """
-    import bench_lab as lab
-
+    from bench import lab
     from kiriko.core.bench.placement import lattice
 
     lab.build(distance, pixels=400)

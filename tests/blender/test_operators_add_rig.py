@@ -6,7 +6,8 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
-from closed_forms import landing, through_ball
+
+from known.closed_forms import landing, through_ball
 from small_rigs import SIDE, cube, inventory, new_object, primitive, small_rig
 
 SINGLE = 1e-6  # m; Blender keeps positions in float32, here of up to 1 m

@@ -8,6 +8,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, linear_lattice, new_object, pixels, primitive, small_rig
 
 HIDDEN = {

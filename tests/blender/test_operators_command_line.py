@@ -7,6 +7,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import pixels, small_rig
 
 

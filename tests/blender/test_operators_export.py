@@ -7,6 +7,7 @@ from types import ModuleType, SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, pixels, small_rig
 
 # half of the steps a format has between 0 and 1; half floats have 11 bits

@@ -3,6 +3,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import cube, inventory, new_object, primitive, small_rig
 
 ROOT = Path(__file__).resolve().parent.parent.parent

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+
 from small_rigs import new_object, primitive, small_rig
 
 SINGLE = 1e-6  # of a metre: what float32 leaves of places and sizes

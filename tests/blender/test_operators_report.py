@@ -9,6 +9,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, pixels, small_rig
 
 NAMES = ["report.csv", "report.json", "report.svg"]

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, pixels, small_rig
 
 

@@ -4,6 +4,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, linear_lattice, pixels, small_rig
 
 

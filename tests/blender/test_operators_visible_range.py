@@ -1,6 +1,7 @@
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import inventory, small_rig
 
 NAME = "Kiriko Visible Range"

@@ -8,10 +8,10 @@ from types import ModuleType
 
 import bpy
 import pytest
-from panel_layout import Layout
-from small_rigs import cube, new_object, small_rig
 
 from kiriko.core.words import percent, summary
+from panel_layout import Layout
+from small_rigs import cube, new_object, small_rig
 
 OWN = {
     "IDEAL": [],

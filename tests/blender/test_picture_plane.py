@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+
 from small_rigs import new_object, primitive, small_rig
 
 SINGLE = 2e-6  # share: what float32 leaves of sides and areas

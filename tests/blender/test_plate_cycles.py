@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
+
 from small_rigs import inventory, small_rig
 
 SIDE = 0.488  # m, of the plate

@@ -3,10 +3,11 @@ from types import ModuleType
 
 import bmesh
 import bpy
-import closed_forms
 import numpy as np
 import pytest
 from mathutils import Matrix, Quaternion
+
+from known import closed_forms
 from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
 
 # Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over

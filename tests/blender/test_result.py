@@ -6,6 +6,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import new_object, pixels, primitive, small_rig
 
 

@@ -126,14 +126,13 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     Light that was totally reflected again and again makes speckles there, smaller than
     a cut pixel tells: the covered masks agree to 0.99, not to 0.999.
     """
-    from work import is_sampled
-
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample
     from kiriko.core.settings import Settings
     from kiriko.core.steps import finish
+    from known.work import is_sampled
 
     add_suzanne().kiriko.use_ior = True
     assert bpy.ops.kiriko.add_rig(

@@ -9,6 +9,7 @@ from types import ModuleType
 import bpy
 import numpy as np
 import pytest
+
 from small_rigs import new_object, primitive, small_rig
 
 CHANGED = "The scene has changed since: solve again"

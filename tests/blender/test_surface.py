@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+
 from small_rigs import new_object, primitive
 
 HAS_FLOAT_NORMALS = bpy.app.version >= (4, 5)

@@ -10,9 +10,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rasterised import rasterise
-from reference_rigs import ball_rig, cube_rig, icosphere, rig
-from work import drain, solve
 
 from kiriko.core import free_memory
 from kiriko.core.errors import RigError
@@ -22,6 +19,9 @@ from kiriko.core.map.points import Points
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
+from known.rasterised import rasterise
+from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
+from known.work import drain, solve
 
 PIXELS = 48
 BLOCKS = 32  # along the display, over which light is summed up

@@ -2,11 +2,12 @@
 mpmath and against what a path through a solid must keep.
 """
 
-import closed_forms
 import mpmath
 import numpy as np
 import pytest
-from reference_rigs import mean_normals, torus, uv_ellipsoid, wavy_slab
+
+from known import closed_forms
+from known.reference_rigs import mean_normals, torus, uv_ellipsoid, wavy_slab
 
 MAJOR = 0.018
 MINOR = 0.007

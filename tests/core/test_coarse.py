@@ -7,13 +7,13 @@ from itertools import count
 
 import numpy as np
 import pytest
-from reference_rigs import cube_rig, lattice_image
-from work import drain, solve
 
 from kiriko.core.errors import RigError
 from kiriko.core.settings import Settings
 from kiriko.core.solve import coarse
 from kiriko.core.solve.session import Session
+from known.reference_rigs import cube_rig, lattice_image
+from known.work import drain, solve
 
 
 def a_rig(pixels=160, **options):

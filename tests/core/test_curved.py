@@ -6,22 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_irregular import CHOICES, MESHES, disturbed, errors
-from closed_forms import unit
-from marks import CASES, ORDER
-from reference_rigs import (
-    bottle,
-    cube_rig,
-    icosphere,
-    lathed,
-    mean_normals,
-    rig,
-    split_quads,
-    torus,
-    uv_ellipsoid,
-    wavy_slab,
-)
 
+from bench.irregular import CHOICES, MESHES, disturbed, errors
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.quartics import POWERS, grid
@@ -36,6 +22,20 @@ from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.solve.tessellation import _Parabolic
 from kiriko.core.steps import finish
+from known.closed_forms import unit
+from known.marks import CASES, ORDER
+from known.reference_rigs import (
+    bottle,
+    cube_rig,
+    icosphere,
+    lathed,
+    mean_normals,
+    rig,
+    split_quads,
+    torus,
+    uv_ellipsoid,
+    wavy_slab,
+)
 
 RADIUS = 0.025
 RADII = (0.025, 0.020, 0.015)

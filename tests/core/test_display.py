@@ -4,10 +4,7 @@ box of panels, a plane with part of the image.
 
 from dataclasses import replace
 
-import closed_forms
 import numpy as np
-from reference_rigs import QUAD, QUAD_UV, box, rectangle, rig
-from work import solve
 
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.display import display_plane, uv_islands
@@ -15,6 +12,9 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
+from known import closed_forms
+from known.reference_rigs import QUAD, QUAD_UV, box, rectangle, rig
+from known.work import solve
 
 
 def with_display(a_rig, mesh):

@@ -6,7 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from explain_paper import (
+
+from kiriko.core.rig import MirrorArray
+from known.marks import FITS
+from known.reference_rigs import cube_rig
+from paper.explain import (
     TARGET,
     TOUCHED,
     UNMOVED,
@@ -21,10 +25,6 @@ from explain_paper import (
     suspects,
     taken_for_ideal,
 )
-from marks import FITS
-from reference_rigs import cube_rig
-
-from kiriko.core.rig import MirrorArray
 
 TOLERANCES = {"mm": 0.5, "deg": 0.1, "": 0.002, "%": 0.1}
 COMMON = "viewer: turn about up"

@@ -2,9 +2,20 @@
 
 import sys
 
-import extremes
 import pytest
-from extreme_cases import LIMIT, REFUSED, WRONG, Case, exact, limit, refused, slab_rig, within
+
+from bench import extremes
+from known.extremes.cases import (
+    LIMIT,
+    REFUSED,
+    WRONG,
+    Case,
+    exact,
+    limit,
+    refused,
+    slab_rig,
+    within,
+)
 
 
 @pytest.mark.parametrize("case", extremes.CASES, ids=lambda case: f"{case.group}: {case.name}")

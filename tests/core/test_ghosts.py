@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, bottle, cube_rig, lattice_image, rig
-from work import solve
 
 from kiriko.core.errors import RigError
 from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of
@@ -17,6 +15,8 @@ from kiriko.core.map.shares import Shares
 from kiriko.core.map.view_map import Piece
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
+from known.reference_rigs import ball_rig, bottle, cube_rig, lattice_image, rig
+from known.work import solve
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

@@ -4,10 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marks import STATISTICS
-from rasterised import rasterise
-from reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
-from work import solve
 
 from kiriko.core.bench.misalignment import Bench
 from kiriko.core.errors import RigError
@@ -21,6 +17,10 @@ from kiriko.core.measure.choices import measure_choices
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from known.marks import STATISTICS
+from known.rasterised import rasterise
+from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
+from known.work import solve
 
 
 def ball(**options):

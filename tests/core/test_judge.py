@@ -5,17 +5,17 @@ The marks: 1e-12 where k > 1e-6, 4 eps / sqrt k below, and
 never the wrong class where it can be known.
 """
 
-import judge
 import numpy as np
 import pytest
-from marks import CASES
-from reference_rigs import rig
 
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.settings import Settings
+from known import judge
+from known.marks import CASES
+from known.reference_rigs import rig
 
 pytestmark = CASES
 

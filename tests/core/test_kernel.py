@@ -10,26 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from both_ways import find_parted
-from closed_forms import unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rasterised import rasterise, to_display
-from reference_rigs import (
-    ball_rig,
-    barrel,
-    bottle,
-    box,
-    cube_rig,
-    icosphere,
-    lathed,
-    mean_normals,
-    rectangle,
-    rig,
-    torus,
-    uv_ellipsoid,
-    wavy_slab,
-)
 
 import build_kernel
 from kiriko.core import kernel
@@ -59,6 +41,24 @@ from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known.both_ways import find_parted
+from known.closed_forms import unit
+from known.rasterised import rasterise, to_display
+from known.reference_rigs import (
+    ball_rig,
+    barrel,
+    bottle,
+    box,
+    cube_rig,
+    icosphere,
+    lathed,
+    mean_normals,
+    rectangle,
+    rig,
+    torus,
+    uv_ellipsoid,
+    wavy_slab,
+)
 
 pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
 

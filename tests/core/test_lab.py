@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-import bench_lab as lab
 import numpy as np
 import pytest
-from marks import ORDER
-from reference_rigs import box, rig
 
+from bench import lab
 from kiriko.core.bench.placement import lattice
 from kiriko.core.rig import PRESETS, MirrorArray
+from known.marks import ORDER
+from known.reference_rigs import box, rig
 
 pytestmark = ORDER
 

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marks import CASES
-from reference_rigs import ball_rig, cube_rig, rig, wavy_slab
-from work import solve
 
 from kiriko.core.bench.lattice.check import check, check_way
 from kiriko.core.bench.lattice.drawn import Lattice
@@ -18,6 +15,9 @@ from kiriko.core.errors import ImageError
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass
+from known.marks import CASES
+from known.reference_rigs import ball_rig, cube_rig, rig, wavy_slab
+from known.work import solve
 
 SEVEN = Lattice(7, 7, 1 / 14)
 N = np.arange(49)

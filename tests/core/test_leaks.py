@@ -7,10 +7,8 @@ extremes` asks all of the larger meshes, here a part.
 
 import numpy as np
 import pytest
-from bench_judge import SHAPES, START, aims_at, leak_cases, leaks_of
-from marks import CASES
-from reference_rigs import icosphere, rig
 
+from bench.judge import SHAPES, START, aims_at, leak_cases, leaks_of
 from kiriko.core import kernel
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
@@ -20,6 +18,8 @@ from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
+from known.marks import CASES
+from known.reference_rigs import icosphere, rig
 
 pytestmark = CASES
 

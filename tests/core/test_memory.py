@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig
 
 from environments import link_package
 from kiriko.core import free_memory
@@ -17,13 +16,14 @@ from kiriko.core.errors import RigError
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig
 
 MEASURE = """
 import json
 from pathlib import Path
 import numpy as np
 from dataclasses import replace
-from reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
+from known.reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
 from kiriko.core.solve import memory
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
@@ -79,7 +79,7 @@ TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
 def test_the_estimate_is_what_is_taken(rig, tolerance, work):
     """Within a factor of 2, in a process of its own, where each term is most of it."""
     code = MEASURE.format(rig=rig, tolerance=tolerance, work=work)
-    path = os.pathsep.join(map(str, (link_package(), Path(__file__).parent)))
+    path = os.pathsep.join(map(str, (link_package(), Path(__file__).parents[1])))
     process = subprocess.run(
         [sys.executable, "-c", code],
         env={"PYTHONPATH": path},

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marks import FITS
-from reference_rigs import ball_rig, box, cube_rig, rig
 
 from kiriko.core.bench.extra_photograph import extra_photographs
 from kiriko.core.bench.fit import fit
@@ -18,6 +16,8 @@ from kiriko.core.image.picture import view_of_picture
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known.marks import FITS
+from known.reference_rigs import ball_rig, box, cube_rig, rig
 
 PX = 1942  # viewer px over 50 mm: 1165 over the lattice of 30 mm, as in the paper's photographs
 TOLERANCES = {"mm": 0.5, "deg": 0.3, "": 0.002, "%": 0.3}

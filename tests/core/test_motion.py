@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import box
 
 from kiriko.core.bench.offset import turned
 from kiriko.core.glass.motion import find_motion
 from kiriko.core.rig import Mesh
+from known.reference_rigs import box
 
 SQUARE = Mesh(
     np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]])

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, rectangle, rig
-from work import drain, solve
 
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.light.landings import Reason
@@ -17,6 +15,8 @@ from kiriko.core.light.trace import _Sides, trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.solve.accuracy import leaks, measure
+from known.reference_rigs import ball_rig, box, rectangle, rig
+from known.work import drain, solve
 
 WIDE = 0.3
 BACK = np.array([0, 1.0, 0])

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from polygons import area_and_centroid, clipped
-from reference_rigs import ball_rig, box, cube_rig, rectangle, rig
-from work import solve
 
 from kiriko.core.image.outline import cut_along_outline
 from kiriko.core.image.picture import outline_in_view, view_of_picture
 from kiriko.core.map.view_map import Piece
 from kiriko.core.rig import Picture
+from known.polygons import area_and_centroid, clipped
+from known.reference_rigs import ball_rig, box, cube_rig, rectangle, rig
+from known.work import solve
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

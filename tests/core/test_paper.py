@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from paper import GAP, half_before, infloasion
-from reference_rigs import box, cube_rig, rig
 
 from kiriko.core.light.optics import refract
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass
+from known.reference_rigs import box, cube_rig, rig
+from paper.results import GAP, half_before, infloasion
 
 PIXEL = 0.05 / 512  # m, of the display
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import lattice_image, rectangle
 
 from kiriko.core.errors import RigError
 from kiriko.core.image import picture as picture_module
@@ -13,6 +12,7 @@ from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.rig import Mesh, Picture, Viewer
+from known.reference_rigs import lattice_image, rectangle
 
 
 def viewer(projection, shift=0.0):

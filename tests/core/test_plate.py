@@ -7,14 +7,10 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
-from bench_plate import MirrorMesh, agreement, plate_frame, random_light
-from closed_forms import unit
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from marching import march, turned
-from marks import CASES, STATISTICS
-from reference_rigs import ball_rig, box, rectangle
 
+from bench.plate import MirrorMesh, agreement, plate_frame, random_light
 from kiriko.core.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.kinds import Kind
@@ -28,6 +24,10 @@ from kiriko.core.rig import PRESETS, MirrorArray, Plate
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from known.closed_forms import unit
+from known.marching import march, turned
+from known.marks import CASES, STATISTICS
+from known.reference_rigs import ball_rig, box, rectangle
 
 EPS = np.finfo(float).eps
 LAYOUTS = "crossed", "holes", "radial"

@@ -5,12 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from closed_forms import unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from marks import CASES
-from rasterised import to_display, to_view
-from reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
 from kiriko.core.errors import RigError
 from kiriko.core.image.picture import picture_from_view
@@ -24,6 +20,10 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve.picture_coverage import TOO_FINE
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from known.closed_forms import unit
+from known.marks import CASES
+from known.rasterised import to_display, to_view
+from known.reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
 EPS = np.finfo(float).eps
 RAYS = 300

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, icosphere, rig
-from work import drain, solve
 
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.planning import make_plan
@@ -16,6 +14,8 @@ from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.settings import Settings
 from kiriko.core.solve.reach import out_of_sight, sample_reached
 from kiriko.core.solve.session import Session
+from known.reference_rigs import ball_rig, box, icosphere, rig
+from known.work import drain, solve
 
 
 def with_others(a_rig, *meshes):

@@ -5,12 +5,8 @@ that helps.
 from dataclasses import replace
 from types import MappingProxyType, SimpleNamespace
 
-import closed_forms
 import numpy as np
 import pytest
-from extreme_cases import changed, joined
-from reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, mean_normals, rig, torus
-from work import drain, solve
 
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
@@ -21,6 +17,19 @@ from kiriko.core.solve.accuracy import Accuracy, measure
 from kiriko.core.solve.remarks import BEYOND, is_facetted, remarks_on
 from kiriko.core.solve.tessellation import Tessellation, tessellation
 from kiriko.core.words import millimetres, percent
+from known import closed_forms
+from known.extremes.cases import changed, joined
+from known.reference_rigs import (
+    ball_rig,
+    bottle,
+    box,
+    icosphere,
+    lattice_image,
+    mean_normals,
+    rig,
+    torus,
+)
+from known.work import drain, solve
 
 
 def small(**options):

@@ -5,11 +5,11 @@ short steps, however many faces they may meet.
 import tracemalloc
 
 import numpy as np
-from reference_rigs import lathed
 
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.hits import Hits
 from kiriko.core.light.ray_engine import Layer
+from known.reference_rigs import lathed
 
 
 def test_lost_rays_are_looked_for_in_pieces():

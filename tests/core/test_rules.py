@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from marks import ORDER
-from rules import RULES
 
 from kiriko.core.light.trace import trace_all
+from known.marks import ORDER
+from known.rules import RULES
 
 pytestmark = ORDER
 

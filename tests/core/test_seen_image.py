@@ -1,14 +1,14 @@
 """What the viewer sees, against pictures computed from closed forms."""
 
-import closed_forms
 import numpy as np
 import pytest
-from marks import ORDER
-from reference_rigs import ball_rig, box, lattice_image, rig
-from work import solve
 
 from kiriko.core.image.seen_image import dot_centroids, lattice_shift
 from kiriko.core.solve.solution import without_glass
+from known import closed_forms
+from known.marks import ORDER
+from known.reference_rigs import ball_rig, box, lattice_image, rig
+from known.work import solve
 
 CASES = {
     "ball": (lambda **o: ball_rig(5, **o), closed_forms.through_ball, {"radius": 0.025, "n": 1.49}),

@@ -5,25 +5,8 @@ And one clear sentence for each rig that cannot be solved.
 
 from dataclasses import replace
 
-import closed_forms
 import numpy as np
 import pytest
-from extreme_bench import filled_cavity
-from extreme_cases import joined, rays_of
-from marks import ORDER
-from reference_rigs import (
-    ball_rig,
-    bottle,
-    box,
-    icosphere,
-    lattice_image,
-    mean_normals,
-    rectangle,
-    rig,
-    torus,
-    wavy_slab,
-)
-from work import drain, solve
 
 from kiriko.core import kernel
 from kiriko.core.errors import MeshError, RigError
@@ -41,6 +24,23 @@ from kiriko.core.solve.accuracy import rounding_error
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
+from known import closed_forms
+from known.extremes.bench import filled_cavity
+from known.extremes.cases import joined, rays_of
+from known.marks import ORDER
+from known.reference_rigs import (
+    ball_rig,
+    bottle,
+    box,
+    icosphere,
+    lattice_image,
+    mean_normals,
+    rectangle,
+    rig,
+    torus,
+    wavy_slab,
+)
+from known.work import drain, solve
 
 
 def small(**options):

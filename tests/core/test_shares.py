@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from polygons import area_and_centroid, clip, clipped, covariance, pieces_of
-from rasterised import rasterise, to_display, to_view
 
 from kiriko.core.map import rasterise as rasterise_module
 from kiriko.core.map import share_batches
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage, add_at
+from known.polygons import area_and_centroid, clip, clipped, covariance, pieces_of
+from known.rasterised import rasterise, to_display, to_view
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 fixed = settings(derandomize=True, deadline=None, max_examples=150, database=None)

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marks import STATISTICS
-from reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
-from work import drain, solve
 
 from kiriko.core.image import simulation
 from kiriko.core.image.simulation import LUMINANCE, simulate
@@ -17,6 +14,9 @@ from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Display, MirrorArray
 from kiriko.core.settings import Settings
+from known.marks import STATISTICS
+from known.reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
+from known.work import drain, solve
 
 NO_GLASS = box([0.3, 0.03, 0.3])
 

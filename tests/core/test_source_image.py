@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from marks import STATISTICS
-from reference_rigs import ball_rig, box, cube_rig, rig
-from work import drain, solve
 
 from kiriko.core.image.source_image import grow, splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
+from known.marks import STATISTICS
+from known.reference_rigs import ball_rig, box, cube_rig, rig
+from known.work import drain, solve
 
 
 def waves(size=64):

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from closed_forms import landing, through_ball
-from reference_rigs import icosphere
 
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from kiriko.core.bench.spread import SEVERAL, Spread, part_of_picture, points_of, spread_of
@@ -9,6 +7,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known.closed_forms import landing, through_ball
+from known.reference_rigs import icosphere
 
 NOTHING = Rig(viewers=(), glasses=(), plates=(), displays=())
 BALL = np.array([[-0.025] * 3, [0.025] * 3])

@@ -3,8 +3,9 @@ measures it: orders, and how much better curved faces are.
 """
 
 import pytest
-from bench_surface import FLOOR, SHAPES, drawn, errors, order
-from marks import ORDER
+
+from bench.surface import FLOOR, SHAPES, drawn, errors, order
+from known.marks import ORDER
 
 pytestmark = ORDER
 

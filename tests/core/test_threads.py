@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import reference_rigs
 
 from kiriko.core.products import combine, solve_symmetric, turn
 
@@ -25,7 +24,7 @@ RUN = """
 import json, time
 from dataclasses import replace
 import numpy as np
-from reference_rigs import ball_rig, bottle, mean_normals, rig, torus
+from known.reference_rigs import ball_rig, bottle, mean_normals, rig, torus
 from kiriko.core import kernel
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
@@ -73,7 +72,7 @@ def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
     that solves.
     """
     link = Path(__file__).parents[2] / ".dev" / "link"
-    path = os.pathsep.join(map(str, (link, Path(reference_rigs.__file__).parent)))
+    path = os.pathsep.join(map(str, (link, Path(__file__).parents[1])))
     free = {name: value for name, value in os.environ.items() if name not in LIMITS}
     code = RUN.replace("{work}", WORK[name])
     shares = []

@@ -4,10 +4,8 @@ ellipsoid, total reflection, nested and touching solids.
 
 from dataclasses import replace
 
-import closed_forms
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 
 from kiriko.core.errors import RigError
 from kiriko.core.glass.solids import solids_from_mesh
@@ -21,6 +19,8 @@ from kiriko.core.light.trace import _following, trace_all
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known import closed_forms
+from known.reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 
 
 def grid(viewer, n=65):

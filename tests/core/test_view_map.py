@@ -5,9 +5,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from marks import ORDER
-from rasterised import rasterise
-from reference_rigs import (
+
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.map.points import is_seen
+from kiriko.core.map.sampling import sample
+from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
+from kiriko.core.settings import Settings
+from known.marks import ORDER
+from known.rasterised import rasterise
+from known.reference_rigs import (
     ball_rig,
     bottle,
     box,
@@ -19,15 +27,7 @@ from reference_rigs import (
     torus,
     wavy_slab,
 )
-from work import drain, is_sampled, solve
-
-from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
-from kiriko.core.light.trace import trace_all
-from kiriko.core.map.points import is_seen
-from kiriko.core.map.sampling import sample
-from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
-from kiriko.core.settings import Settings
+from known.work import drain, is_sampled, solve
 
 
 def view_map(a_rig, **settings):

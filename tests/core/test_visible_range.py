@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference_rigs import box, cube_rig, rig, split_quads
-from work import drain
 
 from kiriko.core.bench.visible_range import FINE, STEPS, visible_range
 from kiriko.core.errors import RigError
@@ -16,6 +14,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.rig import Mesh, MirrorArray
 from kiriko.core.settings import Settings
+from known.reference_rigs import box, cube_rig, rig, split_quads
+from known.work import drain
 
 MIDDLE = STEPS // 2
 

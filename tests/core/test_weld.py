@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
 
 from kiriko.core.glass.meshes import components, find_edges, volume_of
 from kiriko.core.glass.solids import split_shells
 from kiriko.core.glass.weld import coincident, welded
 from kiriko.core.rig import Mesh
+from known.reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
 
 
 def apart(mesh, random=None, noise=0.0, parts=None):

@@ -12,9 +12,6 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from marks import ORDER
-from reference_rigs import cube_rig
-from work import drain
 
 from kiriko.core.errors import RigError
 from kiriko.core.measure import reference, work_precision
@@ -25,6 +22,9 @@ from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost
 from kiriko.core.solve.session import Session
+from known.marks import ORDER
+from known.reference_rigs import cube_rig
+from known.work import drain
 
 SIZE = 0.05  # m, side of the display of the reference rigs
 TOLERANCES = (1.0, 0.3, 0.1, 0.03)

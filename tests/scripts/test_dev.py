@@ -8,7 +8,7 @@ import pytest
 import environments
 
 DEV = Path(environments.__file__).with_name("dev.py")
-HANDED_ON = re.compile(r'^def (\w+)\(.*\n(?:    .*\n)*?    run_\w+\("(\w+\.py)"', re.MULTILINE)
+HANDED_ON = re.compile(r'^def (\w+)\(.*\n(?:    .*\n)*?    run_\w+\("([\w.]+)"', re.MULTILINE)
 SCRIPTS = dict(HANDED_ON.findall(DEV.read_text()))
 OWN = {"test": "--only", "lint": "--help", "build": "--help", "setup": "--help"}
 
@@ -35,9 +35,8 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
     """All that the script's parser adds is in the answer, without
     numpy, Blender or anything that were to be set up.
     """
-    added = re.findall(
-        r'add_argument\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', (DEV.parent / SCRIPTS[verb]).read_text()
-    )
+    script = DEV.parent / f"{SCRIPTS[verb].replace('.', '/')}.py"
+    added = re.findall(r'add_argument\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', script.read_text())
     answer = told(verb)
     assert added
     assert all(option in answer for option in added)

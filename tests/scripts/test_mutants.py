@@ -4,10 +4,10 @@ import re
 import sys
 from pathlib import Path
 
-import mutants
 import pytest
 
-from mutations import COMPARISONS, draw, mutants_of
+from mutants import run as mutants
+from mutants.mutations import COMPARISONS, draw, mutants_of
 
 SOURCE = '''"""A file."""
 
@@ -117,7 +117,7 @@ def test_the_draw_goes_by_lines_and_kinds_and_stays_when_other_files_change() ->
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A checkout whose core is one function, of which one test tells half."""
-    for name in ("core", "tests/core", "scripts", "docs"):
+    for name in ("core", "tests/core", "tests/known", "scripts", "docs"):
         (tmp_path / name).mkdir(parents=True)
     for name in mutants.TOP:
         (tmp_path / name).touch()

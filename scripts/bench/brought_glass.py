@@ -1,0 +1,248 @@
+"""Glass as artists bring it, made by script for benches, as Blender evaluates it.
+
+Random ones are in scripts/fuzz/shapes.py.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
+from kiriko.core.blender.mesh import read_mesh
+from kiriko.core.rig import Mesh
+
+SIZE = 0.05  # m
+
+WINE_GLASS = [
+    (0.0, 0.0), (0.02, 0.0), (0.034, 0.002), (0.030, 0.004), (0.008, 0.010), (0.004, 0.03), (0.004,
+    0.07),
+    (0.008, 0.09), (0.025, 0.105), (0.036, 0.13), (0.038, 0.15), (0.034, 0.18), (0.032, 0.20),
+]  # fmt: skip
+BOTTLE = [
+    (0.0, 0.0), (0.28, 0.0), (0.3, 0.03), (0.3, 0.55), (0.27, 0.65), (0.1, 0.75), (0.1, 1.0),
+    (0.07, 1.0), (0.07, 0.75),
+    (0.24, 0.65), (0.27, 0.55), (0.27, 0.06), (0.0, 0.05),
+]  # fmt: skip
+# facets of a round brilliant: how many, the first one's turn in parts of a circle,
+# elevation in degrees, distance from the middle where the girdle has radius 1
+BRILLIANT = [
+    (1, 0.0, 90.0, 0.36),  # table
+    (8, 0.0, 55.5, 0.5955),  # crown mains
+    (8, 0.5, 68.3, 0.4905),  # stars
+    (16, 0.5, 48.0, 0.682),  # upper halves
+    (8, 0.0, -49.25, 0.6475),  # pavilion mains
+    (16, 0.5, -47.8, 0.6655),  # lower halves
+]
+GIRDLE = (32, 0.5, 0.0, 1.0)
+VASE = [(0.012, 0.0), (0.018, 0.012), (0.013, 0.028), (0.010, 0.040), (0.014, 0.050)]
+
+
+def add(thing: bpy.types.Object, kind: str, **options: object) -> None:
+    """A modifier with options."""
+    modifier = thing.modifiers.new(kind.title(), kind)
+    for name, value in options.items():
+        setattr(modifier, name, value)
+
+
+def wine_glass(levels: int = 2) -> bpy.types.Object:
+    """Screw 32, Solidify 2 mm, Subdivision."""
+    thing = turned(WINE_GLASS, 32)
+    add(thing, "SOLIDIFY", thickness=0.002)
+    add(thing, "SUBSURF", levels=levels, quality=6)
+    return thing
+
+
+def vase() -> bpy.types.Object:
+    """Screw 32 and Solidify, without subdivision: 40 degrees and more from face to face."""
+    thing = turned(VASE, 32)
+    add(thing, "SOLIDIFY", thickness=0.002)
+    return thing
+
+
+def suzanne() -> bpy.types.Object:
+    """The monkey's head, subdivided once."""
+    bpy.ops.mesh.primitive_monkey_add()
+    thing = bpy.context.object
+    smooth(thing.data)
+    add(thing, "SUBSURF", levels=1)
+    return thing
+
+
+def displaced() -> bpy.types.Object:
+    """A ball with clouds on it."""
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=5, radius=0.5)), "Displaced")
+    texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    texture.noise_scale = 0.5
+    add(thing, "DISPLACE", texture=texture, strength=0.1)
+    return thing
+
+
+def scan(n_triangles: int = 5000) -> bpy.types.Object:
+    """A noisy ball thinned out to so many triangles, as a scanner sees it."""
+    mesh = mesh_of("icosphere", subdivisions=6 if n_triangles < 10_000 else 8, radius=0.5)
+    thing = linked(smooth(shaken(mesh, 2e-4, np.random.default_rng(1))), "Scan")
+    add(thing, "DECIMATE", ratio=n_triangles / len(mesh.polygons))
+    return thing
+
+
+def text(**sizes: float) -> bpy.types.Object:
+    """A word, upright; caps, bevels and sides share no vertices."""
+    data = bpy.data.curves.new("Text", "FONT")
+    data.body = "Ki"
+    for name, value in sizes.items():
+        setattr(data, name, value)
+    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(data, "Text")
+
+
+def remeshed_text() -> bpy.types.Object:
+    """A text rebuilt of voxels, shaded smooth."""
+    thing = text(extrude=0.15)
+    add(thing, "REMESH", mode="VOXEL", voxel_size=0.03, use_smooth_shade=True)
+    return thing
+
+
+def ellipsoid() -> bpy.types.Object:
+    """A ball whose axes differ."""
+    mesh = mesh_of("icosphere", subdivisions=5, radius=0.5)
+    mesh.transform(Matrix.Diagonal((1.0, 0.8, 0.6, 1.0)))
+    return linked(smooth(mesh), "Ellipsoid")
+
+
+def bottle() -> bpy.types.Object:
+    """A hollow body that is turned: its profile is that of the wall."""
+    thing = turned(BOTTLE, 64)
+    add(thing, "SUBSURF", levels=2, quality=6)
+    return thing
+
+
+def cube() -> bpy.types.Object:
+    """A cube, turned as in the reference rig, so that an edge is seen."""
+    mesh = mesh_of("cube", size=1.0)
+    mesh.transform(Matrix.Rotation(math.radians(15.8), 4, "Z"))
+    return linked(mesh, "Cube")
+
+
+def gem() -> bpy.types.Object:
+    """A round brilliant of 57 facets and a girdle of 32, table towards the viewer."""
+    facets = [
+        ((k + first) / n, elevation, d)
+        for n, first, elevation, d in [*BRILLIANT, GIRDLE]
+        for k in range(n)
+    ]
+    turn, elevation, distances = np.array(facets).T
+    a = 2 * np.pi * turn
+    e = np.radians(elevation)
+    normals = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
+    mesh = behind(normals, distances)
+    mesh.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(mesh, "Gem")
+
+
+def cut_cylinder() -> bpy.types.Object:
+    """A cylinder of 24 sides with flat facets and bevelled rims."""
+    thing = linked(
+        mesh_of("cone", cap_ends=True, segments=24, radius1=0.5, radius2=0.5, depth=1.0), "Cylinder"
+    )
+    add(thing, "BEVEL", width=0.06, limit_method="ANGLE")
+    return thing
+
+
+def bauble() -> bpy.types.Object:
+    """A thin-walled ball with a neck, open at its top: inside and outside are one surface."""
+    arc = [(math.sin(a) * 0.5, -math.cos(a) * 0.5) for a in np.linspace(0, math.pi - 0.2, 24)]
+    thing = turned([*arc, (0.1, 0.6)], 48)
+    add(thing, "SOLIDIFY", thickness=0.02)
+    return thing
+
+
+def nine_balls() -> bpy.types.Object:
+    """Balls side by side, by two Array modifiers."""
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=4, radius=0.5)), "Balls")
+    for offset in ((1.1, 0.0, 0.0), (0.0, 0.0, 1.1)):
+        add(thing, "ARRAY", count=3, relative_offset_displace=offset)
+    return thing
+
+
+GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
+    "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
+    "cube": cube,
+    "ellipsoid": ellipsoid,
+    "bottle": bottle,
+    "wine glass": wine_glass,
+    "vase": vase,
+    "Suzanne": suzanne,
+    "text, bevelled": lambda: text(extrude=0.12, bevel_depth=0.03, bevel_resolution=3),
+    "text, remeshed": remeshed_text,
+    "gem": gem,
+    "cut cylinder": cut_cylinder,
+    "displaced ball": displaced,
+    "scan": scan,
+    "large scan": lambda: scan(100_000),
+    "bauble": bauble,
+    "nine balls": nine_balls,
+}
+INDICES = {"gem": 2.42}  # others are of 1.49
+# m, the height that is looked at; others are looked at in their middle, SIZE across
+BOWLS = {"wine glass": 0.14}
+
+
+def made(name: str) -> Mesh:
+    """The mesh of a glass in the world, as it is evaluated.
+
+    Normals are those that Blender shows.
+    """
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    thing = GLASSES[name]()
+    place = (
+        Matrix.Translation((0, 0, -BOWLS[name]))
+        if name in BOWLS
+        else Matrix.Scale(SIZE, 4) @ fitting(thing)
+    )
+    return evaluated(thing, place)
+
+
+def rebuilt(fine: Mesh, **options: object) -> Mesh:
+    """A mesh in smooth shading, made anew by a modifier with these options."""
+    data = bpy.data.meshes.new("Fine")
+    data.from_pydata(fine.vertices.tolist(), [], fine.triangles.tolist())
+    thing = linked(smooth(data), "Fine")
+    add(thing, **options)
+    mesh = evaluated(thing, Matrix())
+    bpy.data.meshes.remove(data)
+    return mesh
+
+
+def evaluated(thing: bpy.types.Object, place: Matrix) -> Mesh:
+    """The mesh of an object with its modifiers, at a place in the world."""
+    bpy.context.view_layer.update()
+    result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh, _ = read_mesh(result.to_mesh(), np.array(place), has_normals=True)
+    result.to_mesh_clear()
+    return mesh
+
+
+PARTS = "vertices", "triangles", "corner_normals", "is_smooth"  # of a mesh, as they are written
+
+
+def main() -> None:
+    """Write glasses to a folder, as files that numpy reads: options FOLDER [NAME ...]."""
+    folder, *names = sys.argv[1:]
+    for name in names or GLASSES:
+        mesh = made(name)
+        np.savez(
+            Path(folder, f"{name}.npz"),
+            index=INDICES.get(name, 1.49),
+            **{part: getattr(mesh, part) for part in PARTS if getattr(mesh, part) is not None},
+        )
+
+
+if __name__ == "__main__":
+    main()

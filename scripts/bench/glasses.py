@@ -1,0 +1,258 @@
+"""Seconds and rays of solves through glass as artists bring it, by each choice of *Surface*.
+
+`python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
+[--threads N]`. Seconds, and processor seconds of all threads, of whole solves at default settings,
+512 x 512 pixels. `step` is the longest step, in which no Esc is heard; `rest` how many times the
+rest of the time differs from what the progress tells, from 10 % to 90 %. `MB` is the memory taken,
+on Linux, and `told` how many times that differs from what was told. `curved` is the share of the
+triangles with a curved face, `beyond` that of what is seen off by more than the tolerance,
+`sampled` where light is chaotic.
+
+With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
+to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
+
+With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic.
+`glare` is the share of the light that comes beside the glass; `contested` that of the view whose
+display pixel has a stronger path. Then the PSNR in dB of all that is seen against the ideal image:
+by the mean and by the strongest path with the glare as it is, and by the mean with Suppress Glare
+at 0.5 and 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import gc
+import sys
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter, process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiriko.core import kernel
+from kiriko.core.image.ghosts import Paths
+from kiriko.core.light.planning import make_plan
+from kiriko.core.measure.choices import measure_choices
+from kiriko.core.rig import Mesh, Rig, Viewer
+from kiriko.core.settings import Settings
+from kiriko.core.solve.memory import estimated
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
+from kiriko.core.steps import finish
+from known.reference_rigs import glass_rig
+
+from .brought_glass import GLASSES, INDICES, made
+from .irregular import CHOICES
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--glass",
+        nargs="+",
+        metavar="NAME",
+        choices=GLASSES,
+        default=list(GLASSES),
+        help="only these",
+    )
+    parser.add_argument(
+        "--surface", nargs="+", choices=CHOICES, default=list(CHOICES), help="only these choices"
+    )
+    parser.add_argument(
+        "--effort",
+        type=int,
+        default=Settings().effort,
+        metavar="RAYS",
+        help="where light is chaotic",
+    )
+    parser.add_argument(
+        "--light", action="store_true", help="what Ghosts and Suppress Glare cost or gain, instead"
+    )
+    parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
+    parser.add_argument(
+        "--threads", type=int, default=0, metavar="N", help="of the kernel; as many as there are"
+    )
+    parser.add_argument(
+        "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
+    )
+    arguments = parser.parse_args()
+    kernel.use_threads(arguments.threads)
+    with kernel.off() if arguments.numpy else nullcontext():
+        (print_light if arguments.light else print_rays if arguments.rays else print_table)(
+            arguments
+        )
+
+
+@dataclass
+class Steps:
+    """Where a solve stood, 0..1 as it told, and after how many seconds."""
+
+    told: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    def watch(self, work: Generator[float, None, Solution]) -> Solution:
+        """Run a solve to its end."""
+        started = perf_counter()
+        while True:
+            try:
+                self.told.append(next(work))
+            except StopIteration as end:
+                return end.value
+            finally:
+                self.seconds.append(perf_counter() - started)
+
+    @property
+    def longest(self) -> float:
+        """Seconds of the longest step."""
+        return float(np.diff(self.seconds, prepend=0.0).max())
+
+    @property
+    def off(self) -> float:
+        """How many times the rest of the time is longer or
+        shorter than the progress tells, from 10 % to 90 %.
+        """
+        told = np.array(self.told)
+        seconds = np.array(self.seconds)
+        some = (told >= 0.1) & (told <= 0.9)
+        expected = seconds[:-1][some] * (1 / told[some] - 1)
+        rest = seconds[-1] - seconds[:-1][some]
+        return float(np.maximum(expected / rest, rest / expected).max())
+
+
+class Memory:
+    """Bytes that are taken from now on, at the most; 0 where that is not known."""
+
+    def __init__(self) -> None:
+        self._before = 0
+        if sys.platform == "linux":
+            gc.collect()
+            ctypes.CDLL(None).malloc_trim(0)
+            Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+            self._before = self._read("VmRSS")
+
+    @property
+    def taken(self) -> int:
+        return self._read("VmHWM") - self._before if self._before else 0
+
+    def _read(self, name: str) -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(dict(line.split(":", 1) for line in lines)[name].split()[0])
+
+
+def rig_of(name: str, mesh: Mesh) -> Rig:
+    """A glass on the bench."""
+    return glass_rig(mesh, ior=INDICES.get(name, 1.49))
+
+
+def print_light(arguments: argparse.Namespace) -> None:
+    """Print a line for each glass on glare and ghosts."""
+    print(
+        f"{'glass':<16}{'glare %':>8}{'contested %':>12}{'mean':>7}{'strongest':>10}"
+        f"{'0.5':>7}{'1':>7}  where"
+    )
+    settings = Settings(effort=arguments.effort)
+    for name in arguments.glass:
+        a_rig = rig_of(name, replace(made(name), surface="automatic"))
+        seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
+        solution = finish(Session().solve(a_rig, replace(settings, ghosts="strongest")))
+        paths = Paths(solution.first.shares.display_size)
+        for shares in solution.first.shares:
+            paths.add(shares)
+        weight, contested = paths.weights()
+        share = 100 * float((weight * contested).sum() / weight.sum())
+        told = "".join(
+            f"{seen[choice]:{width}.1f}"
+            for choice, width in (
+                (("mean", 0), 7),
+                (("strongest", 0), 10),
+                (("mean", 0.5), 7),
+                (("mean", 1), 7),
+            )
+        )
+        glare = solution.first.glare
+        print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
+
+
+@contextmanager
+def counted(width: int, height: int) -> Iterator[NDArray[np.int64]]:
+    """Count the rays (h + 1, w + 1) that start in each viewer
+    pixel meanwhile, right and lower edges included.
+    """
+    counts = np.zeros((height + 1, width + 1), np.int64)
+    rays_of = Viewer.rays
+
+    def rays(viewer: Viewer, xy: NDArray) -> tuple[NDArray, NDArray]:
+        column, row = np.clip(np.floor(xy), 0, (width, height)).astype(np.int64).T
+        counts.ravel()[:] += np.bincount(row * (width + 1) + column, minlength=counts.size)
+        return rays_of(viewer, xy)
+
+    Viewer.rays = rays
+    try:
+        yield counts
+    finally:
+        Viewer.rays = rays_of
+
+
+def print_rays(arguments: argparse.Namespace) -> None:
+    """Print a line for each glass and choice on the rays of a viewer pixel."""
+    print(
+        f"{'glass':<16}{'surface':>10}{'rays':>9}{'pixels':>8}"
+        f"{'mean':>7}{'99 %':>6}{'99.9 %':>8}{'most':>6}"
+    )
+    for name in arguments.glass:
+        mesh = made(name)
+        for choice in arguments.surface:
+            a_rig = rig_of(name, replace(mesh, surface=choice))
+            with counted(a_rig.viewer.width, a_rig.viewer.height) as counts:
+                finish(Session().solve(a_rig, Settings(effort=arguments.effort)))
+            several = counts[counts > 1]
+            most = "".join(
+                f"{np.quantile(several, part):{width}.0f}"
+                for part, width in ((0.99, 6), (0.999, 8), (1, 6))
+            )
+            print(
+                f"{name:<16}{choice:>10}{counts.sum():9d}{len(several):8d}{several.mean():7.1f}{most}",
+                flush=True,
+            )
+
+
+def print_table(arguments: argparse.Namespace) -> None:
+    """Print a line for each glass and choice."""
+    numbers = (
+        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'MB':>6}{'told x':>7}"
+        f"{'rays':>9}{'curved':>7}{'beyond %':>9}"
+    )
+    print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
+    settings = Settings(effort=arguments.effort)
+    for name in arguments.glass:
+        mesh = made(name)
+        for choice in arguments.surface:
+            a_rig = rig_of(name, replace(mesh, surface=choice))
+            share = sum(make_plan(a_rig, settings).n_curved) / len(mesh.triangles)
+            solution = None  # or the last one would be there still
+            memory = Memory()
+            steps = Steps()
+            started = perf_counter()
+            of_processor = process_time()
+            solution = steps.watch(Session().solve(a_rig, settings))
+            seconds = perf_counter() - started
+            of_processor = process_time() - of_processor
+            taken = memory.taken
+            error = solution.first.map_error
+            estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
+            off = max(estimate / taken, taken / estimate) if taken else float("nan")
+            beyond = 100 * (error.facet_limited + error.unresolved)
+            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}"
+            told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
+            told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
+            print(f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

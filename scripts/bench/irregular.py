@@ -1,0 +1,190 @@
+"""Display error of irregular and noisy meshes by each choice of
+*Surface*, held to closed forms of what was meant.
+
+`python3 scripts/dev.py irregular [--mesh NAME ...]`. Rays and errors are those of `dev.py surface`.
+Vertices are moved by up to a part of an edge and put back onto the surface, and then off it as a
+scanner's are, by a part of the size; or Blender's own modifiers make a mesh anew: Decimate, Remesh
+by voxels, and Decimate after noise as on a scan. After them regular meshes that are coarse, of so
+many segments around. Normals are Blender's means. `curved` is the share of the triangles that
+*Automatic* follows as curved, `worse` by how many px rms it is further off than the better of the
+other two.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.rig import Mesh, SurfaceChoice
+from kiriko.core.settings import Settings
+from known.reference_rigs import icosphere, mean_normals, rig, torus
+
+from .surface import BALL, OPTIONS, SHAPES, TORUS, judged
+
+Floats = NDArray[np.float64]
+
+CHOICES: tuple[SurfaceChoice, ...] = ("facets", "smooth", "automatic")
+ASIDE = (0.0, 0.1, 0.2, 0.3)  # of an edge
+NOISE = (0.0, 1e-6, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2)  # of the size
+SEED = 6
+THINNED = {"kind": "DECIMATE", "ratio": 1 / 16}
+VOXELS = {"kind": "REMESH", "mode": "VOXEL", "voxel_size": 0.0015, "use_smooth_shade": True}
+
+
+def onto_ball(places: Floats) -> Floats:
+    """The nearest places on the ball."""
+    return BALL[0] * places / np.linalg.norm(places, axis=1, keepdims=True)
+
+
+def onto_torus(places: Floats) -> Floats:
+    """The nearest places on the torus around the y axis."""
+    major, minor = TORUS
+    ring = places * [1, 0, 1]
+    ring *= major / np.linalg.norm(ring, axis=1, keepdims=True)
+    out = places - ring
+    return ring + minor * out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+MESHES: dict[str, tuple[str, Callable[[], Mesh], Callable[[Floats], Floats]]] = {
+    "ball, 1280": ("ball", lambda: icosphere(BALL[0], 3), onto_ball),
+    "ball, 5120": ("ball", lambda: icosphere(BALL[0], 4), onto_ball),
+    "torus, 4096": ("torus", lambda: torus(*TORUS, 64, 32), onto_torus),
+}
+
+
+# a fine mesh, its noise, of the size, and the modifier that makes it anew
+REBUILT: dict[str, tuple[str, Callable[[], Mesh], float, dict[str, object]]] = {
+    f"{shape}, {kind}": (shape, make, noise, options)
+    for shape, make in (
+        ("ball", lambda: icosphere(BALL[0], 6)),
+        ("torus", lambda: torus(*TORUS, 256, 128)),
+    )
+    for kind, noise, options in (
+        ("decimated", 0.0, THINNED),
+        ("remeshed", 0.0, VOXELS),
+        ("scanned", 2e-4, THINNED),
+    )
+}
+
+# segments
+COARSE = {
+    "ball": (8, 12),
+    "ellipsoid": (8, 12, 16),
+    "torus": (12, 16, 24),
+    "wavy slab": (16, 24, 32),
+}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one choice of surface, display px, over the rays that arrived.
+
+    lost : rays that did not; curved : share, 0..1, of the triangles that are followed as curved
+    """
+
+    median: float
+    rms: float
+    p99: float
+    lost: int
+    curved: float
+
+
+def disturbed(name: str, aside: float, noise: float) -> Mesh:
+    """A mesh whose vertices were moved on its surface and off it; mean normals."""
+    _, make, onto = MESHES[name]
+    mesh = make()
+    random = np.random.default_rng(SEED)
+    edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
+    places = onto(mesh.vertices + aside * edge * random.uniform(-1, 1, mesh.vertices.shape))
+    away = noise * np.ptp(mesh.bounds, axis=0).max() / 2
+    normals = mesh.vertices.copy()
+    normals[mesh.triangles] = mesh.corner_normals
+    return mean_normals(
+        replace(mesh, vertices=places + away * random.normal(size=(len(places), 1)) * normals)
+    )
+
+
+def rebuilt(name: str) -> Mesh:
+    """A fine mesh, made anew by one of Blender's modifiers."""
+    # needs Blender, which tests of core that read this file do without
+    from . import brought_glass as glasses
+
+    _, make, noise, options = REBUILT[name]
+    fine = make()
+    random = np.random.default_rng(SEED)
+    away = noise * np.ptp(fine.bounds, axis=0).max() / 2 * random.normal(size=fine.vertices.shape)
+    return glasses.rebuilt(replace(fine, vertices=fine.vertices + away), **options)
+
+
+def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
+    """How far a mesh that stands for a shape is off by one choice of surface."""
+    rays = judged(shape)
+    plan = make_plan(rig(replace(mesh, surface=choice), **OPTIONS), Settings())
+    px = np.linalg.norm(trace_all(plan, rays.origins, rays.directions).xy - rays.xy, axis=1)
+    arrived = px[np.isfinite(px)]
+    rms = float(np.sqrt((arrived**2).mean()))
+    median, p99 = (float(np.quantile(arrived, q)) for q in (0.5, 0.99))
+    return Errors(
+        median, rms, p99, len(px) - len(arrived), sum(plan.n_curved) / len(mesh.triangles)
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    every = [*MESHES, *REBUILT]
+    parser.add_argument(
+        "--mesh", nargs="+", metavar="NAME", choices=every, default=every, help="only these"
+    )
+    arguments = parser.parse_args()
+    print(f"{'':<34}" + "".join(f"{choice:>30}" for choice in CHOICES))
+    columns = f"{'median':>10}{'rms':>10}{'99 % px':>10}" * 3
+    print(f"{'mesh':<16}{'aside':>8}{'noise':>8}  {columns}{'curved':>9}{'worse':>9}")
+    worst = 0.0
+    for name in arguments.mesh:
+        if name in REBUILT:
+            worst = max(
+                worst, print_row(name, REBUILT[name][0], rebuilt(name), 0.0, REBUILT[name][2])
+            )
+            continue
+        cases = (
+            [(aside, 0.0) for aside in ASIDE]
+            + [(0.0, noise) for noise in NOISE[1:]]
+            + [(0.2, 1e-5), (0.2, 1e-3)]
+        )
+        for aside, noise in cases:
+            worst = max(
+                worst, print_row(name, MESHES[name][0], disturbed(name, aside, noise), aside, noise)
+            )
+    print(
+        f"Automatic is at most {worst:.3f} px further off, rms, than the better of the other two.\n"
+    )
+    for shape, numbers in COARSE.items() if arguments.mesh == every else ():
+        for segments in numbers:
+            print_row(
+                f"{shape}, {segments}", shape, mean_normals(SHAPES[shape].mesh(segments)), 0.0, 0.0
+            )
+
+
+def print_row(name: str, shape: str, mesh: Mesh, aside: float, noise: float) -> float:
+    """Print the errors by each choice, and return by how many
+    px rms *Automatic* is worse than the better one.
+    """
+    drawn, smooth, automatic = (errors(shape, mesh, choice) for choice in CHOICES)
+    worse = automatic.rms - min(drawn.rms, smooth.rms)
+    told = "".join(
+        f"{e.median:10.3g}{e.rms:10.3g}{e.p99:10.3g}" for e in (drawn, smooth, automatic)
+    )
+    print(f"{name:<16}{aside:8g}{noise:8g}  {told}{automatic.curved:9.3f}{worse:9.3f}", flush=True)
+    return worse
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""Updates a second of Live, and its longest single steps, on
+balls and a wine glass. Runs inside Blender, by dev.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import bpy
+
+import kiriko
+
+from . import brought_glass as glasses
+
+kiriko.register()
+
+from kiriko.operators import live  # noqa: E402 - the operators have to be there first
+
+
+def ball(segments: int, rings: int) -> None:
+    """A ball of the reference rig's size, of another mesh."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=rings, radius=0.025)
+    bpy.ops.object.shade_smooth()
+
+
+def wine_glass() -> None:
+    """A whole one, modifiers and all."""
+    thing = glasses.wine_glass()
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+
+
+BALL = {"field": 0.05, "picture_size": 0.03, "display_size": 0.05}
+MIDDLE = 0.1  # m, of the whole glass's height, where a rig puts it
+# as on the bench of `dev.py marks`
+BOWL = {"field": 0.06, "picture_size": 0.035, "display_size": 0.1}
+# by triangles; how far, m, the glass is lowered in its rig, so that its bowl is in the middle
+GLASS = {
+    "20 k": (lambda: ball(100, 103), BALL, 0.0),
+    "100 k": (lambda: ball(224, 225), BALL, 0.0),
+    "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - MIDDLE),
+}
+BLOCKING = 0.1  # s that nothing may take after the first build
+
+
+@dataclass
+class Times:
+    """Of updates, in s: until the first and the last picture, and the longest step of each kind."""
+
+    first: list[float] = field(default_factory=list)
+    last: list[float] = field(default_factory=list)
+    turns: list[float] = field(default_factory=list)
+    longest: dict[str, float] = field(default_factory=dict)
+
+    def lines(self, name: str) -> str:
+        """A row of the table."""
+        first = statistics.median(self.first)
+        last = statistics.median(self.last)
+        kind, worst = max(self.longest.items(), key=lambda step: step[1])
+        late = sum(seconds > BLOCKING for seconds in self.turns) / len(self.turns)
+        return (
+            f"{name:<28} {1 / first:10.2f} {1 / last:10.2f} {first:8.3f} {last:8.3f}"
+            f" {1000 * worst:10.0f} {late:7.1%}  {kind}"
+        )
+
+
+def rig_of(
+    make: Callable[[], None], sizes: dict[str, float], lower: float, pixels: int
+) -> dict[str, bpy.types.Object]:
+    """A rig around a glass; the objects by role, and the viewer."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    make()
+    bpy.ops.kiriko.add_rig(**sizes, viewer_resolution=pixels, display_resolution=(pixels, pixels))
+    by_role = {
+        "VIEWER": bpy.context.scene.camera,
+        **{o.kiriko.role: o for o in bpy.context.scene.objects},
+    }
+    by_role["GLASS"].location.z -= lower
+    return by_role
+
+
+def update(times: Times) -> None:
+    """Step Live until it has nothing left to do, as the timer would without waiting."""
+    followed = live.followed() or live.start(bpy.context.scene)
+    followed.longest.clear()
+    before = followed.n_pictures
+    started = perf_counter()
+    first = None
+    wait = 0.0
+    while wait != live.IDLE:
+        turn = perf_counter()
+        wait = live.tick()
+        times.turns.append(perf_counter() - turn)
+        if first is None and followed.n_pictures > before:
+            first = perf_counter() - started
+    if first is None:
+        raise SystemExit(f"Nothing was updated: {live.status()[0]}")
+    times.first.append(first)
+    times.last.append(perf_counter() - started)
+    for kind, seconds in followed.longest.items():
+        times.longest[kind] = max(times.longest.get(kind, 0.0), seconds)
+
+
+def move(name: str) -> Callable[[dict[str, bpy.types.Object], int], None]:
+    """Move an object of the rig a little to and fro, further each time."""
+
+    def apply(rig: dict[str, bpy.types.Object], n: int) -> None:
+        rig[name].location.x += 1e-5 * (n + 1) * (-1) ** n
+        bpy.context.view_layer.update()
+
+    return apply
+
+
+def margin(rig: dict[str, bpy.types.Object], n: int) -> None:
+    """Another margin: the optics stay."""
+    bpy.context.scene.kiriko.margin = 1 + n % 2
+
+
+CHANGES = {
+    "viewer moved": move("VIEWER"),
+    "glass moved": move("GLASS"),
+    "margin (optics unchanged)": margin,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--updates", type=int, default=20, help="of each kind; medians are shown")
+    parser.add_argument("--pixels", type=int, default=512, help="a side, of viewer and display")
+    parser.add_argument("--case", choices=GLASS, help="only this glass")
+    parser.add_argument(
+        "--steps", action="store_true", help="list the longest step of each kind, too"
+    )
+    arguments = parser.parse_args()
+    print(
+        f"Viewer and display {arguments.pixels} x {arguments.pixels}, median of"
+        f" {arguments.updates} updates; drawing"
+    )
+    print("in the interface comes on top. 'late' is the share of turns that took more than 0.1 s.")
+    heads = (
+        f"{'first /s':>10} {'final /s':>10} {'first s':>8} {'final s':>8} {'longest ms':>10}"
+        f" {'late':>7}"
+    )
+    print(f"{'glass, change':<28} {heads}")
+    for triangles, of_glass in GLASS.items():
+        if arguments.case not in (None, triangles):
+            continue
+        rig = rig_of(*of_glass, arguments.pixels)
+        build = Times()
+        update(build)
+        print(build.lines(f"{triangles}, first build"), flush=True)
+        for name, change in CHANGES.items():
+            times = Times()
+            for n in range(arguments.updates):
+                change(rig, n)
+                update(times)
+            print(times.lines(f"{triangles}, {name}"), flush=True)
+            if arguments.steps:
+                for kind, seconds in sorted(times.longest.items(), key=lambda step: -step[1]):
+                    print(f"    {1000 * seconds:7.1f} ms  {kind}")
+        live.stop()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
+
+For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
+512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko
+solves at its default settings: the mesh *as drawn*, which is what Mitsuba shows, and by
+*Automatic*, which follows the curved surface and has no judge here. `s` are seconds that passed; an
+error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
+over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart`
+is the share of the rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps
+itself, and is no judge there. `--finer` gives Kiriko more viewer pixels, for the same display: it
+takes longer, and errs less where borders run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from environments import machine, run_in_newest_blender
+from kiriko.core import kernel
+from kiriko.core.glass.meshes import geometric_normals
+from kiriko.core.rig import Mesh, Rig
+from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
+from kiriko.core.steps import finish
+from known.reference_rigs import glass_rig
+
+from .mitsuba_splat import MitsubaSplat, image_from_sums
+from .side_by_side import SPP, Judge, finer, share_apart, zone_plate
+
+
+def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
+    """Glasses and their indices by name, made by Blender, which is not in this process."""
+    if run_in_newest_blender("bench.brought_glass", folder, *names):
+        sys.exit("The glasses were not made, for the reason above.")
+    return {
+        path.stem: _loaded(path)
+        for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)
+    }
+
+
+def _loaded(path: Path) -> tuple[Mesh, float]:
+    with np.load(path) as found:
+        parts = {name: found[name] for name in found.files}
+    index = float(parts.pop("index"))
+    return Mesh(**parts), index
+
+
+def smooth_all_over(mesh: Mesh) -> Mesh:
+    """The same mesh as Mitsuba reads it: flat faces have their own normals at their corners.
+
+    So have faces with a normal that looks to the other side, which Kiriko takes for flat.
+    """
+    normals = np.repeat(geometric_normals(mesh.corners)[:, None], 3, axis=1)
+    if mesh.is_smooth is not None:
+        is_usable = mesh.is_smooth & ((mesh.corner_normals * normals).sum(axis=2) > 0).all(axis=1)
+        normals = np.where(is_usable[:, None, None], mesh.corner_normals, normals)
+    return replace(
+        mesh, corner_normals=normals, is_smooth=np.ones(len(mesh.triangles), bool), surface="facets"
+    )
+
+
+def timed(work: Callable[[], object], rounds: int) -> tuple[float, object]:
+    """Median of the seconds that some runs take, and what the last returned."""
+    seconds = []
+    for _ in range(rounds):
+        started = perf_counter()
+        found = work()
+        seconds.append(perf_counter() - started)
+    return statistics.median(seconds), found
+
+
+def solved(a_rig: Rig, surface: str) -> Solution:
+    """A whole solve from scratch."""
+    glass = a_rig.glasses[0]
+    glass = replace(glass, mesh=replace(glass.mesh, surface=surface))
+    return finish(Session().solve(replace(a_rig, glasses=(glass,)), Settings()))
+
+
+def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
+    """Print the line of a glass."""
+    a_rig = glass_rig(mesh, ior=index, image=zone_plate())
+    splat = MitsubaSplat(
+        replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),))
+    )
+    judge = Judge(splat.rig, arguments.reference, is_sphere=False)
+    splat.sums(SPP)  # compiled by now
+    theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
+    with kernel.off() if arguments.numpy else nullcontext():
+        our_rig = finer(a_rig, arguments.finer)
+        drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
+        seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
+    of_theirs, of_drawn = (
+        f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}"
+        for image in (image_from_sums(sums), drawn.source)
+    )
+    apart = 100 * share_apart(splat.rig, splat)
+    print(
+        f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{of_theirs}{drawn_seconds:9.2f}{of_drawn}"
+        f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}{apart:8.1f}%",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--glass", nargs="+", metavar="NAME", default=[], help="only these")
+    parser.add_argument(
+        "--reference", type=int, default=1024, metavar="SPP", help="samples of the judge"
+    )
+    parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
+    parser.add_argument(
+        "--finer",
+        type=int,
+        default=1,
+        metavar="N",
+        help="times finer a viewer for Kiriko, each way",
+    )
+    parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
+    arguments = parser.parse_args()
+    print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
+    heads = (
+        "Mitsuba",
+        "error",
+        "as seen",
+        "drawn s",
+        "error",
+        "as seen",
+        "auto s",
+        "drawn x",
+        "auto x",
+        "apart",
+    )
+    print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():
+            print_glass(name, mesh, index, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,305 @@
+"""The closed form of a mirror array against a mesh of all
+its mirrors, traced through Embree: `dev.py plate`.
+
+First, do they agree: what a ray becomes (reflections at each layer, odd or even) and where it comes
+out, for smaller and smaller steps off the mirror just met, which the mesh needs because Embree's
+float32 would find that mirror again. Then paths a second of one run, in turns, in processor time:
+the mesh in world axes, where the boxes of its diagonal strips overlap; the mesh in the axes of its
+mirrors; the closed form. Last, whole paths of the ball rig.
+"""
+
+import argparse
+import statistics
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from time import process_time
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from kiriko.core.light.optics import transmittance
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
+from kiriko.core.light.trace import trace_all
+from kiriko.core.rig import PRESETS, MirrorArray, Plate
+from kiriko.core.settings import Settings
+from kiriko.core.vectors import dot
+from known.reference_rigs import ball_rig, rectangle
+
+Floats = NDArray[np.float64]
+
+MM = 1e3  # the mesh is in mm
+# so that there are 1380 mirrors a layer, as published
+ARRAY = replace(PRESETS["ASKA3D-488"], phase=(0.5, 0.5))
+# m, of the plate; rays enter so far from its border that all of them leave behind it
+SIDE = 0.488
+MARGIN = 0.005
+STEEPEST = 70.0  # degrees of incidence
+OFFSETS = (1e-3, 3e-4, 1e-4, 3e-5)  # mm
+MIDDLE = 0.06  # m: float32 tells places apart to 2e-6 mm there, to 1.5e-5 mm at the plate's corners
+TIMED_OFFSET = 1e-4  # mm, the least at which no mirror is met again at the plate's corners
+PATHS = np.array(
+    [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
+)
+SAME_PLACE = 1e-3  # mm, of comings out
+MOST_MEETINGS = 30  # of a ray with mirrors: the steepest has 6, what has more is caught in a mirror
+# rays that are timed: through the mesh in world axes, by other ways
+N_SLOW = 1 << 13
+N_FAST = 1 << 18
+BATCH = 1 << 14  # rays at once: of 2^11 to 2^16 the fastest for the mesh and for the closed form
+N_BALL = 1 << 17
+
+
+def plate_frame(array: MirrorArray = ARRAY, side: float = SIDE, is_own: bool = False) -> ArrayFrame:
+    """A square plate as it stands in the ball rig, at 45 degrees; or in its own frame.
+
+    That has its origin in the plate's middle, and its x and
+    y axes along the two directions' normals.
+    """
+    c = 0.5**0.5
+    if is_own:
+        centre = np.zeros(3)
+        axes = np.array([[c, -c, 0], [c, c, 0], [0, 0, 1]])
+    else:
+        centre = np.array([0.0, 0.15, 0.0])
+        axes = np.array([[1, 0, 0], [0, c, c], [0, -c, c]])
+    return array_frame(
+        Plate("plate", rectangle(centre, axes[0], axes[1], side, side), array), axes[2]
+    )
+
+
+def random_light(
+    frame: ArrayFrame, n: int, side: float = SIDE, seed: int = 0
+) -> tuple[Floats, Floats]:
+    """Positions on the middle plane and unit directions (n, 3):
+    both ways, all azimuths, uniform in solid angle.
+    """
+    rng = np.random.default_rng(seed)
+    cosine = rng.uniform(np.cos(np.radians(STEEPEST)), 1, n)
+    azimuth = rng.uniform(0, 2 * np.pi, n)
+    sine = np.sqrt(1 - cosine**2)
+    local = np.stack(
+        [sine * np.cos(azimuth), sine * np.sin(azimuth), cosine * rng.choice([-1, 1], n)], axis=1
+    )
+    place = rng.uniform(MARGIN - side / 2, side / 2 - MARGIN, (n, 2))
+    return frame.centre + place @ frame.axes[:2], local @ frame.axes
+
+
+class MirrorMesh:
+    """Every mirror of a plate of two crossed layers as two triangles, in an Embree scene."""
+
+    def __init__(self, frame: ArrayFrame, side: float = SIDE) -> None:
+        self.frame = frame
+        array = frame.array
+        normal = frame.axes[2]
+        corners = []
+        self.n_mirrors = []
+        self.normals = np.empty((2, 3))
+        for layer, angle in enumerate((np.pi / 4, 3 * np.pi / 4 + array.crossing_error)):
+            c = np.cos(angle)
+            s = np.sin(angle)
+            self.normals[layer] = c * frame.axes[0] + s * frame.axes[1]
+            along = c * frame.axes[1] - s * frame.axes[0]
+            most = int(side / array.pitch) + 1
+            at = array.pitch * (np.arange(-most, most + 1) + array.phase[layer])
+            # a mirror runs within the square from where it passes the
+            # one pair of sides to where it passes the other
+            ways = np.sort(
+                [[(c * at + k * side / 2) / s, (s * at + k * side / 2) / -c] for k in (-1, 1)],
+                axis=0,
+            )
+            start = ways[0].max(axis=0)
+            end = ways[1].min(axis=0)
+            is_there = start < end
+            at = at[is_there]
+            start = start[is_there]
+            end = end[is_there]
+            low = (layer - 1) * array.height
+            high = layer * array.height
+            ends = [(start, low), (end, low), (end, high), (start, high)]
+            corners.append(
+                [
+                    at[:, None] * self.normals[layer] + e[:, None] * along + z * normal
+                    for e, z in ends
+                ]
+            )
+            self.n_mirrors.append(len(at))
+        quads = np.concatenate([np.stack(quad, axis=1) for quad in corners]) + frame.centre
+        triangles = (MM * quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+        self.layer = np.repeat([0, 1], 2 * np.array(self.n_mirrors))
+        self.scene = EmbreeScene()
+        # kept: the scene does not own it
+        self.mesh = TriangleMesh(self.scene, triangles.astype(np.float32))
+
+    def folded(self, positions: Floats, directions: Floats, offset: float) -> Crossing:
+        """The same as ArrayFrame.folded, from mirror to mirror.
+
+        Off each light goes on from `offset` mm beside it.
+        """
+        array = self.frame.array
+        normal = self.frame.axes[2]
+        centre = MM * self.frame.centre
+        slope = directions @ normal
+        half = MM * array.thickness / 2
+        d = (directions - slope[:, None] * normal) / array.ior
+        depth = np.sqrt(1 - dot(d, d))
+        d += np.copysign(depth, slope)[:, None] * normal
+        places = MM * positions - (half / np.abs(slope))[:, None] * directions
+        n_reflections = np.zeros((2, len(places)), np.int64)
+        live = np.arange(len(places))
+        for _ in range(MOST_MEETINGS):
+            hits = self.scene.run(
+                places[live].astype(np.float32), d[live].astype(np.float32), output=True
+            )
+            hit = hits["primID"] >= 0
+            live = live[hit]
+            triangle = hits["primID"][hit]
+            way = hits["tfar"][hit]
+            if not len(live):
+                break
+            layer = self.layer[triangle]
+            mirror = self.normals[layer]
+            towards = dot(d[live], mirror)[:, None]
+            places[live] += way[:, None] * d[live] - offset * np.sign(towards) * mirror
+            d[live] -= 2 * towards * mirror
+            n_reflections[layer, live] += 1
+        across = d @ normal
+        left = half - np.sign(slope) * ((places - centre) @ normal)
+        places += (left / depth)[:, None] * d
+        d = array.ior * (d - across[:, None] * normal) + slope[:, None] * normal
+        places -= (half / np.abs(slope))[:, None] * d  # light seems to come from the middle plane
+        throughput = transmittance(np.abs(slope), depth, 1 / array.ior) ** 2
+        is_odd = n_reflections % 2 == 1
+        path = PATHS[is_odd[0] + 2 * is_odd[1]]
+        return Crossing(
+            places / MM, d, throughput * array.reflectance ** n_reflections.sum(axis=0), path
+        )
+
+
+class Agreement(NamedTuple):
+    """Shares of rays with the same path, and with place (to SAME_PLACE), too.
+
+    Median distance of those places, mm.
+    """
+
+    path: float
+    place: float
+    apart: float
+
+
+def agreement(mesh: MirrorMesh, light: tuple[Floats, Floats], offset: float) -> Agreement:
+    """How well mesh and closed form agree on what becomes of light."""
+    same_path = []
+    apart = []
+    for some in chunks(light):
+        found = mesh.folded(*some, offset)
+        crossing = mesh.frame.folded(*some)
+        same_path.append(found.path == crossing.path)
+        apart.append(MM * np.linalg.norm(found.positions - crossing.positions, axis=1))
+    same = np.concatenate(same_path)
+    apart = np.concatenate(apart)
+    return Agreement(
+        same.mean(), (same & (apart < SAME_PLACE)).mean(), float(np.median(apart[same]))
+    )
+
+
+def chunks(light: tuple[Floats, Floats]) -> Iterator[tuple[Floats, ...]]:
+    """Light, BATCH rays at a time."""
+    for first in range(0, len(light[0]), BATCH):
+        yield tuple(part[first : first + BATCH] for part in light)
+
+
+def seconds_in_turns(ways: Sequence[Callable[[], object]], runs: int) -> Floats:
+    """Processor seconds (runs, ways)."""
+    times = np.empty((runs, len(ways)))
+    for run in range(runs):
+        for k, way in enumerate(ways):
+            started = process_time()
+            way()
+            times[run, k] = process_time() - started
+    return times
+
+
+def print_agreement(n_rays: int) -> None:
+    mesh = MirrorMesh(plate_frame(is_own=True))
+    print(
+        f"{' + '.join(map(str, mesh.n_mirrors))} mirrors, up to {STEEPEST:g} degrees of incidence"
+    )
+    place = f"and {SAME_PLACE:g} mm"
+    print(
+        f"{'rays':>8} {'within':>10} {'offset':>9} {'same path':>11} {place:>12}"
+        f" {'median apart':>14}"
+    )
+    for side in (SIDE, MIDDLE):
+        light = random_light(mesh.frame, n_rays, side)
+        for offset in OFFSETS:
+            found = agreement(mesh, light, offset)
+            line = (
+                f"{n_rays:8d} {MM * side:7.0f} mm {offset:6.0e} mm {found.path:11.4%}"
+                f" {found.place:12.4%}"
+            )
+            print(f"{line} {found.apart:11.1e} mm", flush=True)
+
+
+def print_speed(runs: int) -> None:
+    world = MirrorMesh(plate_frame())
+    own = MirrorMesh(plate_frame(is_own=True))
+    slow = random_light(world.frame, N_SLOW)
+    fast = random_light(own.frame, N_FAST)
+    ways = {
+        "mesh in world axes": (
+            N_SLOW,
+            lambda: [world.folded(*some, TIMED_OFFSET) for some in chunks(slow)],
+        ),
+        "mesh in its mirrors' axes": (
+            N_FAST,
+            lambda: [own.folded(*some, TIMED_OFFSET) for some in chunks(fast)],
+        ),
+        "closed form": (N_FAST, lambda: [own.frame.folded(*some) for some in chunks(fast)]),
+    }
+    a_ray = seconds_in_turns([way for _, way in ways.values()], runs) / [
+        n for n, _ in ways.values()
+    ]
+    print(f"\n{'way':<28} {'paths a second':>15} {'closed form is faster':>22}")
+    for k, name in enumerate(ways):
+        ratio = statistics.median(a_ray[:, k] / a_ray[:, -1])
+        print(f"{name:<28} {1 / statistics.median(a_ray[:, k]):15.0f} {ratio:20.1f} x", flush=True)
+
+
+def print_ball_rig(runs: int) -> None:
+    ideal = ball_rig()
+    mirrors = replace(ideal, plates=(replace(ideal.plates[0], array=ARRAY),))
+    light = ideal.viewer.rays(
+        np.random.default_rng(0).uniform(0, (ideal.viewer.width, ideal.viewer.height), (N_BALL, 2))
+    )
+    plans = [make_plan(rig, Settings()) for rig in (ideal, mirrors)]
+    ways = {
+        "ideal plate": lambda: trace_all(plans[0], *light),
+        "mirror array, its image": lambda: trace_all(plans[1], *light, "imaged"),
+        "mirror array, all its light": lambda: trace_all(plans[1], *light, "folded"),
+    }
+    times = seconds_in_turns(list(ways.values()), runs)
+    print(f"\n{'path through the ball rig':<28} {'paths a second':>15} {'costs':>22}")
+    for k, name in enumerate(ways):
+        ratio = statistics.median(times[:, k] / times[:, 0])
+        print(
+            f"{name:<28} {N_BALL / statistics.median(times[:, k]):15.0f} {ratio:20.2f} x",
+            flush=True,
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rays", type=int, default=1 << 20, help="rays that have to agree")
+    parser.add_argument("--runs", type=int, default=5)
+    arguments = parser.parse_args()
+    print_agreement(arguments.rays)
+    print_speed(arguments.runs)
+    print_ball_rig(arguments.runs)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Random rigs and random glass."""

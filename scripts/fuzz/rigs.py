@@ -1,0 +1,759 @@
+"""Random rigs for scripts/fuzz/run.py, each made in Blender from one generator of random numbers.
+
+A rig begins as one that makes sense: glass, picture, plate, display and viewer where Add Rig would
+put them. A third stay that way, *tame*; in the others every part may be spoilt, moved away, left
+out or given settings that nobody would choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TypeVar
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix
+
+from kiriko.core.arrays import Floats
+from kiriko.core.bench.placement import place
+from kiriko.core.blender.shaders import show_picture
+
+from .shapes import BROUGHT, fitting, mesh_of
+
+Thing = TypeVar("Thing")
+
+SIZE = 0.05  # of the glass in Blender units, where nothing is wild
+MOST_FACES = 60  # of a mesh with a modifier: more take time and find nothing else
+MODELS = ("IDEAL", "CROSSED", "HOLES", "RADIAL")
+
+
+class Dice:
+    """Draws what a rig is made of, and remembers what is wild about it."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+        self.wildness = float(rng.choice((0.0, 0.3, 1.0)))
+        self.told: list[str] = []
+
+    @property
+    def is_tame(self) -> bool:
+        return self.wildness == 0
+
+    def chance(self, share: float) -> bool:
+        return bool(self.rng.random() < share)
+
+    def wild(self, share: float, what: str) -> bool:
+        """Is this wild, in this share of the wildest rigs?"""
+        is_wild = self.chance(share * self.wildness)
+        if is_wild:
+            self.told.append(what)
+        return is_wild
+
+    def pick(self, options: Sequence[Thing]) -> Thing:
+        return options[int(self.rng.integers(len(options)))]
+
+    def log(self, low: float, high: float) -> float:
+        """A number whose logarithm is spread evenly."""
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def pixels(self) -> int:
+        return round(self.log(8, 96 if self.chance(0.02) else 14))
+
+    def turn(self) -> Matrix:
+        """Any rotation (4, 4)."""
+        return Euler(self.rng.uniform(0, 2 * np.pi, 3).tolist()).to_matrix().to_4x4()
+
+
+def add(data: bpy.types.ID | None, matrix: Floats | Matrix, role: str = "NONE") -> bpy.types.Object:
+    """A new object in the scene."""
+    thing = bpy.data.objects.new("Thing" if role == "NONE" else role.title(), data)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.matrix_world = Matrix(np.asarray(matrix, float).tolist())
+    thing.kiriko.role = role
+    return thing
+
+
+# Meshes
+
+
+def hull(dice: Dice) -> bpy.types.Mesh:
+    """The convex hull of a few random points: flat faces at any angle."""
+    mesh = bpy.data.meshes.new("Hull")
+    shape = bmesh.new()
+    for point in dice.rng.uniform(-0.5, 0.5, (int(dice.rng.integers(4, 30)), 3)):
+        shape.verts.new(point)
+    made = bmesh.ops.convex_hull(shape, input=shape.verts)
+    bmesh.ops.delete(shape, geom=[*{*made["geom_interior"], *made["geom_unused"]}], context="VERTS")
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+def torus(dice: Dice) -> bpy.types.Mesh:
+    """A ring."""
+    n = int(dice.rng.integers(3, 16))
+    m = int(dice.rng.integers(3, 10))
+    thick = dice.rng.uniform(0.05, 0.24)
+    u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
+    across = 0.5 - thick + thick * np.cos(v)
+    points = np.stack([across * np.cos(u), across * np.sin(u), thick * np.sin(v)], axis=-1).reshape(
+        -1, 3
+    )
+    index = np.arange(n * m).reshape(n, m)
+    right = np.roll(index, -1, axis=0)
+    up = np.roll(index, -1, axis=1)
+    faces = np.stack([index, right, np.roll(right, -1, axis=1), up], axis=-1).reshape(-1, 4)
+    return from_arrays(points, faces.tolist())
+
+
+SHAPES: tuple[Callable[[Dice], bpy.types.Mesh], ...] = (
+    lambda dice: mesh_of("cube", size=1.0),
+    lambda dice: mesh_of(
+        "uvsphere",
+        u_segments=int(dice.rng.integers(3, 24)),
+        v_segments=int(dice.rng.integers(3, 12)),
+        radius=0.5,
+    ),
+    lambda dice: mesh_of("icosphere", subdivisions=int(dice.rng.integers(1, 4)), radius=0.5),
+    lambda dice: mesh_of(
+        "cone",
+        cap_ends=True,
+        segments=int(dice.rng.integers(3, 40)),
+        radius1=0.5,
+        radius2=0.5,
+        depth=1.0,
+    ),
+    lambda dice: mesh_of(
+        "cone",
+        cap_ends=True,
+        segments=int(dice.rng.integers(3, 24)),
+        radius1=0.5,
+        radius2=0.0,
+        depth=1.0,
+    ),
+    hull,
+    torus,
+)
+
+
+def from_arrays(
+    points: Floats, faces: list[list[int]], edges: Sequence[tuple[int, int]] = ()
+) -> bpy.types.Mesh:
+    """A mesh of vertices (n, 3) and faces, not validated: what
+    scripts and importers may hand to Blender.
+    """
+    mesh = bpy.data.meshes.new("Mesh")
+    mesh.from_pydata(points.tolist(), list(edges), faces)
+    mesh.update()
+    return mesh
+
+
+def arrays_of(mesh: bpy.types.Mesh) -> tuple[Floats, list[list[int]]]:
+    """Vertices (n, 3) and faces of a mesh."""
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3).astype(float), [
+        list(polygon.vertices) for polygon in mesh.polygons
+    ]
+
+
+def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
+    """The mesh with one flaw."""
+    points, faces = arrays_of(mesh)
+    rng = dice.rng
+    edges = []
+    n = len(points)
+    flaw = dice.pick((
+        "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge",
+        "tiny", "inverted",
+        "some inverted", "crumpled", "no faces", "no vertices", "loose edges", "single triangle",
+        "one point",
+        "doubled", "split", "flat", "denormal",
+    ))  # fmt: skip
+    dice.told.append(f"mesh: {flaw}")
+    some = [k for k in range(len(faces)) if rng.random() < 0.2] or [0]
+    at = int(rng.integers(n))
+    if flaw == "open":
+        faces = [face for k, face in enumerate(faces) if k not in some] or faces[:1]
+    elif flaw == "duplicated faces":
+        faces += [faces[k] if dice.chance(0.5) else faces[k][::-1] for k in some]
+    elif flaw == "extra fin":
+        points = np.concatenate([points, rng.uniform(-1, 1, (1, 3))])
+        faces.append([faces[0][0], faces[0][1], n])
+    elif flaw == "zero area":
+        points = np.concatenate(
+            [points, points[faces[0][:2]].mean(axis=0, keepdims=True), points[:1], points[:1]]
+        )
+        faces += [[faces[0][0], faces[0][1], n], [0, n + 1, n + 2]]
+    elif flaw == "sliver":
+        a, b, *_ = faces[0]
+        points[b] = points[a] + 10.0 ** rng.uniform(-8, -3) * (points[b] - points[a])
+    elif flaw in ("nan", "inf"):
+        points[at, rng.integers(3)] = float(flaw) * dice.pick((1, -1))
+    elif flaw in ("huge", "tiny", "denormal"):
+        power = {"huge": (5, 38), "tiny": (-30, -5), "denormal": (-45, -38)}[flaw]
+        which = slice(None) if dice.chance(0.5) else slice(at, at + 1)
+        points[which] *= 10.0 ** rng.uniform(*power)
+    elif flaw == "inverted":
+        faces = [face[::-1] for face in faces]
+    elif flaw == "some inverted":
+        faces = [face[::-1] if k in some else face for k, face in enumerate(faces)]
+    elif flaw == "crumpled":
+        points += rng.normal(0, dice.log(1e-3, 1), points.shape)
+    elif flaw == "no faces":
+        edges = [(face[0], face[1]) for face in faces]
+        faces = []
+    elif flaw == "no vertices":
+        points = points[:0]
+        faces = []
+    elif flaw == "loose edges":
+        points = np.concatenate([points, rng.uniform(-1, 1, (4, 3))])
+        edges = [(n, n + 1), (0, n + 2)]
+    elif flaw == "single triangle":
+        faces = [faces[0][:3]]
+    elif flaw == "one point":
+        points[:] = points[at]
+    elif flaw == "doubled":
+        faces += [[v + n for v in face] for face in faces]
+        points = np.concatenate([points, points])
+    elif flaw == "split":
+        points = np.concatenate([points[face] for face in faces])
+        starts = np.cumsum([0, *(len(face) for face in faces)])
+        faces = [list(range(a, b)) for a, b in pairwise(starts)]
+    elif flaw == "flat":
+        points[:, 2] = 0.0
+    return from_arrays(points, faces, edges)
+
+
+def hollow(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
+    """The mesh with smaller copies of itself within, drawn either way round."""
+    points, faces = arrays_of(mesh)
+    n = len(points)
+    depth = dice.pick((1, 1, 1, 2, 3))
+    scales = np.cumprod(dice.rng.uniform(0.3, 0.95, depth))
+    within = [
+        [v + n * (1 + k) for v in face[:: dice.pick((1, -1))]]
+        for k in range(depth)
+        for face in faces
+    ]
+    return from_arrays(
+        np.concatenate([points, *(scale * points for scale in scales)]), faces + within
+    )
+
+
+def glass_mesh(dice: Dice) -> bpy.types.Mesh:
+    """A shape about one unit across."""
+    # Suzanne, open and cut by her own eyes, is slow
+    mesh = (
+        mesh_of("monkey", matrix=Matrix.Scale(0.4, 4))
+        if dice.chance(0.02)
+        else dice.pick(SHAPES)(dice)
+    )
+    if dice.chance(0.15):
+        mesh = hollow(dice, mesh)
+    if dice.wild(0.3, "broken glass"):
+        mesh = spoil(dice, mesh)
+    mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), dice.chance(0.5)))
+    mesh.update()
+    return mesh
+
+
+def modify(dice: Dice, thing: bpy.types.Object) -> None:
+    """Give an object a modifier."""
+    if len(thing.data.polygons) > MOST_FACES:
+        return
+    kind = dice.pick(
+        (
+            "SUBSURF",
+            "SUBSURF",
+            "BEVEL",
+            "SOLIDIFY",
+            "DECIMATE",
+            "ARRAY",
+            "MIRROR",
+            "TRIANGULATE",
+            "CAST",
+        )
+    )
+    dice.told.append(f"modifier {kind}")
+    modifier = thing.modifiers.new(kind, kind)
+    if kind == "SUBSURF":
+        modifier.levels = int(dice.rng.integers(1, 3))
+        modifier.use_limit_surface = dice.chance(0.7)
+    elif kind == "BEVEL":
+        modifier.width = dice.log(1e-4, 1)
+    elif kind == "DECIMATE":
+        modifier.ratio = dice.rng.uniform(0.0, 1.0)
+    elif kind == "ARRAY":
+        modifier.relative_offset_displace = dice.rng.uniform(-1, 1, 3).tolist()
+
+
+def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
+    """A plane of size 1 with a UV map over all of it, facing +z.
+
+    Wild ones are bent, or their UV map is no good.
+    """
+    n = dice.pick((1, 1, 1, 2, 5))
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
+    points = np.stack([x - 0.5, y - 0.5, 0 * x], axis=1)
+    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    faces = (
+        np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
+        .reshape(-1, 4)
+        .tolist()
+    )
+    if dice.wild(0.1, f"bent {role}"):
+        points[:, 2] = dice.pick((1, -1)) * dice.log(1e-7, 1) * (x - 0.5) ** 2
+    mesh = from_arrays(points, faces)
+    if dice.wild(0.08, f"broken {role}"):
+        mesh = spoil(dice, mesh)
+    if dice.wild(0.05, f"{role} without UV"):
+        return mesh
+    layer = mesh.uv_layers.new(name="UVMap")
+    if len(mesh.loops):
+        corners = np.empty(len(mesh.loops), np.int32)
+        mesh.loops.foreach_get("vertex_index", corners)
+        uv = np.nan_to_num(arrays_of(mesh)[0][corners, :2], nan=0.0) + 0.5
+        if dice.wild(0.15, f"{role} with strange UV"):
+            uv = strange_uv(dice, uv)
+        layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
+    return mesh
+
+
+def folded(dice: Dice) -> bpy.types.Mesh:
+    """A display of two panels that meet at an angle, with or
+    without a gap between their halves of the image.
+    """
+    angle = dice.rng.uniform(0.2, 1.5)
+    gap = dice.pick((0.0, 0.1))
+    x = np.array([-0.5, 0.0, 0.0, 0.5 * np.cos(angle)])
+    points = np.array(
+        [
+            (a, y, z)
+            for y in (-0.5, 0.5)
+            for a, z in zip(x, (0, 0, 0, 0.5 * np.sin(angle)), strict=True)
+        ]
+    )
+    is_one = dice.chance(0.5)  # do the panels share the vertices of the edge at which they meet?
+    mesh = from_arrays(points, [[0, 1, 5, 4], [1 if is_one else 2, 3, 7, 5 if is_one else 6]])
+    across = np.array([0, 0.5 - gap / 2, 0.5 - gap / 2, 0, 0.5 + gap / 2, 1, 1, 0.5 + gap / 2])
+    up = np.tile([0, 0, 1, 1], 2)
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set(
+        "vector", np.stack([across, up], axis=1).astype(np.float32).ravel()
+    )
+    return mesh
+
+
+def rolled(dice: Dice) -> bpy.types.Mesh:
+    """A display bent to a part of a cylinder, hollow or bulging.
+
+    Its UV map goes evenly around it.
+    """
+    turn = dice.pick((1, -1)) * dice.rng.uniform(0.2, 2.5)
+    n = int(dice.rng.integers(2, 12))
+    u = np.linspace(0, 1, n + 1)
+    angle = turn * (u - 0.5)
+    points = np.concatenate(
+        [np.stack([np.sin(angle), 0 * u + y, 1 - np.cos(angle)], axis=1) for y in (0, 0)]
+    )
+    points[:, [0, 2]] /= turn
+    points[: n + 1, 1], points[n + 1 :, 1] = -0.5, 0.5
+    mesh = from_arrays(points, [[k, k + 1, n + k + 2, n + k + 1] for k in range(n)])
+    uv = [(u[k + i], j) for k in range(n) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
+    return mesh
+
+
+def strange_uv(dice: Dice, uv: Floats) -> Floats:
+    """UV coordinates (l, 2) that are none, or not those of the whole image."""
+    kind = dice.pick(
+        ("zero", "line", "nan", "huge", "part", "beyond", "mirrored", "skewed", "noise", "islands")
+    )
+    dice.told.append(f"UV {kind}")
+    rng = dice.rng
+    return {
+        "zero": lambda: 0 * uv,
+        "line": lambda: uv * [1, 0],
+        "nan": lambda: np.where(rng.random(uv.shape) < 0.3, np.nan, uv),
+        "huge": lambda: uv * dice.log(1e3, 1e30),
+        "part": lambda: 0.2 + 0.3 * uv,
+        "beyond": lambda: 3 * uv - 1,
+        "mirrored": lambda: uv * [-1, 1] + [1, 0],
+        "skewed": lambda: uv @ [[1, 0.3], [0, 1]],
+        "noise": lambda: uv + rng.normal(0, 0.2, uv.shape),
+        "islands": lambda: (
+            uv / 2 + np.repeat(rng.integers(0, 2, (-(-len(uv) // 4), 2)) / 2, 4, axis=0)[: len(uv)]
+        ),
+    }[kind]()
+
+
+# Parts
+
+
+def displaced(dice: Dice, matrix: Floats, size: float, role: str) -> Matrix:
+    """A place near this one, or a wild one."""
+    there = Matrix(np.asarray(matrix, float).tolist())
+    if dice.wild(0.12, f"{role} somewhere"):
+        return (
+            Matrix.Translation((dice.rng.normal(0, dice.log(0.1, 10), 3) * size).tolist())
+            @ there
+            @ dice.turn()
+        )
+    if dice.wild(0.05, f"{role} edge-on"):
+        return there @ Matrix.Rotation(
+            np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4)), 4, dice.pick("XY")
+        )
+    if dice.wild(0.04, f"{role} turned away"):
+        return there @ Matrix.Rotation(np.pi, 4, "X")
+    if dice.wild(0.04, f"{role} sheared"):
+        return there @ Matrix.Shear("XY", 4, dice.rng.uniform(-3, 3, 2).tolist())
+    if dice.wild(0.03, f"{role} without scale"):
+        return there @ Matrix.Diagonal(
+            [*dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1))), 1.0]
+        )
+    tilt = (
+        Euler(dice.rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist())
+        .to_matrix()
+        .to_4x4()
+    )
+    return Matrix.Translation((dice.rng.normal(0, 0.05, 3) * size).tolist()) @ there @ tilt
+
+
+def scaled(frame: Matrix, size: Sequence[float] | float) -> Matrix:
+    """A frame with a size along its own axes."""
+    return frame @ Matrix.Diagonal([*np.broadcast_to(size, 3).tolist(), 1.0])
+
+
+def glass_material(dice: Dice) -> bpy.types.Material | None:
+    """A material that refracts, or one that does not."""
+    kind = dice.pick(("none", "glass", "glass", "refraction", "principled", "diffuse"))
+    if kind == "none":
+        return None
+    material = bpy.data.materials.new(kind)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new(
+        {
+            "glass": "ShaderNodeBsdfGlass",
+            "refraction": "ShaderNodeBsdfRefraction",
+            "diffuse": "ShaderNodeBsdfDiffuse",
+        }.get(kind, "ShaderNodeBsdfPrincipled")
+    )
+    if "IOR" in node.inputs:
+        node.inputs["IOR"].default_value = dice.rng.uniform(1.2, 2.0)
+        if dice.wild(0.1, "odd index"):
+            node.inputs["IOR"].default_value = dice.pick((0.0, 0.5, 1.0, 1 + 1e-6, 4.0, 1000.0))
+    if kind == "principled":
+        node.inputs["Transmission Weight"].default_value = 1.0
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
+    """Glass of a kind that artists bring: a text, a curve, a body of modifiers."""
+    kind = dice.pick(sorted(BROUGHT))
+    dice.told.append(kind)
+    thing = BROUGHT[kind](dice.rng)
+    turn = dice.turn() if dice.chance(0.5) else Matrix()
+    thing.matrix_world = (
+        Matrix.Translation(centre.tolist()) @ Matrix.Scale(size, 4) @ turn @ fitting(thing)
+    )
+    ours = thing.kiriko
+    ours.role = "GLASS"
+    ours.use_ior = True
+    ours.ior = dice.rng.uniform(1.3, 1.9)
+    ours.surface = dice.pick(("AUTOMATIC", "SMOOTH", "FACETS"))
+    return thing
+
+
+def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
+    """A glass object about `size` wide, near the centre."""
+    if dice.chance(0.25):
+        return add_brought_glass(dice, centre, size)
+    aspect = dice.rng.uniform(0.6, 1.4, 3)
+    if dice.chance(0.1):
+        aspect[dice.rng.integers(3)] = dice.log(1e-4, 0.3)  # a panel, or a lens
+    if dice.chance(0.1):
+        aspect[dice.rng.integers(3)] *= -1
+    shift = Matrix.Translation((centre + dice.rng.normal(0, 0.1, 3) * size).tolist())
+    at = shift if dice.chance(0.3) else shift @ dice.turn()
+    mesh = glass_mesh(dice)
+    thing = add(mesh, scaled(displaced(dice, at, size, "glass"), aspect * size), "GLASS")
+    if dice.wild(0.12, "glass beneath a sheared parent"):
+        parent = add(
+            None, Matrix.Diagonal([*dice.rng.uniform(0.3, 2, 3).tolist(), 1.0]) @ dice.turn()
+        )
+        thing.parent = parent
+    if dice.wild(0.2, "modified glass"):
+        modify(dice, thing)
+    material = glass_material(dice)
+    if material is not None:
+        mesh.materials.append(material)
+    ours = thing.kiriko
+    ours.use_ior = dice.chance(0.5)
+    ours.ior = dice.rng.uniform(1.3, 1.9)
+    if dice.wild(0.15, "odd index"):
+        ours.use_ior = True
+        ours.ior = dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
+    ours.surface = dice.pick(("AUTOMATIC", "AUTOMATIC", "SMOOTH", "FACETS"))
+    if dice.wild(0.2, "priority"):
+        ours.priority = int(dice.rng.integers(-3, 4))
+    return thing
+
+
+def add_instances(dice: Dice, thing: bpy.types.Object, size: float) -> None:
+    """Show an object a second time: as another object with its mesh, or by an instanced
+    collection.
+    """
+    shift = Matrix.Translation((dice.rng.normal(0, 1, 3) * size).tolist())
+    if dice.chance(0.5):
+        add(thing.data, shift @ thing.matrix_world, "GLASS")
+        return
+    group = bpy.data.collections.new("Group")
+    group.objects.link(thing)
+    instance = add(None, shift)
+    instance.instance_type, instance.instance_collection = "COLLECTION", group
+
+
+def add_odd_object(dice: Dice, size: float) -> None:
+    """An object that is no mesh, with a role."""
+    kind = dice.pick(("curve", "text", "metaball", "empty", "lattice", "light"))
+    dice.told.append(f"{kind} with a role")
+    if kind == "curve":
+        data = bpy.data.curves.new("Curve", "CURVE")
+        data.dimensions, data.bevel_depth = "3D", 0.1
+        data.splines.new("BEZIER").bezier_points.add(2)
+    elif kind == "text":
+        data = bpy.data.curves.new("Text", "FONT")
+        data.body, data.extrude = "K", 0.1
+    elif kind == "metaball":
+        data = bpy.data.metaballs.new("Ball")
+        data.elements.new()
+    elif kind == "empty":
+        data = None
+    elif kind == "lattice":
+        data = bpy.data.lattices.new("Lattice")
+    else:
+        data = bpy.data.lights.new("Light", "POINT")
+    role = dice.pick(("GLASS", "PLATE", "DISPLAY", "PICTURE", "MIRROR", "BLOCKER"))
+    add(data, scaled(displaced(dice, np.eye(4), size, role), size), role)
+
+
+def add_plate(dice: Dice, frame: Floats, size: float) -> None:
+    """A plate, of mirrors or ideal."""
+    thing = add(
+        rectangle(dice, "plate"), scaled(displaced(dice, frame, size, "plate"), 10 * size), "PLATE"
+    )
+    ours = thing.kiriko.plate
+    ours.model = dice.pick(("IDEAL", *MODELS)) if not dice.is_tame else "IDEAL"
+    if dice.wild(0.4, "odd plate"):
+        ours.pitch = dice.log(1e-3, 1e4)
+        ours.height = dice.log(0.01, 1000)
+        ours.ior = dice.pick((1.0, 1.0001, 1.5, 10.0))
+        ours.reflectance = dice.pick((0.001, 0.5, 1.0))
+        ours.crossing_error = dice.rng.uniform(-0.2, 0.2)
+        ours.fresnel = dice.chance(0.5)
+        ours.phase = dice.rng.normal(0, dice.log(0.1, 1e6), 2).tolist()
+
+
+def picture_image(dice: Dice) -> bpy.types.Image:
+    """A small image of any shape."""
+    width = dice.pixels()
+    height = dice.pixels()
+    if dice.wild(0.15, "picture of one pixel or one row"):
+        width, height = dice.pick(((1, 1), (1, 64), (64, 1)))
+    image = bpy.data.images.new(
+        "Picture", width, height, alpha=dice.chance(0.5), float_buffer=dice.chance(0.4)
+    )
+    pixels = dice.rng.random((height * width, 4)).astype(np.float32)
+    if image.is_float and dice.wild(0.2, "odd pixels"):
+        pixels[dice.rng.integers(len(pixels)), 0] = dice.pick((np.nan, np.inf, 1e30, 1e-30, 1e5))
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    if dice.wild(0.05, "odd colour space"):
+        image.colorspace_settings.name = dice.pick(("Non-Color", "Linear Rec.709", "Filmic Log"))
+    return image
+
+
+def add_picture(dice: Dice, frame: Floats, size: float) -> None:
+    """The picture plane."""
+    at = scaled(
+        displaced(dice, frame, size, "picture"),
+        np.array([1, dice.rng.uniform(0.5, 2), 1]) * 0.6 * size,
+    )
+    thing = add(rectangle(dice, "picture"), at, "PICTURE")
+    if dice.wild(0.04, "picture without image"):
+        return
+    if dice.chance(0.5):
+        thing.kiriko.image = picture_image(dice)
+    else:
+        material = bpy.data.materials.new("Picture")
+        show_picture(material, picture_image(dice))
+        thing.data.materials.append(material)
+
+
+def add_display(dice: Dice, frame: Floats, size: float) -> None:
+    """The display."""
+    width = dice.pixels()
+    height = dice.pixels()
+    if dice.wild(0.08, "display of one pixel or one row"):
+        width, height = dice.pick(((1, 1), (1, 96), (96, 1)))
+    across = (2 if dice.is_tame else dice.log(0.5, 20)) * size
+    at = scaled(displaced(dice, frame, size, "display"), (across, across * height / width, across))
+    make = (
+        dice.pick((folded, rolled))
+        if dice.chance(0.2)
+        else (lambda dice: rectangle(dice, "display"))
+    )
+    thing = add(make(dice), at, "DISPLAY")
+    thing.kiriko.resolution = (width, height)
+    if dice.chance(0.3):
+        thing.data.materials.append(bpy.data.materials.new("Screen"))
+
+
+def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
+    """The viewer's camera, and the size of its image."""
+    lens = bpy.data.cameras.new("Viewer")
+    lens.angle = 2 * np.arctan(1.2 * size / (2 * distance))
+    lens.clip_start = 1e-6
+    lens.clip_end = 1e6 * max(1.0, size)
+    lens.sensor_fit = dice.pick(("AUTO", "AUTO", "HORIZONTAL", "VERTICAL"))
+    if dice.chance(0.15):
+        lens.type, lens.ortho_scale = "ORTHO", 1.2 * size
+    if dice.chance(0.15):
+        lens.shift_x, lens.shift_y = dice.rng.normal(0, 0.05, 2)
+    if dice.wild(0.03, "panoramic viewer"):
+        lens.type = "PANO"
+    if dice.wild(0.1, "odd lens"):
+        lens.lens = dice.log(1, 1e6)
+        lens.ortho_scale = dice.log(1e-6, 1e6)
+        lens.shift_x, lens.shift_y = dice.rng.normal(0, dice.log(0.01, 10), 2)
+    at = displaced(dice, frame, size, "viewer")
+    if dice.wild(0.05, "viewer inside the glass"):
+        at.translation = frame[:3, 3] - distance * frame[:3, 2]
+    if dice.wild(0.04, "viewer behind the plate"):
+        at.translation = frame[:3, 3] - (distance + 5 * size) * frame[:3, 2]
+    thing = add(lens, at)
+    scene = bpy.context.scene
+    scene.camera = thing
+    if dice.chance(0.5):
+        scene.kiriko.viewer = thing
+    if dice.chance(0.3):
+        thing.kiriko.use_resolution = True
+        thing.kiriko.resolution = (dice.pixels(), dice.pixels())
+    render = scene.render
+    render.resolution_x = dice.pixels()
+    render.resolution_y = dice.pixels()
+    render.resolution_percentage = 100
+    if dice.wild(0.08, "odd frame"):
+        render.resolution_percentage = int(dice.rng.integers(1, 100))
+        render.pixel_aspect_x = dice.log(1, 200)
+        render.pixel_aspect_y = dice.log(1, 200)
+    if dice.wild(0.05, "viewer of a few pixels"):
+        render.resolution_x, render.resolution_y = dice.pick(((4, 4), (4, 96), (96, 4)))
+
+
+def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
+    """Mirrors and blockers, and parts of which there should be one only."""
+    for share, role in (
+        (0.12, "MIRROR"),
+        (0.12, "BLOCKER"),
+        (0.04, "DISPLAY"),
+        (0.04, "PICTURE"),
+        (0.08, "PLATE"),
+    ):
+        if dice.wild(share, f"another {role.lower()}"):
+            at = scaled(
+                displaced(dice, dice.pick(frames), 3 * size, role.lower()), dice.log(0.1, 10) * size
+            )
+            mesh = rectangle(dice, role.lower()) if dice.chance(0.6) else glass_mesh(dice)
+            add(mesh, at, role)
+    if dice.wild(0.05, "mirrors face to face"):
+        for z, turn in ((-1, 0.0), (1, np.pi)):
+            at = Matrix(np.asarray(frames[1]).tolist()) @ Matrix.Translation((0, 0, z * size))
+            add(
+                rectangle(dice, "mirror"),
+                scaled(at @ Matrix.Rotation(turn, 4, "X"), 3 * size),
+                "MIRROR",
+            )
+
+
+def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
+    """How the rig is solved."""
+    ours = scene.kiriko
+    ours.tolerance = dice.log(0.1, 1)
+    if dice.wild(0.3, "odd tolerance"):
+        ours.tolerance = dice.log(1e-6, 100)
+    ours.max_events = int(dice.log(8, 64))
+    if dice.wild(0.3, "odd number of events"):
+        ours.max_events = round(dice.log(1, 10000))
+    ours.effort = int(dice.log(1, 64))
+    ours.only_through_glass = dice.chance(0.7)
+    ours.brightness = dice.chance(0.3)
+    ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
+    ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"
+    ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
+    if dice.wild(0.15, "picture in the viewer's pixels"):
+        ours.picture_source = "IMAGE"
+        if dice.chance(0.9):
+            ours.picture_image = picture_image(dice)
+
+
+def make_rig(rng: np.random.Generator) -> Dice:
+    """Make a random rig in the scene, which is empty; what was drawn."""
+    dice = Dice(rng)
+    scene = bpy.context.scene
+    units = scene.unit_settings
+    size = SIZE
+    centre = np.zeros(3)
+    if dice.chance(0.4):
+        units.system, units.scale_length = dice.pick(
+            (("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0))
+        )
+        size /= 1.0 if units.system == "NONE" else units.scale_length
+    if dice.wild(0.1, "odd unit"):
+        units.system = "METRIC"
+        units.scale_length = dice.log(1e-5, 1e5)
+    if dice.wild(0.15, "odd size"):
+        size = dice.log(1e-4, 1e4)
+    if dice.wild(0.12, "far away"):
+        centre = dice.rng.normal(size=3) * dice.log(1e-1, 1e5)
+    distance = dice.rng.uniform(5, 25) * size
+    stand = place(
+        centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi)
+    )
+    if not dice.wild(0.03, "no glass"):
+        n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
+        glasses = [
+            add_glass(dice, centre, size * dice.rng.uniform(0.3, 1.3)) for _ in range(n_glasses)
+        ]
+        if dice.chance(0.05) or dice.wild(0.1, "instances"):
+            add_instances(dice, glasses[0], size)
+        if dice.chance(0.06):
+            dice.told.append("glass behind the plate")
+            behind = (
+                stand.plate[:3, 3]
+                + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
+            )
+            add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
+    if not dice.wild(0.03, "no plate"):
+        add_plate(dice, stand.plate, size)
+    if not dice.wild(0.03, "no display"):
+        add_display(dice, stand.display, size)
+    if not dice.wild(0.03, "no picture"):
+        add_picture(dice, stand.picture, size)
+    if not dice.wild(0.03, "no viewer"):
+        add_viewer(dice, stand.viewer, size, distance)
+    add_extras(dice, (stand.plate, stand.picture, stand.display), size)
+    if dice.wild(0.06, "odd object"):
+        add_odd_object(dice, size)
+    if dice.wild(0.05, "something hidden"):
+        setattr(dice.pick(scene.objects), dice.pick(("hide_render", "hide_viewport")), True)
+    set_up(dice, scene)
+    bpy.context.view_layer.update()
+    return dice

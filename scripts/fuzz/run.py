@@ -1,0 +1,631 @@
+"""Random rigs through the operators: each ends in a valid result
+or in one sentence. Runs inside Blender; see dev.py.
+
+A rig is made from the two numbers [seed, k] alone, so a failure is repeated by `dev.py fuzz --seed
+SEED --only K`. Rigs are tried in a process of their own, which a clock outside Python ends when one
+takes too long; the next process goes on behind it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import faulthandler
+import importlib
+import json
+import math
+import re
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import bpy
+import numpy as np
+
+import kiriko
+from environments import as_module
+from kiriko.core import kernel
+from kiriko.core.blender import preview as blender_preview
+from kiriko.core.blender import scene as blender_scene
+from kiriko.core.blender.image import pixels_from_image
+from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.rig import Rig
+from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.steps import finish
+from known.both_ways import find_parted
+
+from .rigs import Dice, make_rig
+
+SECONDS = 60.0  # for one rig; more is a hang
+# for the visible range, which needs half a million rays
+FEW_FACES = 100
+FEW_EVENTS = 32
+AT_ONCE = 100  # rigs in one process
+BOTH_WAYS = 2000  # rays that are followed by numpy's way and by the kernel
+LONGEST = 500  # characters of an error
+QUOTED = re.compile(r"'[^']*'")
+NONSENSE = re.compile(r"\b(nan|inf|Traceback)\b")
+SECOND_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
+NUMBER = re.compile(r"-?\d[\d.e+-]*")
+ROUNDING = 1e-6  # by which shares may miss 0, 1 or their sum
+# What of a scene says how it is shown, or is made when it is asked for
+UNTOLD = {
+    "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview",
+    "session_uid", "tag",
+    "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode", "packed_files",
+    "packed_file",
+    "frame_float", "is_library_indirect", "id_data", "is_runtime_data", "is_missing",
+    "view_layers", "keying_sets_all",
+    "all_objects",
+}  # fmt: skip
+GROUPS = (
+    "scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups",
+    "worlds", "curves",
+    "metaballs", "lattices", "lights", "textures", "texts",
+)  # fmt: skip
+
+
+@dataclass
+class Outcome:
+    """What became of a rig.
+
+    verdict : solved, refused or failed
+    text : the sentence of a refusal, or what is wrong
+    told : what is wild about the rig
+    also : what further operators said, by name
+    warnings : places in the code that numpy warned of
+    judged : comparison with Cycles, None where there was none
+    """
+
+    k: int
+    verdict: str
+    text: str = ""
+    told: list[str] = field(default_factory=list)
+    also: dict[str, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    judged: dict[str, float] | None = None
+    seconds: float = 0.0
+
+
+class WrongError(Exception):
+    """What an operator did is none of the things it may do."""
+
+
+# What the scene holds
+
+
+def told_of(value: Any, depth: int = 4) -> Any:
+    """A property's value as something that can be compared."""
+    if isinstance(value, bpy.types.ID):
+        return f"{type(value).__name__} {value.name}"
+    if isinstance(value, bpy.types.bpy_struct):
+        return properties(value, depth - 1) if depth else ""
+    if isinstance(value, float):
+        return value.hex()
+    if isinstance(value, str | int | bool | set | None):
+        return repr(value)
+    if isinstance(value, bpy.types.bpy_prop_collection):
+        return (
+            [told_of(item, depth - 1) for item in value]
+            if depth and len(value) <= 1000
+            else len(value)
+        )
+    return np.array(value).tobytes() if hasattr(value, "__len__") else repr(value)
+
+
+def properties(thing: bpy.types.bpy_struct, depth: int = 4) -> dict[str, Any]:
+    """All that Blender's interface could show of a thing."""
+    names = [name for name in thing.bl_rna.properties.keys() if name not in UNTOLD]  # noqa: SIM118 - no dict
+    return {name: told_of(getattr(thing, name, None), depth) for name in names}
+
+
+def column(items: Any, name: str, width: int, dtype: type) -> bytes:
+    """One property of all items, as bytes."""
+    found = np.empty(len(items) * width, dtype)
+    items.foreach_get(name, found)
+    return found.tobytes()
+
+
+def inventory() -> dict[str, dict[str, Any]]:
+    """Everything in the file, by kind and name of its datablock."""
+    found: dict[str, dict[str, Any]] = {}
+    for group in GROUPS:
+        for block in getattr(bpy.data, group):
+            if block.name == "Render Result":
+                continue
+            if group == "meshes":  # their vertices are too many to be asked one by one
+                told: dict[str, Any] = {"materials": told_of(block.materials)}
+                told["vertices"] = column(block.vertices, "co", 3, np.float32)
+                told["corners"] = column(block.loops, "vertex_index", 1, np.int32)
+                told["smooth"] = column(block.polygons, "use_smooth", 1, np.bool_)
+                told["uv"] = [
+                    column(layer.uv, "vector", 2, np.float32) for layer in block.uv_layers
+                ]
+            else:
+                told = properties(block)
+            if group == "images" and block.size[0] * block.size[1] > 0:
+                told["pixels"] = pixels_from_image(block).tobytes()
+            found[f"{group} {block.name}"] = told
+    return found
+
+
+def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]]) -> list[str]:
+    """What is no longer as it was, as "kind name property"."""
+    gone = [f"{name} is gone" for name in before if name not in after]
+    new = [f"{name} is new" for name in after if name not in before]
+    return gone + new + [
+        f"{name} {key}"
+        for name in before
+        if name in after
+        for key in {*before[name], *after[name]}
+        if before[name].get(key) != after[name].get(key)
+    ]  # fmt: skip
+
+
+SOLVES = re.compile(
+    r"scenes \S+ kiriko|images Kiriko (Source|Seen)( is new| \w+)|materials .* Source\S* (is"
+    r" new|\w+)"
+    r"|materials .* use_fake_user|objects (Kiriko )?Display\S*"
+    r" (material_slots|active_material)|meshes .* materials"
+)
+SHOWS_RANGE = re.compile(
+    r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+"
+    r" (objects|collection)"
+)
+ADDS = re.compile(r".* is new|objects .* kiriko|scenes .*|collections .*")
+# the others what a solve does
+MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
+
+
+# What an operator may do
+
+
+def refusal(error: RuntimeError) -> str:
+    """The sentence an operator was left with; WrongError when it is none."""
+    text = str(error).strip().removeprefix("Error: ")
+    # what work.sentence says of what was not foreseen
+    if "Traceback" in text or "please report this" in text:
+        raise WrongError(text)
+    text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
+    plain = QUOTED.sub("''", text)
+    for is_wrong, why in (
+        (not text.endswith("."), "does not end with a full stop"),
+        ("\n" in text or SECOND_SENTENCE.search(plain), "is more than one sentence"),
+        (NONSENSE.search(plain), "tells of what is no number"),
+        (not 10 < len(text) <= LONGEST, "is too short or too long"),
+    ):
+        if is_wrong:
+            raise WrongError(f"the error {why}: {text}")
+    return text
+
+
+def call(operator: Any, **options: object) -> str:
+    """Run an operator; an empty text, or the sentence it refused with, having changed nothing."""
+    bpy.context.view_layer.update()
+    before = inventory()
+    try:
+        result = operator(**options)
+    except RuntimeError as error:
+        text = refusal(error)
+        bpy.context.view_layer.update()
+        changed = differences(before, inventory())
+        if changed:
+            raise WrongError(f"refused ({text}), but changed {', '.join(changed[:5])}") from None
+        return text
+    if result != {"FINISHED"}:
+        raise WrongError(f"{operator.idname()} returned {result}")
+    bpy.context.view_layer.update()
+    allowed = MAY_CHANGE.get(operator.idname(), SOLVES)
+    changed = [text for text in differences(before, inventory()) if not allowed.fullmatch(text)]
+    if changed:
+        raise WrongError(f"{operator.idname()} changed {', '.join(changed[:5])}")
+    return ""
+
+
+def need(is_so: bool, otherwise: str) -> None:
+    """WrongError unless it is so."""
+    if not is_so:
+        raise WrongError(otherwise)
+
+
+def are_shares(values: Any) -> bool:
+    """Are these numbers all within 0..1, but for rounding?"""
+    values = np.asarray(values, float)
+    return bool(((values >= -ROUNDING) & (values <= 1 + ROUNDING)).all())
+
+
+def no_constant(name: str) -> None:
+    """For json: NaN and Infinity are none of its numbers."""
+    raise WrongError(f"the details hold {name}")
+
+
+def check_result(scene: bpy.types.Scene) -> np.ndarray:
+    """WrongError unless the scene's result is one; the source image (h, w, 3)."""
+    result = scene.kiriko.result
+    details = json.loads(result.details, parse_constant=no_constant)
+    need(result.source is not None, "there is no source image")
+    pixels = pixels_from_image(result.source)[..., :3]
+    need(np.isfinite(pixels).all(), "the source image has pixels that are not finite")
+    need((pixels >= 0).all(), f"the source image has negative pixels: {pixels.min()}")
+    need(
+        pixels.shape[1::-1] == tuple(details["resolution"]),
+        f"the source image has the size {pixels.shape}",
+    )
+    need(
+        tuple(details["resolution"]) in {tuple(o.kiriko.resolution) for o in bpy.data.objects},
+        "another resolution",
+    )
+    shares = [
+        result.coverage,
+        details["view_coverage"],
+        details["display_coverage"],
+        *details["misses"].values(),
+    ]
+    need(are_shares(shares), f"shares beyond 0..1: {shares}")
+    whole = details["picture_coverage"] + sum(details["misses"].values())
+    need(abs(whole - 1) < ROUNDING, f"coverage and reasons sum to {whole}")
+    need(
+        result.summary.endswith(".") and not NONSENSE.search(QUOTED.sub("", result.summary)),
+        result.summary,
+    )
+    for note in result.notes.splitlines():
+        need(note.endswith(".") and not NONSENSE.search(QUOTED.sub("", note)), f"the note: {note}")
+    return pixels
+
+
+def check_solution(
+    scene: bpy.types.Scene, reading: blender_scene.Reading, source: np.ndarray
+) -> None:
+    """WrongError unless core alone comes to the same source
+    image (h, w, 3), and its numbers are possible.
+    """
+    ours = scene.kiriko
+    names = (
+        "tolerance",
+        "max_events",
+        "effort",
+        "only_through_glass",
+        "brightness",
+        "margin",
+        "suppress_glare",
+    )
+    settings = Settings(**{name: getattr(ours, name) for name in names}, ghosts=ours.ghosts.lower())
+    solution = finish(Session().solve(reading.rig, settings))
+    need(np.array_equal(solution.source, source), "core alone comes to another source image")
+    need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
+    need(are_shares(solution.first.view_coverage), "view coverage beyond 0..1")
+    need(
+        np.isfinite(solution.weight).all() and (solution.weight >= 0).all(),
+        "weights that cannot be",
+    )
+    is_seen = solution.weight > 0
+    need(
+        not (is_seen & (solution.display_coverage <= 0)).any(),
+        "display pixels are seen that are not covered",
+    )
+    if not ours.margin:
+        need(not source[~is_seen].any(), "display pixels shine that are not seen")
+    seen = solution.seen()
+    need(np.isfinite(seen).all() and (seen >= 0).all(), "the seen image is none")
+    check_kernel(reading.rig, settings)
+
+
+def check_kernel(rig: Rig, settings: Settings) -> None:
+    """WrongError where the compiled kernel passes by a face that numpy's way meets."""
+    size = rig.viewer.width, rig.viewer.height
+    plan = make_plan(rig, settings)
+    if kernel.left_out(plan.layers) is None:
+        found = find_parted(
+            plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
+        )
+        need(
+            found.n_wrong == 0,
+            f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face",
+        )
+
+
+# Cycles as judge
+
+
+def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
+    """Can Cycles, in single precision and with one index an interface, trace the same landings?"""
+    _, notes = interfaces(reading.rig.glasses)
+    return dice.is_tame and not notes and all(plate.array is None for plate in reading.rig.plates)
+
+
+def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
+    """Landings of the middles of the viewer's pixels in core and
+    in Cycles: differences in display px, and masks.
+
+    Without total reflection, which Cycles' map has not.
+    """
+    rig = reading.rig
+    plan = make_plan(rig, Settings(max_events=scene.kiriko.max_events, only_through_glass=False))
+    x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
+    landings = trace_all(plan, *rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+    xy = np.full((x.size, 2), np.nan)
+    is_ours = np.zeros(x.size, bool)
+    inside, _ = landings.pixels(rig.display.width, rig.display.height)
+    is_ours[landings.sample[inside]] = True
+    xy[landings.sample[inside]] = landings.xy[inside]
+    carried = blender_preview.render_map(scene, reading).reshape(-1, 3)
+    is_theirs = carried[:, 2] > 0.5
+    theirs = (carried[:, :2] * [1, -1] + [0, 1]) * [rig.display.width, rig.display.height]
+    both = is_ours & is_theirs
+    if not both.any():
+        return (
+            None
+            if not is_theirs.any()
+            else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
+        )
+    off = np.linalg.norm(xy - theirs, axis=1)[both]
+    return {
+        "median": float(np.median(off)),
+        "most": float(np.quantile(off, 0.95)),
+        "only_theirs": float((is_theirs & ~is_ours).sum() / is_theirs.sum()),
+        "apart": float(((is_theirs & ~is_ours).sum() + (off > 1).sum()) / is_theirs.sum()),
+        "both": float(both.sum() / is_ours.sum()),
+    }
+
+
+# One rig, many rigs
+
+
+def add_rig_around(dice: Dice) -> str:
+    """Take all but the glass out of the scene and let Add Rig make the rest."""
+    scene = bpy.context.scene
+    for thing in list(scene.objects):
+        if thing.kiriko.role in {"GLASS", "NONE"} and thing.type not in {"CAMERA"}:
+            thing.select_set(thing.visible_get())
+        elif not dice.chance(0.05):
+            bpy.data.objects.remove(thing)
+    text = call(
+        bpy.ops.kiriko.add_rig,
+        viewer_resolution=dice.pixels(),
+        display_resolution=(dice.pixels(), dice.pixels()),
+        distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
+        tilt=dice.rng.uniform(0.1, 1.4),
+        azimuth=dice.rng.uniform(-10, 10),
+        picture_size=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
+        field=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
+        viewer_distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
+    )
+    return text or call(bpy.ops.kiriko.solve) or ""
+
+
+def also(dice: Dice, outcome: Outcome) -> None:
+    """Further operators, on the result or in its place."""
+    scene = bpy.context.scene
+    outcome.also = {}
+    if outcome.verdict == "solved":
+        if dice.chance(0.2):
+            outcome.also["simulate"] = call(
+                bpy.ops.kiriko.simulate, samples=int(dice.rng.integers(2, 5))
+            )
+            if not outcome.also["simulate"]:
+                seen = pixels_from_image(scene.kiriko.result.seen)
+                need(np.isfinite(seen).all() and (seen >= 0).all(), "the simulated image is none")
+        if dice.chance(0.15):
+            with tempfile.TemporaryDirectory() as folder:
+                scene.kiriko.export_format = dice.pick(
+                    ("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT")
+                )
+                outcome.also["export"] = call(
+                    bpy.ops.kiriko.export, filepath=str(Path(folder) / "source")
+                )
+                written = [path.stat().st_size for path in Path(folder).iterdir()]
+                need(
+                    outcome.also["export"] or (len(written) == 1 and written[0] > 0),
+                    f"wrote files of {written} bytes",
+                )
+        if dice.chance(0.2):
+            thing = dice.pick([o for o in scene.objects if o.kiriko.role != "NONE"])
+            thing.location = (np.array(thing.location) * dice.rng.uniform(0.98, 1.02)).tolist()
+            outcome.also["solve again"] = call(bpy.ops.kiriko.solve)
+            if not outcome.also["solve again"]:
+                check_result(scene)
+    n_faces = sum(len(o.data.polygons) for o in scene.objects if o.type == "MESH")
+    if dice.chance(0.04) and n_faces < FEW_FACES:
+        scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
+        outcome.also["visible range"] = call(bpy.ops.kiriko.visible_range)
+    if dice.chance(0.05):
+        outcome.also["add rig"] = add_rig_around(dice)
+        if not outcome.also["add rig"]:
+            check_result(scene)
+
+
+def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
+    """Make the rig [seed, k] in a new file and try it."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    package = bpy.types.KIRIKO_OT_solve.__module__.removesuffix(".solve")
+    # what was kept of the rig before is no part of this one
+    importlib.import_module(f"{package}.work").forget()
+    started = perf_counter()
+    outcome = Outcome(k, "failed")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        dice = make_rig(np.random.default_rng([seed, k]))
+        outcome.told = dice.told
+        scene = bpy.context.scene
+        try:
+            outcome.text = call(bpy.ops.kiriko.solve)
+            outcome.verdict = "refused" if outcome.text else "solved"
+            if not outcome.text:
+                source = check_result(scene)
+                reading = blender_scene.read(bpy.context, scene)
+                if dice.chance(0.12):
+                    check_solution(scene, reading, source)
+                if is_judged and is_comparable(reading, dice):
+                    outcome.judged = judge(scene, reading)
+            also(dice, outcome)
+        except WrongError as error:
+            outcome.verdict = "failed"
+            outcome.text = str(error)
+    outcome.warnings = [
+        f"{Path(w.filename).name}:{w.lineno} {w.message}" for w in warned if "kiriko" in w.filename
+    ]
+    outcome.seconds = perf_counter() - started
+    return outcome
+
+
+def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Path) -> None:
+    """Try rigs, and write what became of each to the log.
+
+    Ends the process when one takes too long.
+    """
+    kiriko.register()
+    for k in rigs:
+        with log.open("a") as lines:
+            lines.write(json.dumps({"began": k}) + "\n")
+        faulthandler.dump_traceback_later(seconds, exit=True)
+        outcome = try_rig(seed, k, n_judged > 0)
+        faulthandler.cancel_dump_traceback_later()
+        n_judged -= outcome.judged is not None
+        with log.open("a") as lines:
+            lines.write(json.dumps(asdict(outcome)) + "\n")
+
+
+def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> list[Outcome]:
+    """Outcomes of rigs, each tried in a process that may end with it."""
+    found: list[Outcome] = []
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        while len(found) < len(rigs):
+            some = rigs[len(found) : len(found) + AT_ONCE]
+            log.write_text("")
+            left = n_judged - sum(outcome.judged is not None for outcome in found)
+            command = [
+                sys.executable,
+                *as_module("fuzz.run"),
+                "--seed",
+                str(seed),
+                "--judge",
+                str(left),
+                "--seconds",
+                str(seconds),
+            ]
+            with (
+                (Path(folder) / "errors").open("w+") as errors,
+                contextlib.suppress(subprocess.TimeoutExpired),
+            ):
+                code: int | None = None
+                run = subprocess.run(
+                    [*command, "--log", log, "--only", *map(str, some)],
+                    stdout=subprocess.DEVNULL,
+                    stderr=errors,
+                    timeout=len(some) * (seconds + 10) + 60,
+                )
+                code = run.returncode
+            said = (Path(folder) / "errors").read_text(errors="replace")
+            lines = [json.loads(line) for line in log.read_text().splitlines()]
+            new = [Outcome(**line) for line in lines if "began" not in line]
+            if len(new) < len(some):
+                if not lines:
+                    raise SystemExit(f"Blender did not start:\n{said}")
+                new.append(
+                    Outcome(
+                        lines[-1]["began"], "failed", f"ended with code {code}:\n{said[-3000:]}"
+                    )
+                )
+            for outcome in new:
+                if outcome.verdict == "failed":
+                    tell(seed, outcome)
+            found += new
+            print(f"{len(found)} of {len(rigs)}", flush=True)
+    return found
+
+
+def tell(seed: int, outcome: Outcome) -> None:
+    """Print a failure, and how to see it again."""
+    print(f"\nFAILED: python3 scripts/dev.py fuzz --seed {seed} --only {outcome.k}")
+    print(f"  wild: {', '.join(outcome.told) or '-'}\n  {outcome.text}\n", flush=True)
+
+
+def kind_of(text: str) -> str:
+    """A sentence without its names and numbers."""
+    return NUMBER.sub("#", QUOTED.sub("'..'", text))
+
+
+def print_summary(found: list[Outcome], seconds: float) -> None:
+    """What became of all rigs."""
+    counts = Counter(outcome.verdict for outcome in found)
+    print(
+        f"\n{len(found)} rigs in {seconds:.0f} s:"
+        f" " + ", ".join(f"{n} {word}" for word, n in counts.most_common())
+    )
+    slowest = sorted(found, key=lambda outcome: -outcome.seconds)[:5]
+    print("slowest: " + ", ".join(f"{o.k} ({o.seconds:.1f} s)" for o in slowest))
+    kinds = Counter(kind_of(outcome.text) for outcome in found if outcome.verdict == "refused")
+    for text, n in kinds.most_common():
+        print(f"{n:6d}  {text}")
+    for name in sorted({name for outcome in found for name in outcome.also}):
+        said = Counter(
+            kind_of(outcome.also[name]) or "done" for outcome in found if name in outcome.also
+        )
+        print(f"\n{name}:")
+        for text, n in said.most_common(12):
+            print(f"{n:6d}  {text}")
+    warned = Counter(text for outcome in found for text in set(outcome.warnings))
+    if warned:
+        print("\nnumpy warned of, in rigs:")
+        for text, n in warned.most_common(20):
+            first = next(outcome.k for outcome in found if text in outcome.warnings)
+            print(f"{n:6d}  {text} (rig {first})")
+    judged = [outcome for outcome in found if outcome.judged]
+    if judged:
+        print(
+            f"\nCycles agrees on {len(judged)} rigs: median and 95 % of the landings'"
+            f" differences in display px;"
+        )
+        print(
+            "shares of Cycles' arrivals that core has not, of core's that Cycles has (total"
+            " reflection it has not):"
+        )
+        for key in ("median", "most", "only_theirs", "both"):
+            values = [o.judged[key] for o in judged]
+            print(f"  {key:<12} median {np.nanmedian(values):.2g}, worst {np.nanmax(values):.2g}")
+        for o in sorted(judged, key=lambda o: -o.judged["most"])[:8]:
+            print(
+                f"  rig {o.k:5d}: "
+                + ", ".join(f"{key} {value:.3g}" for key, value in o.judged.items())
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=2000, help="how many (2000)")
+    parser.add_argument("--seed", type=int, default=0, help="of all rigs (0)")
+    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="these rigs of the seed")
+    parser.add_argument(
+        "--judge",
+        type=int,
+        default=0,
+        metavar="N",
+        help="compare the first N that allow it with Cycles",
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"for one rig; more is a hang ({SECONDS:g})"
+    )
+    parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    rigs = options.only or list(range(options.rigs))
+    if options.log is not None:
+        work_off(options.seed, rigs, options.judge, options.seconds, options.log)
+        return
+    started = perf_counter()
+    found = in_processes(options.seed, rigs, options.judge, options.seconds)
+    print_summary(found, perf_counter() - started)
+    sys.exit(any(outcome.verdict == "failed" for outcome in found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,279 @@
+"""Glass as artists bring it, for scripts/fuzz/run.py and the
+tests: texts, curves, splines, metaballs, modifiers.
+
+Each is an object about one unit across around the origin, not yet in its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import combinations
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+Random = np.random.Generator
+
+SAME = 1e-7  # of the unit: nearer corners are one
+
+
+def shown_points(thing: bpy.types.Object) -> np.ndarray:
+    """Vertices (n, 3) of an object as it is shown, in its own coordinates."""
+    bpy.context.view_layer.update()
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    evaluated.to_mesh_clear()
+    return points.reshape(-1, 3)
+
+
+def fitting(thing: bpy.types.Object) -> Matrix:
+    """What takes an object to the origin and to a size of one unit; nothing where it is empty."""
+    points = shown_points(thing)
+    if not len(points):
+        return Matrix()
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    size = float((high - low).max()) or 1.0
+    return Matrix.Scale(1 / size, 4) @ Matrix.Translation((-(low + high) / 2).tolist())
+
+
+def linked(data: bpy.types.ID, name: str) -> bpy.types.Object:
+    """A new object in the scene."""
+    thing = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def text(random: Random, bevel: float = 0.0) -> bpy.types.Object:
+    """An extruded text, upright; its caps and sides share no vertices."""
+    data = bpy.data.curves.new("Text", "FONT")
+    data.body = "".join(random.choice(list("AKORTX8&"), 2)) if random.random() < 0.5 else "Ki"
+    data.extrude = random.uniform(0.05, 0.3)
+    data.bevel_depth = bevel
+    data.bevel_resolution = 2
+    data.resolution_u = int(random.integers(2, 8))
+    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(data, "Text")
+
+
+def bevelled_text(random: Random) -> bpy.types.Object:
+    """A text with rounded edges."""
+    return text(random, bevel=random.uniform(0.01, 0.04))
+
+
+def rod(random: Random) -> bpy.types.Object:
+    """A curve with a bevel and filled caps, which are three shells that touch."""
+    data = bpy.data.curves.new("Rod", "CURVE")
+    data.dimensions, data.use_fill_caps = "3D", True
+    data.bevel_depth = random.uniform(0.1, 0.4)
+    data.bevel_resolution = int(random.integers(1, 8))
+    data.resolution_u = int(random.integers(2, 12))
+    spline = data.splines.new("BEZIER")
+    spline.bezier_points.add(int(random.integers(1, 3)))
+    for k, point in enumerate(spline.bezier_points):
+        point.co = (k, *random.normal(0, 0.2, 2))
+        point.handle_left_type = point.handle_right_type = "AUTO"
+    return linked(data, "Rod")
+
+
+def spline_sphere(random: Random) -> bpy.types.Object:
+    """A NURBS sphere or torus: its seam and poles have vertices of their own."""
+    add = bpy.ops.surface
+    bpy.context.view_layer.update()
+    made = random.choice(
+        [add.primitive_nurbs_surface_sphere_add, add.primitive_nurbs_surface_torus_add]
+    )
+    made(radius=0.5)
+    thing = bpy.context.object
+    for spline in thing.data.splines:
+        spline.resolution_u = spline.resolution_v = int(random.integers(2, 7))
+    return thing
+
+
+def metaballs(random: Random) -> bpy.types.Object:
+    """Two or three metaballs that melt into each other."""
+    data = bpy.data.metaballs.new("Metaballs")
+    data.resolution = random.uniform(0.15, 0.4)
+    for k in range(int(random.integers(2, 4))):
+        element = data.elements.new()
+        element.co = (0.9 * k, *random.normal(0, 0.2, 2))
+        element.radius = random.uniform(0.8, 1.3)
+    return linked(data, "Metaballs")
+
+
+def mesh_of(make: str, **sizes: object) -> bpy.types.Mesh:
+    """A mesh of a bmesh primitive."""
+    mesh = bpy.data.meshes.new("Shape")
+    shape = bmesh.new()
+    # bmesh.ops keeps the address of the name only: it has to live until the call is over
+    name = f"create_{make}"
+    getattr(bmesh.ops, name)(shape, **sizes)
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+def smooth(mesh: bpy.types.Mesh) -> bpy.types.Mesh:
+    """The mesh, shaded smooth all over."""
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
+    mesh.update()
+    return mesh
+
+
+def shaken(mesh: bpy.types.Mesh, noise: float, random: Random) -> bpy.types.Mesh:
+    """The mesh with its vertices moved at random, by a standard deviation in its own units."""
+    places = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", places)
+    mesh.vertices.foreach_set("co", places + random.normal(0, noise, places.shape))
+    return mesh
+
+
+def behind(normals: np.ndarray, distances: np.ndarray) -> bpy.types.Mesh:
+    """The convex body behind all planes, by their outward
+    normals (p, 3) and distances (p,) from the origin.
+
+    Its corners are where three planes meet and no other cuts them off.
+    """
+    three = np.array(list(combinations(range(len(normals)), 3)))
+    three = three[np.abs(np.linalg.det(normals[three])) > 1e-6]
+    corners = np.linalg.solve(normals[three], distances[three][..., None])[..., 0]
+    corners = corners[(corners @ normals.T <= distances + SAME).all(axis=1)]
+    corners = np.unique(np.round(corners / SAME), axis=0) * SAME
+
+    faces = []
+    for normal, distance in zip(normals, distances, strict=True):
+        on_it = np.flatnonzero(np.abs(corners @ normal - distance) < 4 * SAME)
+        if len(on_it) < 3:
+            continue
+        across = np.linalg.svd(normal[None])[2][1:]
+        across[1] = np.cross(normal, across[0])
+        x, y = across @ (corners[on_it] - corners[on_it].mean(axis=0)).T
+        faces.append(on_it[np.argsort(np.arctan2(y, x))].tolist())
+
+    mesh = bpy.data.meshes.new("Behind")
+    mesh.from_pydata(corners.tolist(), [], faces)
+    return mesh
+
+
+def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
+    """A profile of radii and heights, turned about z by a Screw modifier; shaded smooth."""
+    mesh = bpy.data.meshes.new("Profile")
+    mesh.from_pydata(
+        [(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], []
+    )
+    thing = linked(mesh, "Turned")
+    screw = thing.modifiers.new("Screw", "SCREW")
+    screw.steps = screw.render_steps = steps
+    screw.use_merge_vertices = True
+    screw.use_smooth_shade = True
+    screw.use_normal_calculate = True
+    return thing
+
+
+def remeshed(random: Random) -> bpy.types.Object:
+    """A body rebuilt of voxels, smooth: no vertex lies where it was meant to be."""
+    mesh = random.choice(
+        [mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)]
+    )
+    thing = linked(mesh, "Remeshed")
+    modifier = thing.modifiers.new("Remesh", "REMESH")
+    modifier.mode = "VOXEL"
+    modifier.voxel_size = random.uniform(0.08, 0.2)
+    modifier.use_smooth_shade = bool(random.random() < 0.7)
+    return thing
+
+
+def scan(random: Random) -> bpy.types.Object:
+    """A noisy, irregular ball, smooth, as a scanner sees it, thinned out by a Decimate modifier."""
+    mesh = mesh_of("icosphere", subdivisions=4, radius=0.5)
+    thing = linked(smooth(shaken(mesh, 10 ** random.uniform(-5, -2), random)), "Scan")
+    modifier = thing.modifiers.new("Decimate", "DECIMATE")
+    modifier.ratio = random.uniform(0.1, 0.9)
+    return thing
+
+
+def unwelded(random: Random) -> bpy.types.Object:
+    """A body whose faces share no vertices, as many files have it.
+
+    Half of them with a Weld modifier.
+    """
+    kind = random.choice(["cube", "icosphere", "cone"])
+    sizes = {
+        "cube": {"size": 1.0},
+        "icosphere": {"subdivisions": 2, "radius": 0.5},
+        "cone": {"cap_ends": True, "segments": 24, "radius1": 0.5, "radius2": 0.3, "depth": 1.0},
+    }
+    mesh = mesh_of(kind, **sizes[kind])
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.split_edges(shape, edges=shape.edges[:])
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = linked(mesh, "Unwelded")
+    if random.random() < 0.5:
+        thing.modifiers.new("Weld", "WELD").merge_threshold = 1e-4
+    return thing
+
+
+def array(random: Random) -> bpy.types.Object:
+    """Bodies side by side by an Array modifier: apart, touching, or one in the other."""
+    thing = linked(mesh_of("cube", size=1.0), "Array")
+    modifier = thing.modifiers.new("Array", "ARRAY")
+    modifier.count = int(random.integers(2, 4))
+    modifier.relative_offset_displace = (random.choice([1.0, 1.2, 0.7]), 0.0, 0.0)
+    return thing
+
+
+def engraved(random: Random) -> bpy.types.Object:
+    """A cube with a groove or a pit cut into it by a Boolean modifier."""
+    thing = linked(mesh_of("cube", size=1.0), "Engraved")
+    cutter = linked(
+        mesh_of("cone", cap_ends=True, segments=7, radius1=0.2, radius2=0.05, depth=0.6), "Cutter"
+    )
+    cutter.location = (*random.uniform(-0.2, 0.2, 2), 0.5)
+    cutter.hide_render, cutter.display_type = True, "WIRE"
+    cutter.parent = thing
+    modifier = thing.modifiers.new("Boolean", "BOOLEAN")
+    modifier.operation = "DIFFERENCE"
+    modifier.object = cutter
+    modifier.solver = "EXACT"
+    return thing
+
+
+def wine_glass(random: Random) -> bpy.types.Object:
+    """A profile turned by Screw, given a wall by Solidify and rounded by Subdivision."""
+    profile = [
+        (0.0, 0.0),
+        (0.3, 0.0),
+        (0.05, 0.05),
+        (0.04, 0.4),
+        (0.25, 0.6),
+        (0.32, 0.8),
+        (0.28, 1.0),
+    ]
+    profile = [(x * random.uniform(0.9, 1.1), z) for x, z in profile]
+    thing = turned(profile, int(random.integers(6, 12)))
+    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.02
+    subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
+    subdivision.levels = subdivision.render_levels = 1
+    return thing
+
+
+BROUGHT: dict[str, Callable[[Random], bpy.types.Object]] = {
+    "text": text,
+    "bevelled text": bevelled_text,
+    "rod": rod,
+    "splines": spline_sphere,
+    "metaballs": metaballs,
+    "remeshed": remeshed,
+    "scan": scan,
+    "unwelded": unwelded,
+    "array": array,
+    "engraved": engraved,
+    "wine glass": wine_glass,
+}

@@ -1,0 +1,1 @@
+"""Small mutants of core that a test should notice."""

@@ -1,0 +1,40 @@
+"""Plugin of pytest for `dev.py mutants`: tells coverage which
+test is under way, and notes how long each took.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import coverage
+import pytest
+
+SECONDS: Counter[str] = Counter()
+NEWEST_ONLY: set[str] = set()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Count lines to a test from its setup to its teardown."""
+    now = coverage.Coverage.current()
+    now.switch_context(item.nodeid)
+    if item.get_closest_marker("newest_only"):
+        NEWEST_ONLY.add(item.nodeid)
+    result = yield
+    now.switch_context("")
+    return result
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Add up a test's seconds."""
+    SECONDS[report.nodeid] += report.duration
+
+
+def pytest_sessionfinish() -> None:
+    """Leave what was noted where run.py looks for it."""
+    noted = {"seconds": SECONDS, "newest_only": sorted(NEWEST_ONLY)}
+    Path(os.environ["KIRIKO_REACH"], "tests.json").write_text(json.dumps(noted), encoding="utf-8")

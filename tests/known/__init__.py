@@ -1,0 +1,1 @@
+"""Known answers and known rigs, for the tests and for scripts/."""
