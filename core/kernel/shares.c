@@ -4,7 +4,7 @@
 
 #include "kiriko.h"
 
-#define THINNEST 1e-5   /* as in rasterise.py, like all up to FARTHEST */
+#define THINNEST 1e-5   /* as in cells.py, like all up to FARTHEST */
 #define SMALLEST 1e-14
 #define LEVEL 1e-100
 #define INSIDE 1e-9

@@ -35,7 +35,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import courses, trace_all, tracing
-from kiriko.core.map import rasterise as rasterise_module
+from kiriko.core.map import cells as cells_module
 from kiriko.core.map import share_batches
 from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
@@ -1080,7 +1080,7 @@ def test_the_environment_switches_it_off():
             loading,
             plate,
             pyramid,
-            rasterise_module,
+            cells_module,
             ray_engine,
             structures,
             surface_fit,

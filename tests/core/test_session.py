@@ -76,7 +76,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     assert n < share_batches.MOST_KEPT
     monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
-    monkeypatch.setattr(rasterise, "PIXELS_AT_ONCE", n // 20)
+    monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
     monkeypatch.setattr(painting, "MOST_PLACED", 2)
     kept = Session()
     for some, one in zip((a_rig, other), expected, strict=True):

@@ -458,7 +458,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     Few are kept, many are divided anew.
     """
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 50)
-    monkeypatch.setattr(rasterise_module, "PIXELS_AT_ONCE", 64)
+    monkeypatch.setattr(rasterise_module, "PARTS_AT_ONCE", 64)
     monkeypatch.setattr(share_batches, "MOST_KEPT", most)
     view = grid(12)
     asked = []

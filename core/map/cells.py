@@ -1,0 +1,189 @@
+"""Cells as polygons: area, centroid, covariance; squeezed ones made thicker, folded ones parted.
+
+A cell is a small polygon on the viewer's image together with its image on the display. A quad
+whose image is folded, as at a caustic, counts as the two triangles that a diagonal makes of it:
+the sum of its signed parts would lose the area that lies on itself. A triangle squeezed to a line
+or a point has no area to be divided in proportion to, so it is given a width that rounding cannot
+touch.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Ints
+
+# The slacks of dividing cells, the same in core/kernel/shares.c.
+# px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
+THINNEST = 1e-5
+SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors
+LEVEL = 1e-100  # px: an edge that falls by less has no area beside it
+INSIDE = 1e-9  # of a cell: a share's centroid keeps this far from the border
+FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
+
+
+class Cells(NamedTuple):
+    """Cells with their corners, one corner a row: numbers
+    (c,), display x, y and viewer u, v (k, c).
+    """
+
+    number: Ints
+    x: Floats
+    y: Floats
+    u: Floats
+    v: Floats
+
+    def pick(self, which: Ints) -> "Cells":
+        # np.take keeps one corner a row in memory too, indexing would not
+        return Cells(self.number[which], *(np.take(corners, which, axis=1) for corners in self[1:]))
+
+    def triangle(self, corners: tuple[int, int, int]) -> "Cells":
+        return Cells(self.number, *(values[list(corners)] for values in self[1:]))
+
+
+class Bounds(NamedTuple):
+    """Least and greatest x, least and greatest y (c,) of polygons, px."""
+
+    left: Floats
+    right: Floats
+    top: Floats
+    bottom: Floats
+
+
+def columns_of(polygons: Floats) -> tuple[Floats, Floats]:
+    """First and second coordinate (k, c) of polygons (c, k, 2), contiguous."""
+    turned = np.asarray(polygons, float).transpose(2, 1, 0)
+    return np.ascontiguousarray(turned[0]), np.ascontiguousarray(turned[1])
+
+
+def corner_bounds(x: Floats, y: Floats) -> Bounds:
+    """Bounds of polygons (k, c)."""
+    return Bounds(x.min(axis=0), x.max(axis=0), y.min(axis=0), y.max(axis=0))
+
+
+def cross(ax: Floats, ay: Floats, bx: Floats, by: Floats) -> Floats:
+    """Cross product (c,) of vectors a and b in the plane: twice the area between them."""
+    return ax * by - ay * bx
+
+
+def signed_area(x: Floats, y: Floats) -> Floats:
+    """Signed area (c,) of triangles or quads (k, c)."""
+    if len(x) == 3:
+        return 0.5 * cross(x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0])
+    return 0.5 * cross(x[2] - x[0], y[2] - y[0], x[3] - x[1], y[3] - y[1])
+
+
+def centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Centroid of triangles or convex quads (k, c)."""
+    if len(x) == 3:
+        return (x[0] + x[1] + x[2]) / 3, (y[0] + y[1] + y[2]) / 3
+
+    # two triangles, weighed by their areas
+    dx = x[1:] - x[0]
+    dy = y[1:] - y[0]
+    first = cross(dx[0], dy[0], dx[1], dy[1])
+    second = cross(dx[1], dy[1], dx[2], dy[2])
+    second /= first + second
+    return (
+        x[0] + (dx[0] + dx[1] + second * (dx[2] - dx[0])) / 3,
+        y[0] + (dy[0] + dy[1] + second * (dy[2] - dy[0])) / 3,
+    )
+
+
+def covariance_of(x: Floats, y: Floats) -> NDArray[np.float32]:
+    """Covariance (3, c) of points in triangles or quads (k, c):
+    xx, xy and yy. A quad is taken for a parallelogram.
+    """
+    found = np.empty((3, x.shape[1]), np.float32)
+
+    if len(x) == 3:
+        ax = x[1] - x[0]
+        ay = y[1] - y[0]
+        bx = x[2] - x[0]
+        by = y[2] - y[0]
+        found[0] = (ax * ax + bx * bx - ax * bx) / 18
+        found[1] = (ax * ay + bx * by - 0.5 * (ax * by + ay * bx)) / 18
+        found[2] = (ay * ay + by * by - ay * by) / 18
+        return found
+
+    # by the diagonals: the sides of a parallelogram are half their sum and half their difference
+    ax = x[2] - x[0]
+    ay = y[2] - y[0]
+    bx = x[3] - x[1]
+    by = y[3] - y[1]
+    found[0] = (ax * ax + bx * bx) / 24
+    found[1] = (ax * ay + bx * by) / 24
+    found[2] = (ay * ay + by * by) / 24
+    return found
+
+
+def _corner_areas(x: Floats, y: Floats) -> Floats:
+    """Signed area (4, c) of the triangle at each corner of quads (4, c)."""
+    ex = np.roll(x, -1, axis=0) - x
+    ey = np.roll(y, -1, axis=0) - y
+    return 0.5 * cross(np.roll(ex, 1, axis=0), np.roll(ey, 1, axis=0), ex, ey)
+
+
+def is_unfolded(x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Whether the bilinear map of a quad (4, c) turns the same
+    way all over: it does where the quad is convex.
+    """
+    corner = _corner_areas(x, y)
+    extent = np.maximum(np.ptp(x, axis=0), np.ptp(y, axis=0))
+    return np.maximum(corner.min(axis=0), -corner.max(axis=0)) > 0.5 * THINNEST * extent
+
+
+def unfolded(quads: Cells) -> tuple[Cells, Cells]:
+    """Two triangles for each quad, by the diagonal that makes
+    the smaller ones: a quad bent in keeps its area.
+    """
+    corner = np.abs(_corner_areas(quads.x, quads.y))
+    turn = np.where(corner[0] + corner[2] < corner[1] + corner[3], 1, 0)
+    order = (np.arange(4)[:, None] + turn) % 4
+    turned = Cells(
+        quads.number, *(np.take_along_axis(values, order, axis=0) for values in quads[1:])
+    )
+    return turned.triangle((0, 1, 2)), turned.triangle((2, 3, 0))
+
+
+def thickened(cells: Cells) -> Cells:
+    """Give triangles squeezed to a line or a point a width that rounding cannot touch.
+
+    The width goes to the right (down, for a level line), so that a line along a grid line
+    fills the pixels it bounds on the left or from above, as a point there would.
+    """
+    x, y = cells.x, cells.y
+
+    # which are thin, and along which of their sides
+    dx = np.roll(x, -1, axis=0) - x
+    dy = np.roll(y, -1, axis=0) - y
+    lengths = np.sqrt(dx * dx + dy * dy)
+    longest = lengths.max(axis=0)
+    first = lengths.argmax(axis=0)
+    thin = np.flatnonzero(2 * np.abs(signed_area(x, y)) < THINNEST * longest)
+    thin = np.union1d(thin, np.flatnonzero(longest < THINNEST))
+    if len(thin) == 0:
+        return cells
+
+    # the direction of that side; of a point, straight down
+    start, end, apex = ((first[thin] + step) % 3 for step in range(3))
+    is_point = longest[thin] < THINNEST
+    along_x = np.where(is_point, 0.0, x[end, thin] - x[start, thin])
+    along_y = np.where(is_point, THINNEST, y[end, thin] - y[start, thin])
+    length = np.sqrt(along_x * along_x + along_y * along_y)
+    along_x = along_x / length
+    along_y = along_y / length
+
+    # the side as it is, and the corner that is not on it beside it
+    x = x.copy()
+    y = y.copy()
+    reach = (x[apex, thin] - x[start, thin]) * along_x + (y[apex, thin] - y[start, thin]) * along_y
+    side = THINNEST * np.where((along_y > 0) | ((along_y == 0) & (along_x < 0)), 1.0, -1.0)
+    x[end, thin], y[end, thin] = (
+        x[start, thin] + length * along_x,
+        y[start, thin] + length * along_y,
+    )
+    x[apex, thin] = x[start, thin] + reach * along_x + side * along_y
+    y[apex, thin] = y[start, thin] + reach * along_y - side * along_x
+    return cells._replace(x=x, y=y)
