@@ -2,6 +2,8 @@
 
 import re
 
+from .messages import Message
+
 
 def one_line(text: str) -> str:
     """A text without line breaks and other control characters, which names of objects may have."""
@@ -11,10 +13,17 @@ def one_line(text: str) -> str:
 class KirikoError(Exception):
     """Base of all errors whose text is meant for the user:
     one line, whatever is in the names of objects.
+
+    template : the sentence, a constant, with the names of values in braces
+    values : what fills it; without any the template is the text as it stands
     """
 
+    def __init__(self, template: str = "", /, **values: object) -> None:
+        self.message = Message(template, **values)
+        super().__init__(self.message)
+
     def __str__(self) -> str:
-        return one_line(super().__str__())
+        return one_line(self.message)
 
 
 class RigError(KirikoError):

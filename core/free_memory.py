@@ -16,8 +16,11 @@ def check_free(needed: float, work: str, remedy: str) -> None:
     free = available()
     if free is not None and needed > free:
         raise RigError(
-            f"{work} would take about {number(needed / 1e9)} GB of memory, but"
-            f" {number(free / 1e9)} GB are free: {remedy}."
+            "{work} would take about {needed} GB of memory, but {free} GB are free: {remedy}.",
+            work=work,
+            needed=number(needed / 1e9),
+            free=number(free / 1e9),
+            remedy=remedy,
         )
 
 

@@ -81,7 +81,8 @@ def openimageio() -> Any:
         return importlib.import_module("OpenImageIO")  # late: only who writes files needs it
     except ImportError:
         raise ImageError(
-            f"This Blender's Python has no OpenImageIO, which reads and writes the files: {REMEDY}."
+            "This Blender's Python has no OpenImageIO, which reads and writes the files: {remedy}.",
+            remedy=REMEDY,
         ) from None
 
 
@@ -159,13 +160,20 @@ def scratch(folder: Path) -> Iterator[Path]:
         place = _temporary(folder)
     except OSError as reason:
         raise ImageError(
-            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+            "The folder '{folder}' cannot be written ({why}): choose another one.",
+            folder=folder,
+            why=reason.strerror,
         ) from None
     with place as name:
         try:
             yield Path(name)
         except ImageError as error:
-            raise ImageError(error.args[0].replace(str(Path(name)), str(folder))) from None
+            message = error.message
+            values = {
+                key: str(value).replace(str(Path(name)), str(folder))
+                for key, value in message.values.items()
+            }
+            raise ImageError(message.template, **values) from None
 
 
 def _temporary(folder: Path) -> Any:
@@ -217,7 +225,9 @@ def together(folder: Path) -> Iterator[Path]:
 def _unwritable(path: Path, reason: OSError) -> ImageError:
     why = reason.strerror
     return ImageError(
-        f"The file '{path}' cannot be written ({why}): check the disk or choose another name."
+        "The file '{path}' cannot be written ({why}): check the disk or choose another name.",
+        path=path,
+        why=why,
     )
 
 
@@ -228,7 +238,9 @@ def is_there(path: Path) -> bool:
     except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
         why = getattr(reason, "strerror", None) or reason
         raise ImageError(
-            f"The path '{path.parent}' has no room for such a name ({why}): choose another."
+            "The path '{folder}' has no room for such a name ({why}): choose another.",
+            folder=path.parent,
+            why=why,
         ) from None
 
 
@@ -239,7 +251,9 @@ def check_folder(folder: Path) -> None:
             pass
     except OSError as reason:
         raise ImageError(
-            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+            "The folder '{folder}' cannot be written ({why}): choose another one.",
+            folder=folder,
+            why=reason.strerror,
         ) from None
 
 
@@ -280,7 +294,7 @@ def write(
     path = named_for(path, form)
     if is_there(path) and not overwrite:
         raise ImageError(
-            f"The file '{path}' exists already: choose another name or allow overwriting."
+            "The file '{path}' exists already: choose another name or allow overwriting.", path=path
         )
     is_plain = (
         save_png is not None
@@ -305,12 +319,14 @@ def write(
                 out.geterror() if out is not None else oiio.geterror()
             ).strip() or "no reason given"
             out = None  # closes it: not every system removes an open file
-            raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.")
+            raise ImageError(
+                "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
+            )
         try:
             read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
         except ImageError:
             raise ImageError(
-                f"The file '{path}' is not whole after writing: check the disk."
+                "The file '{path}' is not whole after writing: check the disk.", path=path
             ) from None
     return path
 
@@ -345,14 +361,18 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise ImageError(
-            f"The image '{path}' cannot be read ({_line(oiio.geterror())}): choose another file."
+            "The image '{path}' cannot be read ({why}): choose another file.",
+            path=path,
+            why=_line(oiio.geterror()),
         )
     try:
         spec = source.spec()
         pixels = source.read_image(format="float")
         if pixels is None:
             raise ImageError(
-                f"The image '{path}' is broken ({_line(source.geterror())}): choose another file."
+                "The image '{path}' is broken ({why}): choose another file.",
+                path=path,
+                why=_line(source.geterror()),
             )
     finally:
         source.close()
@@ -370,7 +390,9 @@ def read_bytes(path: Path | str) -> bytes:
         return Path(path).read_bytes()
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or reason
-        raise ImageError(f"The file '{path}' cannot be read ({why}): choose another one.") from None
+        raise ImageError(
+            "The file '{path}' cannot be read ({why}): choose another one.", path=path, why=why
+        ) from None
 
 
 def read_photograph(path: Path | str) -> np.ndarray:

@@ -82,24 +82,30 @@ class Mesh:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
         if len(self.triangles) == 0:
             raise MeshError(
-                f"{owner} has no faces with an area: give it some, or set its role to None."
+                "{owner} has no faces with an area: give it some, or set its role to None.",
+                owner=owner,
             )
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise MeshError(
-                f"{owner} has faces with corners that it has no vertices for: number them from 0."
+                "{owner} has faces with corners that it has no vertices for: number them from 0.",
+                owner=owner,
             )
         if not np.isfinite(self.vertices).all():
             raise MeshError(
-                f"{owner} has vertices that are not finite numbers: repair or remove them."
+                "{owner} has vertices that are not finite numbers: repair or remove them.",
+                owner=owner,
             )
 
     def check_uv(self, owner: str) -> None:
         """Raise MeshError when there is no UV map that an image can be put on."""
         if self.uv is None:
-            raise MeshError(f"{owner} has no UV map: unwrap it, so that pixels have a place.")
+            raise MeshError(
+                "{owner} has no UV map: unwrap it, so that pixels have a place.", owner=owner
+            )
         if not np.isfinite(self.uv).all():
             raise MeshError(
-                f"{owner} has a UV map with numbers that are not finite: unwrap it again."
+                "{owner} has a UV map with numbers that are not finite: unwrap it again.",
+                owner=owner,
             )
         if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
-            raise MeshError(f"{owner} has a UV map without area: unwrap it again.")
+            raise MeshError("{owner} has a UV map without area: unwrap it again.", owner=owner)

@@ -51,28 +51,42 @@ class MirrorArray:
         """Raise RigError when no such plate can be made."""
         for name, value in (("pitch", self.pitch), ("mirror height", self.height)):
             if not (np.isfinite(value) and value > 0):
-                raise RigError(f"{owner} has a {name} of {1e3 * value:g} mm: set one above 0.")
+                raise RigError(
+                    "{owner} has a {name} of {value:g} mm: set one above 0.",
+                    owner=owner,
+                    name=name,
+                    value=1e3 * value,
+                )
         if not 0 < self.reflectance <= 1:
             raise RigError(
-                f"{owner} has mirrors with a reflectance of {self.reflectance:g}: set"
-                f" one above 0, up to 1."
+                "{owner} has mirrors with a reflectance of {reflectance:g}: set one above"
+                " 0, up to 1.",
+                owner=owner,
+                reflectance=self.reflectance,
             )
         if not (np.isfinite(self.ior) and self.ior >= 1):
             raise RigError(
-                f"{owner} has an index of refraction of {self.ior:g}: set one of 1 or more."
+                "{owner} has an index of refraction of {ior:g}: set one of 1 or more.",
+                owner=owner,
+                ior=self.ior,
             )
         if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:
             raise RigError(
-                f"{owner} has layers crossed {np.degrees(self.crossing_error):g} degrees wrong:"
-                f" set at most {np.degrees(MOST_CROSSING_ERROR):g}."
+                "{owner} has layers crossed {angle:g} degrees wrong: set at most {most:g}.",
+                owner=owner,
+                angle=np.degrees(self.crossing_error),
+                most=np.degrees(MOST_CROSSING_ERROR),
             )
         if self.crossing_error and self.layout != "crossed":
             raise RigError(
-                f"{owner} has one layer only, which cannot be crossed wrong: set the"
-                f" crossing error to 0."
+                "{owner} has one layer only, which cannot be crossed wrong: set the"
+                " crossing error to 0.",
+                owner=owner,
             )
         if not np.isfinite(self.phase).all():
-            raise RigError(f"{owner} has a phase that is no number: set one in pitches.")
+            raise RigError(
+                "{owner} has a phase that is no number: set one in pitches.", owner=owner
+            )
 
 
 # the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi

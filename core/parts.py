@@ -29,21 +29,24 @@ class Glass(Part):
         """Raise RigError when its index of refraction is no data, or no number above 0."""
         if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
             raise RigError(
-                f"{owner} has an index of refraction that is no data: give it one such as"
-                " ConstantIndex(1.49)."
+                "{owner} has an index of refraction that is no data: give it one such as"
+                " ConstantIndex(1.49).",
+                owner=owner,
             )
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise RigError(
-                f"{owner} has an index of refraction that is no number above 0: set one."
+                "{owner} has an index of refraction that is no number above 0: set one.",
+                owner=owner,
             )
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError when it encloses nothing."""
         if self.mesh.is_flat:
             raise MeshError(
-                f"{owner} is no closed body, but flat: give it a thickness,"
-                " as by a Solidify modifier, or set its role to None."
+                "{owner} is no closed body, but flat: give it a thickness, as by a Solidify"
+                " modifier, or set its role to None.",
+                owner=owner,
             )
 
 
@@ -100,7 +103,7 @@ class Display(Part):
         """Raise MeshError or RigError when no image can be put on it."""
         self.mesh.check_uv(owner)
         if min(self.width, self.height) < 1:
-            raise RigError(f"{owner} has no pixels: set its resolution.")
+            raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
 
 
 @dataclass(frozen=True, eq=False)

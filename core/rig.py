@@ -8,6 +8,7 @@ from .arrays import Bools, Floats, Ints
 from .errors import RigError
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT, Mesh, SurfaceChoice
+from .messages import Message
 from .mirror_array import MOST_CROSSING_ERROR, PRESET_SIDES, PRESETS, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, Plate
 from .roles import Part, Role
@@ -135,15 +136,19 @@ class Rig:
 
         for role in in_order:
             if role.remedy and not self.of(role):
-                raise RigError(f"The rig has no {role.noun}: {role.remedy}.")
+                raise RigError(
+                    "The rig has no {noun}: {remedy}.", noun=role.noun, remedy=role.remedy
+                )
 
         for role in in_order:
             found = self.of(role)
             if role.is_single and len(found) > 1:
                 names = ", ".join(f"'{part.name}'" for part in found)
                 raise RigError(
-                    f"The rig has {len(found)} {role.field} ({names}): keep one and set the"
-                    f" others to None."
+                    "The rig has {n} {field} ({names}): keep one and set the others to None.",
+                    n=len(found),
+                    field=role.field,
+                    names=names,
                 )
 
 
@@ -156,6 +161,6 @@ MET_ROLES = tuple(
 )
 
 
-def owner(role: Role, part: Part) -> str:
+def owner(role: Role, part: Part) -> Message:
     """A part at the beginning of a sentence."""
-    return f"The {role.noun} '{part.name}'"
+    return Message("The {role} '{name}'", role=role.noun, name=part.name)

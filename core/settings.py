@@ -69,17 +69,26 @@ class Settings:
         # Blender keeps it as float32
         if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:
             raise RigError(
-                f"The tolerance is {self.tolerance:g} display pixels: set one from"
-                f" {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}."
+                "The tolerance is {tolerance:g} display pixels: set one from {least:g} to"
+                " {most:g}.",
+                tolerance=self.tolerance,
+                least=LEAST_TOLERANCE,
+                most=MOST_TOLERANCE,
             )
         if self.max_events < 1:
-            raise RigError(f"A ray may meet {self.max_events} surfaces: allow it 1 or more.")
+            raise RigError("A ray may meet {n} surfaces: allow it 1 or more.", n=self.max_events)
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
             raise RigError(
-                f"Effort is {self.effort} rays for a viewer pixel: allow it 1 to"
-                f" {MOST_EFFORT}, whole."
+                "Effort is {n} rays for a viewer pixel: allow it 1 to {most}, whole.",
+                n=self.effort,
+                most=MOST_EFFORT,
             )
         if not 0 <= self.suppress_glare <= 1:
-            raise RigError(f"Suppress Glare is {self.suppress_glare:g}: set it from 0 to 1.")
+            raise RigError(
+                "Suppress Glare is {suppress_glare:g}: set it from 0 to 1.",
+                suppress_glare=self.suppress_glare,
+            )
         if self.ghosts not in get_args(Ghosts):
-            raise RigError(f"Ghosts is '{self.ghosts}': set it to 'mean' or 'strongest'.")
+            raise RigError(
+                "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.", ghosts=self.ghosts
+            )

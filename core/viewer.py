@@ -40,8 +40,9 @@ class Viewer(Part):
     def __post_init__(self) -> None:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
             raise RigError(
-                f"The axes of the viewer '{self.name}' are not orthonormal: remove"
-                f" shear from the camera."
+                "The axes of the viewer '{name}' are not orthonormal: remove shear from the"
+                " camera.",
+                name=self.name,
             )
 
     def check_numbers(self, owner: str) -> None:
@@ -49,13 +50,16 @@ class Viewer(Part):
         left, right, bottom, top = self.window
         if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
             raise RigError(
-                f"{owner} has a place, lens or shift that is no finite number:"
-                " look for a driver or a keyframe."
+                "{owner} has a place, lens or shift that is no finite number: look for a"
+                " driver or a keyframe.",
+                owner=owner,
             )
         if min(self.width, self.height) < 1:
-            raise RigError(f"{owner} has no pixels: set its resolution.")
+            raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
         if not (right != left and top != bottom):
-            raise RigError(f"{owner} sees nothing: its lens or orthographic scale has no size.")
+            raise RigError(
+                "{owner} sees nothing: its lens or orthographic scale has no size.", owner=owner
+            )
 
     def plane_from_pixels(self, xy: ArrayLike) -> Floats:
         """Window coordinates (n, 2) of viewer pixels (n, 2)."""

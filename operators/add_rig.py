@@ -138,8 +138,9 @@ def _refuse_second(scene: bpy.types.Scene) -> None:
         found = work.parts(scene).get(role)
         if found:
             raise RigError(
-                f"The scene has a {role.lower()} already ('{next(iter(found)).name}'): set its"
-                f" role to None first."
+                "The scene has a {role} already ('{name}'): set its role to None first.",
+                role=role.lower(),
+                name=next(iter(found)).name,
             )
 
 

@@ -79,8 +79,9 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     found_before = json.loads(ours.found or "{}")
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
-            f"What '{path.name}' tells is in the scene already: solve, and take another photograph"
-            f" of what is seen."
+            "What '{file}' tells is in the scene already: solve, and take another"
+            " photograph of what is seen.",
+            file=path.name,
         )
     offset = json.loads(ours.offset or "[]")
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
@@ -100,8 +101,10 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     is_shown = ((bench.display >= 0) & (bench.display <= size)).all(axis=1)
     if is_shown.sum() < FEWEST:
         raise RigError(
-            f"Only {is_shown.sum()} of {len(expected)} points of the lattice are seen in this"
-            " rig: compare its columns, rows and margin with the picture."
+            "Only {n_shown} of {n_points} points of the lattice are seen in this rig:"
+            " compare its columns, rows and margin with the picture.",
+            n_shown=is_shown.sum(),
+            n_points=len(expected),
         )
     due = np.where(is_shown[:, None], expected, np.nan)
     measured, scale = measured_points(path, lattice, due, rig, tuple(ours.size))
@@ -151,8 +154,9 @@ def measured_points(
     if path.suffix.lower() in TEXTS:
         if bool(size[0]) != bool(size[1]):
             raise ImageError(
-                f"The photograph has {size[0]} x {size[1]} pixels: give both numbers,"
-                f" or 0 for both."
+                "The photograph has {width} x {height} pixels: give both numbers, or 0 for both.",
+                width=size[0],
+                height=size[1],
             )
         size = np.array(size, float) if min(size) else viewer_size
         scale = _scale(path, size, viewer_size)
@@ -178,9 +182,13 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
         size.max(), viewer_size.max()
     ):
         raise ImageError(
-            f"'{path.name}' has {size[0]:.0f} x {size[1]:.0f} pixels, the viewer"
-            f" {viewer_size[0]:.0f} x"
-            f" {viewer_size[1]:.0f}: give the viewer's resolution the photograph's shape."
+            "'{file}' has {width:.0f} x {height:.0f} pixels, the viewer {viewer_width:.0f}"
+            " x {viewer_height:.0f}: give the viewer's resolution the photograph's shape.",
+            file=path.name,
+            width=size[0],
+            height=size[1],
+            viewer_width=viewer_size[0],
+            viewer_height=viewer_size[1],
         )
     return scale
 

@@ -101,7 +101,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
             image = bpy.data.images.get((self.image, self.library or None))
             if image is None:
                 raise ImageError(
-                    f"The file has no image '{self.image}': open it from its own file."
+                    "The file has no image '{image}': open it from its own file.", image=self.image
                 )
             self.choose(context, image)
             return {"FINISHED"}
@@ -154,7 +154,7 @@ def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
         raise ImageError("No file is chosen: choose an image.")
     path = str(absolute(filepath))
     if not Path(path).is_file():
-        raise ImageError(f"There is no file {path}: choose an image.")
+        raise ImageError("There is no file {path}: choose an image.", path=path)
     if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
         path = bpy.path.relpath(path)
     image = bpy.data.images.load(path, check_existing=True)

@@ -35,7 +35,11 @@ class _Parser(argparse.ArgumentParser):
     """A parser that makes one sentence of a mistake, in place of the usage and an exit."""
 
     def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message[:1].upper()}{message[1:].rstrip('.')}; try 'kiriko --help'.")
+        raise UsageError(
+            "{first}{rest}; try 'kiriko --help'.",
+            first=message[:1].upper(),
+            rest=message[1:].rstrip("."),
+        )
 
 
 def parser() -> argparse.ArgumentParser:
@@ -234,7 +238,9 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     except RuntimeError as reason:
         why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
         raise ImageError(
-            f"The file '{file}' cannot be written ({why}): choose another folder."
+            "The file '{file}' cannot be written ({why}): choose another folder.",
+            file=file,
+            why=why,
         ) from None
     yield f"wrote '{details.name}' and '{file.name}' there, too"
 

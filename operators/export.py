@@ -151,7 +151,8 @@ class KIRIKO_OT_export(bpy.types.Operator):
         with work.told(self):
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
-                    f"{watch.CHANGED.rstrip('.')}, or export the old image with allow_stale=True."
+                    "{changed}, or export the old image with allow_stale=True.",
+                    changed=watch.CHANGED.rstrip("."),
                 )
             details = json.loads(ours.result.details or "{}")
             size = details.get("display_size_m")

@@ -32,7 +32,9 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
             try:
                 before = fit(context, picture)
             except RigError as why:
-                raise RigError(f"'{picture.name}' keeps its shape, for {why}.") from None
+                raise RigError(
+                    "'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why
+                ) from None
             self.report(
                 {"INFO"},
                 f"'{picture.name}' has the shape of its image now; it was"

@@ -21,7 +21,9 @@ def made(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise ImageError(
-            f"The folder '{folder}' cannot be written ({reason.strerror}): choose another one."
+            "The folder '{folder}' cannot be written ({why}): choose another one.",
+            folder=folder,
+            why=reason.strerror,
         ) from None
     try:
         image_io.check_folder(folder)
@@ -40,5 +42,8 @@ def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
     there = [name for name in names if image_io.is_there(folder / name)]
     if there:
         raise ImageError(
-            f"The folder '{folder}' has {', '.join(there)} already: choose another or {remedy}."
+            "The folder '{folder}' has {files} already: choose another or {remedy}.",
+            folder=folder,
+            files=", ".join(there),
+            remedy=remedy,
         )

@@ -38,10 +38,14 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
         with bpy.data.libraries.load(str(FILE)) as (_, wanted):
             wanted.materials = [name]
     except OSError:
-        raise RigError(f"The file {FILE} is missing or broken: install Kiriko again.") from None
+        raise RigError(
+            "The file {file} is missing or broken: install Kiriko again.", file=FILE
+        ) from None
     (material,) = wanted.materials
     if material is None:
-        raise RigError(f"The file {FILE} has no material '{name}': install Kiriko again.")
+        raise RigError(
+            "The file {file} has no material '{name}': install Kiriko again.", file=FILE, name=name
+        )
     material.asset_clear()
     material.use_fake_user = False
     material[UNIT] = metres
@@ -128,14 +132,18 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
     def _check(self, thing: bpy.types.Object) -> None:
         if not (thing.is_editable and thing.data.is_editable):
-            raise MeshError(f"'{thing.name}' is linked from another file: make it local first.")
+            raise MeshError(
+                "'{name}' is linked from another file: make it local first.", name=thing.name
+            )
         if not len(thing.data.polygons):
             raise MeshError(
-                f"'{thing.name}' has no faces: give it some, or deselect it for a new plane."
+                "'{name}' has no faces: give it some, or deselect it for a new plane.",
+                name=thing.name,
             )
         if not _is_flat(thing.data):
             raise MeshError(
-                f"'{thing.name}' is not flat, as a plate has to be: deselect it for a new plane."
+                "'{name}' is not flat, as a plate has to be: deselect it for a new plane.",
+                name=thing.name,
             )
 
 

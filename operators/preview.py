@@ -151,13 +151,14 @@ class KIRIKO_OT_preview(bpy.types.Operator):
             return None
         if Path(self.filepath).suffix.lower() not in {"", ".png", ".exr"}:
             raise ImageError(
-                f"The preview '{self.filepath}' would be neither .png nor .exr:"
-                f" choose one of these."
+                "The preview '{file}' would be neither .png nor .exr: choose one of these.",
+                file=self.filepath,
             )
         path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
         if not self.overwrite and image_io.is_there(path):
             raise ImageError(
-                f"The file '{path}' exists already: choose another name or allow overwriting."
+                "The file '{path}' exists already: choose another name or allow overwriting.",
+                path=path,
             )
         image_io.check_folder(path.parent)
         return path

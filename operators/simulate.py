@@ -45,8 +45,13 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
         rig.check()
         if tuple(source.size) != (rig.display.width, rig.display.height):
             raise RigError(
-                f"The source image has {source.size[0]} x {source.size[1]} pixels, the display"
-                f" '{rig.display.name}' {rig.display.width} x {rig.display.height}: solve again."
+                "The source image has {width} x {height} pixels, the display '{display}'"
+                " {display_width} x {display_height}: solve again.",
+                width=source.size[0],
+                height=source.size[1],
+                display=rig.display.name,
+                display_width=rig.display.width,
+                display_height=rig.display.height,
             )
         shown = pixels_from_image(source)
         yield 0.0

@@ -43,9 +43,11 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
         is_seen = found.share >= self.share
         if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
             raise RigError(
-                f"From nowhere within {np.degrees(FARTHEST):.0f} degrees is {percent(self.share)}"
-                f" of the picture seen, at best {percent(found.best)}: enlarge the display or the"
-                " plate, or ask for less."
+                "From nowhere within {angle:.0f} degrees is {share} of the picture seen, at"
+                " best {best}: enlarge the display or the plate, or ask for less.",
+                angle=np.degrees(FARTHEST),
+                share=percent(self.share),
+                best=percent(found.best),
             )
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
         left, right, down, up = np.degrees(found.extent)

@@ -102,7 +102,9 @@ def fit(
     is_measured = np.isfinite(measured).all(axis=1)
     if is_measured.sum() < FEWEST:
         raise RigError(
-            f"Only {is_measured.sum()} points were measured: a fit takes {FEWEST} or more."
+            "Only {n_measured} points were measured: a fit takes {least} or more.",
+            n_measured=is_measured.sum(),
+            least=FEWEST,
         )
     amounts = np.zeros(len(tolerances))
     at = bench.view
@@ -137,13 +139,16 @@ def fit(
     n_left = int((is_measured & ~left_out).sum())
     if used.sum() < max(FEWEST, LEAST_USED * n_left):
         raise RigError(
-            f"Only {used.sum()} of {n_left} measured points can be followed to the display: they"
-            " may be swapped or those of another rig, or the glass has too many flat faces."
+            "Only {n_used} of {n_left} measured points can be followed to the display: they"
+            " may be swapped or those of another rig, or the glass has too many flat faces.",
+            n_used=used.sum(),
+            n_left=n_left,
         )
     if after >= UNLIKELY * noise:
         raise RigError(
-            f"The points lie {after:.3g} pixels from where the rig can show them, whatever is"
-            " off: they may be swapped, or those of another rig."
+            "The points lie {off:.3g} pixels from where the rig can show them, whatever is"
+            " off: they may be swapped, or those of another rig.",
+            off=after,
         )
     covariance = covariance_of(movements)
     deviation = np.sqrt(np.diag(covariance))
@@ -223,9 +228,10 @@ def _settle(
         if is_at_end:
             return amounts, off, at, used, d
     raise RigError(
-        f"After {ITERATIONS} steps the fit still changes: look for points that are wrong or"
-        f" counted in another way,"
-        " compare the lattice with the picture, or expect less to be off."
+        "After {steps} steps the fit still changes: look for points that are wrong or"
+        " counted in another way, compare the lattice with the picture, or expect less to"
+        " be off.",
+        steps=ITERATIONS,
     )
 
 

@@ -66,7 +66,10 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     right, up, forward = viewer.axes
     distance = float((centre - viewer.position) @ forward)
     if not distance > 0:
-        raise RigError(f"The picture '{picture.name}' is behind the viewer: turn the viewer round.")
+        raise RigError(
+            "The picture '{picture}' is behind the viewer: turn the viewer round.",
+            picture=picture.name,
+        )
 
     def places(a: Floats, b: Floats) -> Floats:
         """Positions (..., 3) by angles (...) to the right and up."""

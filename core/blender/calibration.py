@@ -43,8 +43,9 @@ def put_into_scene(
     _, unknown = with_offset(reading.drawn, json.loads(scene.kiriko.calibration.offset or "[]"))
     if unknown:
         raise RigError(
-            f"The calibration's offset has '{unknown[0]}', of which this rig has none: calibrate"
-            " again, or remove the offset."
+            "The calibration's offset has '{part}', of which this rig has none: calibrate"
+            " again, or remove the offset.",
+            part=unknown[0],
         )
     undo = _Undo()
     try:
@@ -83,20 +84,23 @@ def _object(name: str) -> bpy.types.Object:
     thing = bpy.data.objects.get(name)
     if thing is None:
         raise RigError(
-            f"'{name}' is an instance, and cannot be moved alone: keep the offset instead."
+            "'{name}' is an instance, and cannot be moved alone: keep the offset instead.",
+            name=name,
         )
     for block in (thing, thing.data):
         if block is not None and not block.is_editable:
             raise RigError(
-                f"'{name}' is linked from another file, and would not stay as it is"
-                f" set: keep the offset."
+                "'{name}' is linked from another file, and would not stay as it is set:"
+                " keep the offset.",
+                name=name,
             )
         animation = None if block is None else block.animation_data
         if animation is not None and (
             animation.action or animation.drivers or animation.nla_tracks
         ):
             raise RigError(
-                f"'{name}' is animated, and would not stay as it is set: keep the offset instead."
+                "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
+                name=name,
             )
     return thing
 
@@ -180,8 +184,9 @@ def _compare(found: Rig, wanted: Rig) -> None:
 
 def _held(name: str) -> RigError:
     return RigError(
-        f"'{name}' does not come to be as fitted (a constraint, a parent or shared data holds it,"
-        " or takes it along): keep the offset instead."
+        "'{name}' does not come to be as fitted (a constraint, a parent or shared data"
+        " holds it, or takes it along): keep the offset instead.",
+        name=name,
     )
 
 

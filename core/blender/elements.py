@@ -126,8 +126,9 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     image = chosen_image(part.owner)
     if image is None and texture is None:
         raise RigError(
-            f"The picture '{name}' shows no image: give its material an image texture, "
-            "or choose an image in its Kiriko settings."
+            "The picture '{name}' shows no image: give its material an image texture, or"
+            " choose an image in its Kiriko settings.",
+            name=name,
         )
     if image is None or (texture is not None and texture.image == image):
         image = texture.image

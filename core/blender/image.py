@@ -143,11 +143,13 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
         )
     except RuntimeError as reason:
         why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
-        raise ImageError(f"The file '{path}' cannot be written ({why}): check the disk.") from None
+        raise ImageError(
+            "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
+        ) from None
     finally:
         bpy.data.images.remove(image)
     if not _holds(path, rgba):
-        raise ImageError(f"The file '{path}' is not whole after writing: check the disk.")
+        raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
 
 
 def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:

@@ -58,7 +58,9 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     if things and not found:
         thing, why = next(iter(reasons.items()))
         raise RigError(
-            f"'{thing.name}' cannot be glass, for {why}: select your glass, or nothing for a ball."
+            "'{name}' cannot be glass, for {why}: select your glass, or nothing for a ball.",
+            name=thing.name,
+            why=why,
         )
     return found
 
@@ -125,12 +127,15 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
     for thing in things:
         if by := shown.hidden_by(thing):
             raise RigError(
-                f"'{thing.name}' is hidden{by} and cannot be glass: show it, or deselect it."
+                "'{name}' is hidden{by} and cannot be glass: show it, or deselect it.",
+                name=thing.name,
+                by=by,
             )
         # the surface of a family of metaballs is that of one of them
         if thing not in met and (thing.type != "META" or not met):
             raise RigError(
-                f"'{thing.name}' has no faces and cannot be glass: give it some, or deselect it."
+                "'{name}' has no faces and cannot be glass: give it some, or deselect it.",
+                name=thing.name,
             )
     for part in parts:
         name = (
@@ -141,8 +146,9 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
         part.mesh.check(f"The glass {name}")
         if part.mesh.is_flat:
             raise RigError(
-                f"{name} is no closed body, but flat: give it a thickness, as by a Solidify"
-                f" modifier, or deselect it."
+                "{name} is no closed body, but flat: give it a thickness, as by a Solidify"
+                " modifier, or deselect it.",
+                name=name,
             )
 
 

@@ -145,7 +145,10 @@ def read_parts(
         met.add(owner)
         if why := bodiless(owner):
             raise RigError(
-                f"'{owner.name}' has the role {role_label(owner)}, but {why}: set its role to None."
+                "'{name}' has the role {role}, but {why}: set its role to None.",
+                name=owner.name,
+                role=role_label(owner),
+                why=why,
             )
         if instance.object.type == "MESH":
             parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
@@ -192,7 +195,7 @@ def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Obj
     """Raise RigError for the first object of a role of which there are some, but all hidden."""
     hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
     if hidden and not any(part.role == role for part in parts):
-        raise RigError(f"{hidden_words(*hidden[0])}.")
+        raise RigError("{phrase}.", phrase=hidden_words(*hidden[0]))
 
 
 def hidden_words(thing: bpy.types.Object, by: str) -> str:

@@ -16,7 +16,8 @@ def absolute(path: str) -> Path:
     """
     if path.startswith("//") and not bpy.data.filepath:
         raise ImageError(
-            f"The path '{path}' is relative to this file, which was never saved: save it or choose"
-            f" another."
+            "The path '{path}' is relative to this file, which was never saved: save it or"
+            " choose another.",
+            path=path,
         )
     return Path(bpy.path.abspath(path))

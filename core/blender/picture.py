@@ -25,14 +25,19 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
     """Raise ImageError where an image has no pixels to read. Loads the file if need be."""
     if image.type in UNREADABLE:
         raise ImageError(
-            f"'{image.name}' cannot be {owner}, for it is in the Image Editor only:"
-            " save it there (Image > Save As), and choose that file."
+            "'{image}' cannot be {owner}, for it is in the Image Editor only: save it there"
+            " (Image > Save As), and choose that file.",
+            image=image.name,
+            owner=owner,
         )
     if image.source in {"SEQUENCE", "MOVIE"}:
         kind = "a movie" if image.source == "MOVIE" else "an image sequence"
         raise ImageError(
-            f"The image '{image.name}' of {owner} is {kind}, and moving pictures are not read"
-            " yet: choose one frame's file, with Source: Single Image."
+            "The image '{image}' of {owner} is {kind}, and moving pictures are not read"
+            " yet: choose one frame's file, with Source: Single Image.",
+            image=image.name,
+            owner=owner,
+            kind=kind,
         )
     if min(image.size) < 1:  # asking for the size loads the file
         place = (
@@ -41,8 +46,11 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             else "no file"
         )
         raise ImageError(
-            f"The image '{image.name}' of {owner} cannot be read from {place}: "
-            "the file is missing or broken; choose another or find it again."
+            "The image '{image}' of {owner} cannot be read from {place}: the file is"
+            " missing or broken; choose another or find it again.",
+            image=image.name,
+            owner=owner,
+            place=place,
         )
 
 
@@ -106,9 +114,11 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     is_encoded = not image.is_float and space.name == "sRGB"
     if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR):
         raise ImageError(
-            f"The image '{image.name}' of {owner} is in the colour space {space.name}, which"
-            f" Kiriko does not know "
-            "for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color."
+            "The image '{image}' of {owner} is in the colour space {space}, which Kiriko"
+            " does not know for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color.",
+            image=image.name,
+            owner=owner,
+            space=space.name,
         )
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
@@ -118,8 +128,9 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
         rows = pixels[first : first + step]
         if not np.isfinite(rows).all():
             raise ImageError(
-                f"The image '{image.name}' of {owner} has pixels that are not finite"
-                f" numbers: repair it."
+                "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",
+                image=image.name,
+                owner=owner,
             )
         if not has_coverage:
             rows[..., 3] = 1.0

@@ -129,7 +129,8 @@ class Preview:
                 return pixels
         raise ImageError(
             "The preview could not be written whole to the folder for temporary files,"
-            f" '{tempfile.gettempdir()}': make room on its disk and try again."
+            " '{folder}': make room on its disk and try again.",
+            folder=tempfile.gettempdir(),
         )
 
     def _mark(self, block: Any) -> Any:
@@ -276,8 +277,8 @@ class Preview:
             render.engine = "CYCLES"
         except TypeError:
             raise RigError(
-                f"The preview needs Cycles, but only {', '.join(sorted(engines))} is there: enable"
-                f" it."
+                "The preview needs Cycles, but only {engines} is there: enable it.",
+                engines=", ".join(sorted(engines)),
             ) from None
         render.resolution_x, render.resolution_y = size or (frame.width, frame.height)
         whole = 100 if size else frame.percentage

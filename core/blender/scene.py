@@ -88,8 +88,9 @@ def read_drawn(
     camera = scene.kiriko.viewer or scene.camera
     if camera is not None and not is_placed(camera, depsgraph):
         raise RigError(
-            f"The viewer '{camera.name}' is disabled or left out of the view layer, so that its"
-            " place is unknown: enable it, or make it the scene's camera."
+            "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
+            " place is unknown: enable it, or make it the scene's camera.",
+            viewer=camera.name,
         )
     viewer = None if camera is None else read_viewer(camera, depsgraph, scene.render, metres)
     by_role: dict[str, list[Part]] = {}

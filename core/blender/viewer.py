@@ -97,8 +97,9 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     )
     if not np.abs(columns.T @ columns - np.eye(3)).max() < SHEARED:
         raise RigError(
-            f"The viewer '{name}' is sheared or has no size: undo the uneven scale of"
-            f" it or of its parents."
+            "The viewer '{name}' is sheared or has no size: undo the uneven scale of it or"
+            " of its parents.",
+            name=name,
         )
     left, _, right = np.linalg.svd(columns)
     return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
@@ -123,13 +124,14 @@ def read_viewer(
     RigError : it is no camera, or a panoramic or sheared one
     """
     if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
-        raise RigError(f"The viewer '{camera.name}' is no camera: choose one.")
+        raise RigError("The viewer '{viewer}' is no camera: choose one.", viewer=camera.name)
     evaluated = camera.evaluated_get(depsgraph)
     lens = evaluated.data
     if lens.type not in PROJECTIONS:
         raise RigError(
-            f"The viewer '{camera.name}' is a panoramic or custom camera, whose image is no flat"
-            " window: make it perspective or orthographic."
+            "The viewer '{viewer}' is a panoramic or custom camera, whose image is no flat"
+            " window: make it perspective or orthographic.",
+            viewer=camera.name,
         )
     matrix = np.array(evaluated.matrix_world, dtype=float)
     frame = frame_of(camera, render)

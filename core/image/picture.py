@@ -141,8 +141,8 @@ def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
     short_way = flat_way(picture, viewer)
     if short_way is None:
         raise RigError(
-            f"The picture '{picture.name}' is no flat rectangle: points of it are told"
-            f" for such only."
+            "The picture '{picture}' is no flat rectangle: points of it are told for such only.",
+            picture=picture.name,
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
     return xyw[:, :2] / xyw[:, 2:]

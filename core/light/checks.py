@@ -18,14 +18,18 @@ def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
         return  # has no inside
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):
         raise RigError(
-            f"The glass '{glass.name}' cuts the plane of the orthographic viewer '{viewer.name}':"
-            f" move it out."
+            "The glass '{glass}' cuts the plane of the orthographic viewer '{viewer}': move"
+            " it out.",
+            glass=glass.name,
+            viewer=viewer.name,
         )
     at, _ = viewer.rays(np.zeros((1, 2)))
     low, high = solid.bounds
     if ((at >= low) & (at <= high)).all() and contains(solid.corners, at).any():
         raise RigError(
-            f"The viewer '{viewer.name}' is inside the glass '{glass.name}': move it out."
+            "The viewer '{viewer}' is inside the glass '{glass}': move it out.",
+            viewer=viewer.name,
+            glass=glass.name,
         )
 
 

@@ -75,12 +75,18 @@ def make_media(
             name = glass_of[cluster[0]].name
             if all(glass_of[i].name == name for i in cluster):
                 raise RigError(
-                    f"The glass '{name}' is in {len(cluster)} pieces that overlap or nest: merge"
-                    f" its vertices by distance, or keep at most {MOST_OVERLAPPING} pieces."
+                    "The glass '{name}' is in {n} pieces that overlap or nest: merge its"
+                    " vertices by distance, or keep at most {most} pieces.",
+                    name=name,
+                    n=len(cluster),
+                    most=MOST_OVERLAPPING,
                 )
             raise RigError(
-                f"{len(cluster)} glass solids around '{name}' overlap or nest:"
-                f" join them or keep at most {MOST_OVERLAPPING}."
+                "{n} glass solids around '{name}' overlap or nest: join them or keep at"
+                " most {most}.",
+                n=len(cluster),
+                name=name,
+                most=MOST_OVERLAPPING,
             )
         by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))
         bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)

@@ -316,8 +316,9 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     side = normalise(side - (side @ normal) * normal)
     if not (side @ side > 0.5 and np.isfinite(0.0 if plate.centre is None else plate.centre).all()):
         raise RigError(
-            f"The x axis of the plate '{plate.name}', to which its mirrors stand at 45 degrees,"
-            " does not lie in it: turn its mesh, and apply its scale."
+            "The x axis of the plate '{plate}', to which its mirrors stand at 45 degrees,"
+            " does not lie in it: turn its mesh, and apply its scale.",
+            plate=plate.name,
         )
     axes = np.stack([side, np.cross(normal, side), normal])
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
@@ -326,9 +327,11 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))
     if width < plate.array.pitch:
         raise RigError(
-            f"The plate '{plate.name}' is {1e3 * width:g} mm wide, less than the"
-            f" {1e3 * plate.array.pitch:g} mm from mirror to mirror: scale it up or lower its"
-            f" pitch."
+            "The plate '{plate}' is {width:g} mm wide, less than the {pitch:g} mm from"
+            " mirror to mirror: scale it up or lower its pitch.",
+            plate=plate.name,
+            width=1e3 * width,
+            pitch=1e3 * plate.array.pitch,
         )
     middle = 0.5 * (low + high)
     if plate.centre is not None:

@@ -31,10 +31,12 @@ def plate_surface(plate: Plate) -> Surface:
     normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # whichever way its faces look
     length = np.linalg.norm(normal)
     if length == 0:
-        raise RigError(f"The plate '{plate.name}' has no area: scale it up.")
+        raise RigError("The plate '{plate}' has no area: scale it up.", plate=plate.name)
     normal /= length
     if np.abs((corners - centre) @ normal).max() > FLAT * np.ptp(corners, axis=0).max():
-        raise RigError(f"The plate '{plate.name}' is not flat: a plate has to be a plane.")
+        raise RigError(
+            "The plate '{plate}' is not flat: a plate has to be a plane.", plate=plate.name
+        )
     n = len(surface.corners)
     return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 

@@ -251,8 +251,9 @@ def make_reference(
     is_shown = (solution.display_coverage >= HALF) & (white.max(axis=2) >= WHOLE)
     if not is_shown.any():
         raise RigError(
-            f"No pixel of the display '{detailed.display.name}' shows the picture alone, there is"
-            " nothing to compare: raise its resolution."
+            "No pixel of the display '{display}' shows the picture alone, there is nothing"
+            " to compare: raise its resolution.",
+            display=detailed.display.name,
         )
     plan = make_plan(detailed, settings)
     viewer = detailed.viewer

@@ -54,8 +54,10 @@ def of_the_picture(
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
     if shown < UNSEEN:
         raise RigError(
-            f"The viewer '{viewer.name}' does not see the picture '{picture.name}',"
-            f" {why_unseen(picture, viewer)}."
+            "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
+            viewer=viewer.name,
+            picture=picture.name,
+            why=why_unseen(picture, viewer),
         )
     misses = {
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0

@@ -296,12 +296,14 @@ def _refuse_if_dark(channels: Sequence[Traced], placed: Sequence[Placed]) -> Non
     if leaked > MOSTLY:
         glass = traced.plan.rig.glasses[leaks.index(leaked)]
         raise RigError(
-            f"The display stays dark: {percent(leaked)} of the picture's light goes through gaps"
-            f" in the glass '{glass.name}': close them."
+            "The display stays dark: {share} of the picture's light goes through gaps in"
+            " the glass '{glass}': close them.",
+            share=percent(leaked),
+            glass=glass.name,
         )
 
     counts = np.bincount(traced.view_map.reason.ravel(), minlength=len(Reason))
     counts[Reason.ARRIVED] = 0
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
-    raise RigError(f"The display stays dark: {REMEDIES[reason]}.")
+    raise RigError("The display stays dark: {remedy}.", remedy=REMEDIES[reason])

@@ -62,9 +62,11 @@ def check(points: Floats, lattice: Lattice) -> None:
                 spacing[site] = np.abs(there).min()
     if rough > MISTAKEN or len(wanted) > len(sites) / 3:
         raise ImageError(
-            f"The points do not go on from one to the next as those of a lattice of"
-            f" {lattice.columns} x {lattice.rows}:"
-            " they may be numbered in another way, or those of another lattice."
+            "The points do not go on from one to the next as those of a lattice of"
+            " {columns} x {rows}: they may be numbered in another way, or those of another"
+            " lattice.",
+            columns=lattice.columns,
+            rows=lattice.rows,
         )
     if not wanted:
         return
@@ -88,7 +90,9 @@ def check(points: Floats, lattice: Lattice) -> None:
                 f"point {lattice.name(sites[site])} stands {far:.0f} pixels from where its"
                 f" neighbours have it"
             )
-    raise ImageError(f"{'; '.join(told).capitalize()}: correct that, or leave them out.")
+    raise ImageError(
+        "{problems}: correct that, or leave them out.", problems="; ".join(told).capitalize()
+    )
 
 
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
@@ -176,9 +180,10 @@ def check_picture(
             worst, way = more, name
     if worst > (-LIKER if is_unsure else LIKER):
         raise ImageError(
-            f"The photograph seems to show the picture {way}, against how its points were told"
-            f" apart: hold the camera"
-            " as the viewer looks, show all of the lattice, or say in a CSV which point is which."
+            "The photograph seems to show the picture {way}, against how its points were"
+            " told apart: hold the camera as the viewer looks, show all of the lattice, or"
+            " say in a CSV which point is which.",
+            way=way,
         )
 
 

@@ -38,12 +38,14 @@ class Lattice:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:
             raise ImageError(
-                f"A lattice of {self.columns} x {self.rows} points is none: take 2 or"
-                f" more each way."
+                "A lattice of {columns} x {rows} points is none: take 2 or more each way.",
+                columns=self.columns,
+                rows=self.rows,
             )
         if not 0 <= self.margin < 0.5:
             raise ImageError(
-                f"A lattice cannot have a margin of {self.margin:g}: set one from 0 to below 0.5."
+                "A lattice cannot have a margin of {margin:g}: set one from 0 to below 0.5.",
+                margin=self.margin,
             )
 
     def __len__(self) -> int:
@@ -77,14 +79,20 @@ class Lattice:
         thin = LINE if style == "grid" else DOT
         if spacing * thin < LEAST_DRAWN:
             raise ImageError(
-                f"{self.columns} x {self.rows} points do not fit into {width} x {height} pixels:"
-                f" take fewer points, or"
-                f" {np.ceil(LEAST_DRAWN / thin / spacing * max(width, height)):.0f} pixels."
+                "{columns} x {rows} points do not fit into {width} x {height} pixels: take"
+                " fewer points, or {pixels:.0f} pixels.",
+                columns=self.columns,
+                rows=self.rows,
+                width=width,
+                height=height,
+                pixels=np.ceil(LEAST_DRAWN / thin / spacing * max(width, height)),
             )
         if room < (MARK if style == "dots" else 5 * LINE) * spacing:
             raise ImageError(
-                f"A margin of {self.margin:g} would cut the outer points: set one of half a"
-                f" spacing, {0.5 / min(self.columns, self.rows):.2g}."
+                "A margin of {margin:g} would cut the outer points: set one of half a"
+                " spacing, {half:.2g}.",
+                margin=self.margin,
+                half=0.5 / min(self.columns, self.rows),
             )
         cover = np.zeros((height, width))
         if style == "grid":

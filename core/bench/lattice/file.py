@@ -35,7 +35,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # notes in other letters do not matter
     if "\0" in text:
-        raise ImageError(f"The file '{path}' is no text: choose a CSV file of points.")
+        raise ImageError("The file '{path}' is no text: choose a CSV file of points.", path=path)
     if text.lower().startswith("sep="):
         text = text.partition("\n")[2]  # spreadsheets begin so
     first = next((line for line in text.splitlines() if line.strip()), "")
@@ -49,14 +49,18 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
         ]
     except csv.Error as reason:
         raise ImageError(
-            f"The file '{path}' is no CSV file, see line {rows.line_num} ({reason}): repair it."
+            "The file '{path}' is no CSV file, see line {line} ({why}): repair it.",
+            path=path,
+            line=rows.line_num,
+            why=reason,
         ) from None
     head = [name.lower() for name in lines[0][1]] if lines else []
     wanted = ["x", "y"] if {"column", "row"}.isdisjoint(head) else ["column", "row", "x", "y"]
     if any(head.count(name) != 1 for name in wanted):
         raise ImageError(
-            f"The file '{path}' does not begin with the names column, row, x, y, or"
-            f" x, y: add that line."
+            "The file '{path}' does not begin with the names column, row, x, y, or x, y:"
+            " add that line.",
+            path=path,
         )
     places = [head.index(name) for name in wanted]
     found = np.full((len(lattice), 2), np.nan)
@@ -66,7 +70,10 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
         where = f"Line {number} of '{path}'"
         if len(cells) <= max(places):
             raise ImageError(
-                f"{where} has {len(cells)} of {len(head)} columns: complete or remove it."
+                "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
+                where=where,
+                n_cells=len(cells),
+                n_columns=len(head),
             )
         values = [
             cells[place].replace(",", ".") if delimiter == ";" else cells[place] for place in places
@@ -80,27 +87,36 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
         column, row = (_number(value, where) for value in values[:2])
         if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
             raise ImageError(
-                f"{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
-                f" {lattice.columns} and rows from 1 to {lattice.rows}: correct it."
+                "{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
+                " {columns} and rows from 1 to {rows}: correct it.",
+                where=where,
+                column=column,
+                row=row,
+                columns=lattice.columns,
+                rows=lattice.rows,
             )
         index = (int(row) - 1) * lattice.columns + int(column) - 1
         if index in seen_in:
             raise ImageError(
-                f"{where} has the point {lattice.name(index)} of line"
-                f" {seen_in[index]} again: remove one."
+                "{where} has the point {point} of line {line} again: remove one.",
+                where=where,
+                point=lattice.name(index),
+                line=seen_in[index],
             )
         seen_in[index] = number
         found[index] = xy
     if not (loose or seen_in):
-        raise ImageError(f"The file '{path}' has no points: choose another one.")
+        raise ImageError("The file '{path}' has no points: choose another one.", path=path)
     if not loose:
         return found
     found = match(np.unique(loose, axis=0), expected, lattice)
     missing = missing_borders(found, expected, lattice)
     if missing:
         raise ImageError(
-            f"Of the points in '{path}' {missing[0]} is missing, so that which is which cannot be"
-            " told: complete them, or name them (column, row, x, y)."
+            "Of the points in '{path}' {missing} is missing, so that which is which cannot"
+            " be told: complete them, or name them (column, row, x, y).",
+            path=path,
+            missing=missing[0],
         )
     return found
 
@@ -109,7 +125,13 @@ def _number(text: str, where: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise ImageError(f"{where} has '{text}' where a number should be: correct it.") from None
+        raise ImageError(
+            "{where} has '{text}' where a number should be: correct it.", where=where, text=text
+        ) from None
     if not np.isfinite(value):
-        raise ImageError(f"{where} has '{text}', which is no place: correct or remove the line.")
+        raise ImageError(
+            "{where} has '{text}', which is no place: correct or remove the line.",
+            where=where,
+            text=text,
+        )
     return value

@@ -50,8 +50,11 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
     if len(sites) < FEWEST:
         raise ImageError(
-            f"The {len(points)} points do not form the lattice of {lattice.columns} x"
-            f" {lattice.rows}: choose another photograph, or say in a file which point is which."
+            "The {n_points} points do not form the lattice of {columns} x {rows}: choose"
+            " another photograph, or say in a file which point is which.",
+            n_points=len(points),
+            columns=lattice.columns,
+            rows=lattice.rows,
         )
     index = np.array(list(sites.values()))
     places = _placements(np.array(list(sites)), lattice)
@@ -63,8 +66,12 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     extra = len(points) - int((place >= 0).sum())
     if extra > max(3, n // 4):
         raise ImageError(
-            f"{extra} of {len(points)} points have no place in the lattice of {lattice.columns} x"
-            f" {lattice.rows}: remove what else is bright, or set the lattice that is shown."
+            "{extra} of {n_points} points have no place in the lattice of {columns} x"
+            " {rows}: remove what else is bright, or set the lattice that is shown.",
+            extra=extra,
+            n_points=len(points),
+            columns=lattice.columns,
+            rows=lattice.rows,
         )
     return found
 
@@ -146,7 +153,9 @@ def _nearest_placement(
     order = [k for k in np.argsort(distance) if places[k][0] == least]
     if len(order) > 1 and not distance[order[1]] > CLEAR * distance[order[0]]:
         raise ImageError(
-            f"Too few of the {lattice.columns} columns and {lattice.rows} rows are seen to tell"
-            " which they are: show more of the lattice, or say in a file which point is which."
+            "Too few of the {columns} columns and {rows} rows are seen to tell which they"
+            " are: show more of the lattice, or say in a file which point is which.",
+            columns=lattice.columns,
+            rows=lattice.rows,
         )
     return places[order[0]][1]

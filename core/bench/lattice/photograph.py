@@ -81,8 +81,9 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
     if not len(best):
         marks = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
         raise ImageError(
-            f"No lattice of bright {marks} was found in the photograph: take one in focus, in"
-            f" which more of it is seen."
+            "No lattice of bright {marks} was found in the photograph: take one in focus,"
+            " in which more of it is seen.",
+            marks=marks,
         )
     return best
 
@@ -92,8 +93,8 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < SMALLEST:
         raise ImageError(
-            f"A photograph of {' x '.join(map(str, image.shape))} pixels is too small"
-            f" to find points in."
+            "A photograph of {size} pixels is too small to find points in.",
+            size=" x ".join(map(str, image.shape)),
         )
     top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1
     if image.ndim == 3:  # without alpha

@@ -1,0 +1,63 @@
+"""Messages: a sentence that keeps its template and its values, so that it can be translated.
+
+A message is the English sentence itself, wherever a text is wanted. At the border, where it is
+shown, `told` puts it together anew: from a template in another language, in whose order of words
+the values stand, and with lengths in the unit of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from .words import millimetres
+
+
+@dataclass(frozen=True)
+class Length:
+    """A length, m, in a message: in millimetres where no scene says which unit its people read."""
+
+    metres: float
+
+    def __str__(self) -> str:
+        return millimetres(self.metres)
+
+
+class Message(str):
+    """A constant template and the values that fill it.
+
+    Without values the template is the text as it stands, braces and all. A value may be a
+    message itself, which is then translated with the whole.
+    """
+
+    template: str
+    values: dict[str, object]
+
+    def __new__(cls, template: str, /, **values: object) -> Message:
+        message = super().__new__(cls, template.format(**values) if values else template)
+        message.template = getattr(template, "template", template) if not values else template
+        message.values = values or getattr(template, "values", {})
+        return message
+
+    def told(
+        self,
+        translate: Callable[[str], str] = str,
+        length_text: Callable[[float], str] = millimetres,
+    ) -> str:
+        """The sentence by a translated template, with lengths, m, as a function puts them."""
+        template = translate(self.template)
+        if not self.values:
+            return template
+
+        def words(value: object) -> object:
+            if isinstance(value, Message):
+                return value.told(translate, length_text)
+            return length_text(value.metres) if isinstance(value, Length) else value
+
+        return template.format(**{name: words(value) for name, value in self.values.items()})
+
+
+def joined(parts: Iterable[str], between: str = " ") -> Message:
+    """Several messages as one, each of which is translated by itself."""
+    values = {f"part{n}": part for n, part in enumerate(parts)}
+    return Message(between.join(f"{{{name}}}" for name in values), **values)
