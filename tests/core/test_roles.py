@@ -2,11 +2,10 @@
 
 from dataclasses import fields
 
-from reference_rigs import ball_rig, rectangle
-
 import kiriko.core.rig
 from kiriko.core.kinds import Kind
 from kiriko.core.rig import MET_ROLES, ROLES, Blocker, Mirror, Rig
+from known.reference_rigs import ball_rig, rectangle
 
 
 def test_each_field_of_a_rig_is_a_role():
