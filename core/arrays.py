@@ -11,6 +11,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+# spacing of float32 numbers just above 1
+FLOAT32 = 2.0**-23
+
 
 def taken(values: NDArray, which: Bools | Ints) -> NDArray:
     """`values[which]`, which is slow to begin each row: of 200

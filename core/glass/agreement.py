@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
 from ..vectors import length_of, normalise
-from .curved import CHUNK
+from .curved import FACES_AT_ONCE
 from .meshes import Edges
 from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
@@ -68,8 +68,8 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tupl
     squared = area**2
     agreed = own[:, :N_NODES].copy()
     jump = np.zeros((len(own), N_ON_EDGES))
-    for k in range(0, len(own), CHUNK):
-        some = slice(k, k + CHUNK)
+    for k in range(0, len(own), FACES_AT_ONCE):
+        some = slice(k, k + FACES_AT_ONCE)
         corners = at_corners[some]
         facets = np.matmul(NODES[:N_ON_EDGES], corners)
         change = np.zeros_like(own[some])

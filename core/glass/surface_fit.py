@@ -17,7 +17,7 @@ from ..products import combine
 from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
 from .agreement import AGREE, Beside, agree, trusted
-from .curved import CHUNK, MOST_OFFSET, CurvedFaces
+from .curved import FACES_AT_ONCE, MOST_OFFSET, CurvedFaces
 from .meshes import Edges, areas_of, components
 from .quartics import (
     AT,
@@ -285,8 +285,8 @@ def _fit_faces(
     coefficients = np.empty((len(chosen), N_TERMS, 3))
     own = np.empty((len(chosen), len(AT), 3))
     is_whole, is_swollen = np.empty((2, len(chosen)), bool)
-    for k in range(0, len(chosen), CHUNK):
-        some = slice(k, k + CHUNK)
+    for k in range(0, len(chosen), FACES_AT_ONCE):
+        some = slice(k, k + FACES_AT_ONCE)
         at = taken(corners, chosen[some])
         of_corner = v.of_corner[chosen[some]]
         offsets = _node_offsets(v, fields, of_corner)

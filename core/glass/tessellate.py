@@ -5,6 +5,7 @@ import numpy as np
 from ..arrays import Ints
 from ..rig import Mesh
 from ..vectors import normalise
+from .curved_hull import count_parts
 from .quartics import grid
 from .surfaces import make_surface
 
@@ -24,7 +25,7 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     curved = surface.curved
     if curved is None:
         return mesh
-    k = curved.parts(angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
+    k = count_parts(curved, angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
     weights, parts = grid(k)
     points = np.matmul(weights, surface.corners)
     normals = np.empty((len(mesh.triangles), len(weights), 3))

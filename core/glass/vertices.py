@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
 from ..vectors import dot
-from .curved import CHUNK
+from .curved import FACES_AT_ONCE
 from .meshes import Edges, components
 
 
@@ -36,8 +36,8 @@ class Vertices:
         counts = np.diff(self.first)
         for m in np.unique(counts[wanted]):
             chosen = np.flatnonzero(wanted & (counts == m))
-            for k in range(0, len(chosen), 2 * CHUNK):
-                some = chosen[k : k + 2 * CHUNK]
+            for k in range(0, len(chosen), 2 * FACES_AT_ONCE):
+                some = chosen[k : k + 2 * FACES_AT_ONCE]
                 yield some, self.first[some, None] + np.arange(m)
 
 

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints, taken
-from ..glass.curved import STARTS, CurvedFaces
+from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
+from ..light.asked import Asked
 from ..light.engines import Found
 from ..light.plate import ArrayFrame
-from ..light.ray_engine import MANY_TRIANGLES, Asked, Layer
+from ..light.ray_engine import Layer
+from ..light.rescue import count_starts
 from ..products import combine
 from .loading import MOST_LAYERS, library, loaded, n_threads
 from .structures import (
@@ -84,7 +86,7 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
         triangle = curved.triangle
         for first in range(0, len(triangle), BEZIER_AT_ONCE):
             some = triangle[first : first + BEZIER_AT_ONCE]
-            terms = curved._load(some).reshape(N_TERMS, -1)
+            terms = curved.terms(some).reshape(N_TERMS, -1)
             points = combine(TO_BEZIER, terms)
             reach = combine(BY_LOWERING[None], np.abs(terms))[0]
             bounds = np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach]).reshape(
@@ -198,7 +200,7 @@ def _make_layer(
         radius=layer.radius,
         tolerance=layer.tolerance,
         has_engine=layer.has_engine,
-        n_starts=len(STARTS) if layer.n_triangles < MANY_TRIANGLES else 1,
+        n_starts=count_starts(layer.n_triangles),
     )
     if layer.has_engine:
         whole = None if curved is None else curved.whole

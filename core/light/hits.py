@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
-from ..glass.curved import CurvedFaces
+from ..glass.curved import EDGE, CurvedFaces
+from ..glass.curved_roots import Lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +34,13 @@ class Hits:
         facing = None if curved is None else np.zeros((n, 3))
         normal = np.zeros((n, 3)) if curved is not None and curved.has_given_normals else None
         return cls(
-            np.full(n, np.inf),
-            np.full(n, -1),
-            np.zeros(n),
-            np.zeros(n),
-            np.zeros(n, bool),
-            facing,
-            normal,
+            distance=np.full(n, np.inf),
+            triangle=np.full(n, -1),
+            u=np.zeros(n),
+            v=np.zeros(n),
+            enters=np.zeros(n, bool),
+            facing=facing,
+            normal=normal,
         )
 
     def put(self, rays: Ints, hits: "Hits") -> None:
@@ -73,6 +74,38 @@ def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -
     return np.where(chosen if mine.ndim == 1 else chosen[:, None], theirs, mine)
 
 
+# of hits of rays (indices): is each a true one, and is it one that cannot be?
+Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Rays that a layer is asked for their first true hits.
+
+    lines : n rays, world, float64
+    accept : which hits are true ones
+    is_inside : (n,) the ray is inside a closed solid of the layer, so that a miss cannot be
+    leaves : (n,) the ray is inside a solid, so that only hits from
+        behind can be; None where not all are solids
+    within : (n,) m, hits further away need not be found
+    """
+
+    lines: Lines
+    accept: Accept
+    is_inside: Bools | None = None
+    leaves: Bools | None = None
+    within: Floats | None = None
+
+    def leaves_at(self, rays: Ints) -> Bools | None:
+        """Which of some rays leave; None where not all are solids."""
+        return None if self.leaves is None else self.leaves[rays]
+
+
+def is_within(u: Floats, v: Floats, slack: float = EDGE) -> Bools:
+    """Are barycentric coordinates within their triangles, or beyond by less than some slack?"""
+    return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack)
+
+
 def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
     """Distances (n,) at which rays enter and leave an axis-aligned box (2, 3).
 
@@ -90,6 +123,3 @@ def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, F
             enter = np.fmax(enter, np.fmin(low, high))
             leave = np.fmin(leave, np.fmax(low, high))
     return enter, leave
-
-
-Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]

@@ -7,7 +7,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from .. import kernel
-from ..arrays import Bools, Floats, Ints
+from ..arrays import FLOAT32, Bools, Floats, Ints
 from ..fingerprint import fingerprint
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
@@ -23,7 +23,7 @@ from .layers import group_parts, grown, make_layer, triangles_of_boxes
 from .media import Media, make_media
 from .plan import LayerParts, Plan
 from .plate import ArrayFrame, array_frame
-from .ray_engine import FLOAT32, Layer
+from .ray_engine import Layer
 from .sheets import find_clear, find_sheets, mirrors_among, read_sheets
 from .thin_parts import ThinParts
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import FLOAT32, Bools, Floats, Ints
 from ..errors import RigError
 from ..fingerprint import fingerprint
 from ..glass.surfaces import Surface, make_surface
@@ -14,7 +14,6 @@ from ..vectors import dot
 from .display import uv_islands
 from .kept import Kept
 from .layers import BULGE
-from .ray_engine import FLOAT32
 
 FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import FLOAT32, Floats
 from ..glass.meshes import areas_of
 from ..image.picture import of_square, picture_from_view
 from ..light.display import display_pixel
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..light.ray_engine import FLOAT32
 from ..light.trace import tracing
 from ..rig import Rig
 from ..steps import Pauses, at, within

@@ -1,16 +1,15 @@
 """How far off is the surface that is followed from the one that was meant?"""
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import kernel
 from ..arrays import Bools, Floats, Ints
-from ..glass.curved import EDGE, MOST_OFFSET, CurvedFaces
-from ..glass.quartics import N_TERMS, POWERS
+from ..glass.curved import CurvedFaces
+from ..glass.paraboloids import Paraboloids
 from ..kinds import Kind
 from ..light.display import display_pixel
 from ..light.landings import Landings
@@ -20,7 +19,6 @@ from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
 from ..rig import Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
-from ..vectors import dot
 
 SAMPLES = 32  # rays along each side of the viewer's image
 # of a face's tilt: normals are means of some faces, and light turns by half of their turn
@@ -32,7 +30,6 @@ IRREGULAR = 3.0
 # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
 WORSE = 2.0
 NEAR = 1e-3  # of the glass's size
-WIDE = 0.5  # barycentric: faces without neighbours are followed this far beyond their edges
 
 
 class Tessellation(NamedTuple):
@@ -81,85 +78,16 @@ class Tessellation(NamedTuple):
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Parabolic(CurvedFaces):
-    """Curved faces, and beside them paraboloids over flat
-    triangles, with about their bent normals (t, 3, 3).
-
-    Rows from `first` on are paraboloids.
-    """
-
-    corner_normals: Floats | None = None
-    first: int = 0
-
-    def _is_within(self, least: Floats, row: Ints) -> Bools:
-        # paraboloids have no neighbours to go on to
-        return least >= np.where(row >= self.first, -WIDE, -EDGE)
-
-    def _is_in_box(self, k: Ints, origins: Floats, directions: Floats) -> Bools:
-        return super()._is_in_box(k, origins, directions) | (self.row[k] >= self.first)
-
-    @cached_property
-    def _spheres(self) -> tuple[Floats, Floats]:
-        centre = self.corners.mean(axis=1)
-        return centre, (1 + MOST_OFFSET) * np.linalg.norm(
-            self.corners - centre[:, None], axis=2
-        ).max(axis=1)
-
-    def _load(self, k: Ints) -> Floats:
-        c = np.zeros((N_TERMS, 3, len(k)))
-        old = np.flatnonzero(self.row[k] < self.first)
-        if len(old):
-            c[..., old] = super()._load(k[old])
-        new = np.flatnonzero(self.row[k] >= self.first)
-        c[..., new] = self._paraboloids(k[new])
-        return c
-
-    def _paraboloids(self, k: Ints) -> Floats:
-        corners = self.corners[k]
-        normals = self.corner_normals[k]
-        c = np.zeros((N_TERMS, 3, len(k)))
-        by_power = {power: c[i] for i, power in enumerate(POWERS)}
-        by_power[1, 0][:], by_power[0, 1][:] = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
-        middle = normals.mean(axis=1)
-        # sag of an edge whose normals turn: its height is that of a parabola
-        high = [
-            0.5 * dot(normals[:, j] - normals[:, i], corners[:, j] - corners[:, i]) * middle.T
-            for i, j in ((0, 1), (0, 2), (1, 2))
-        ]
-        # (1 - u - v) u, (1 - u - v) v and u v
-        by_power[1, 0][:] += high[0]
-        by_power[2, 0][:] -= high[0]
-        by_power[0, 1][:] += high[1]
-        by_power[0, 2][:] -= high[1]
-        by_power[1, 1][:] += high[2] - high[0] - high[1]
-        return c
-
-
 def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
     """A layer whose flat triangles with bent normals are paraboloids instead."""
-    is_bent = plan.is_bent[triangles]
-    n = int(is_bent.sum())
-    old = layer.curved
-    if old is None:
-        old = CurvedFaces.none(layer.corners)
-    first = len(old.coefficients)
-    row = old.row.copy()
-    row[is_bent] = first + np.arange(n)
-    none = np.full((n, 3), -1)
-    columns = {f.name: getattr(old, f.name) for f in fields(CurvedFaces)}
-    columns |= {
-        "row": row,
-        "neighbour": np.concatenate([old.neighbour, none]),
-        "normal_row": np.concatenate([old.normal_row, none[:, 0]]),
-        "bent_row": np.concatenate([old.bent_row, none[:, 0]]),
-    }
     normals = plan.corner_normals[triangles]
     if layer.motion is not None:
         normals = normals @ layer.motion.rotation
-    bent = layer.bent(_Parabolic(**columns, corner_normals=normals, first=first))
+    faces = layer.curved or CurvedFaces.none(layer.corners)
+    bent = layer.bent(Paraboloids.beside(faces, plan.is_bent[triangles], normals))
+
+    # the kernel's tree is made sooner than Embree's
     if kernel.library() is not None:
-        # made sooner than Embree's
         bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))
     return bent
 

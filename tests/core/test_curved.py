@@ -9,18 +9,22 @@ import pytest
 
 from bench.irregular import CHOICES, MESHES, disturbed, errors
 from kiriko.core.glass.curved import CurvedFaces
+from kiriko.core.glass.curved_hull import count_parts
+from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.meshes import find_edges
+from kiriko.core.glass.paraboloids import Paraboloids
 from kiriko.core.glass.quartics import POWERS, grid
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.tessellate import tessellate
-from kiriko.core.light.hits import Hits
+from kiriko.core.light import rescue
+from kiriko.core.light.asked import LeavingKnobs
+from kiriko.core.light.hits import Hits, Question
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from kiriko.core.solve.tessellation import _Parabolic
 from kiriko.core.steps import finish
 from known.closed_forms import unit
 from known.marks import CASES, ORDER
@@ -638,9 +642,10 @@ def test_rescued_rays_meet_what_others_meet(name):
     layer = Layer(surface.corners, surface.curved)
     o, d = (x[-1000:] for x in aimed(mesh, 1000))
     found = layer.first_hits(o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
-    for way in (layer._rescue, layer._test_in_float64):
+    question = Question(Lines(o, d), entering, leaves=np.zeros(len(o), bool))
+    for way in (rescue.rescue, rescue.ask_all_triangles):
         other = Hits.none(len(o), surface.curved)
-        finish(way(o, d, np.arange(len(o)), entering, np.zeros(len(o), bool), other))
+        finish(way(layer, question, np.arange(len(o)), other))
         assert np.array_equal(other.triangle, found.triangle)
         hit = found.triangle >= 0
         np.testing.assert_allclose(other.distance[hit], found.distance[hit], rtol=0, atol=1e-12)
@@ -1062,7 +1067,7 @@ def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
     mesh = meshes(name, False)
     quick = landings_of(mesh)
     monkeypatch.setattr(
-        "kiriko.core.light.ray_engine.STEEP", 2.0
+        "kiriko.core.light.asked.LEAVING", LeavingKnobs(steep=2.0)
     )  # no cosine is: every one is asked
     assert quick.has_arrived.sum() > 5
     assert is_same(quick, landings_of(mesh))
@@ -1167,7 +1172,7 @@ def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
     random = np.random.default_rng(2)
     corners = unit(np.array([0.3, -0.2, 1.0]) + 0.02 * random.normal(size=(3, 3)))
     columns = vars(CurvedFaces.none(corners[None])) | {"row": np.zeros(1, np.int64)}
-    faces = _Parabolic(**columns, corner_normals=corners[None])
+    faces = Paraboloids(**columns, corner_normals=corners[None])
     (terms,) = np.moveaxis(faces._paraboloids(np.zeros(1, np.int64)), 2, 0)
     for u, v in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
         at = corners[0] + sum(
@@ -1182,7 +1187,7 @@ def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
 def test_edges_are_cut_into_no_more_parts_than_their_turn_needs(angle, n):
     """Those of a ball of 1280 faces turn by a seventh of a radian, and less."""
     curved = make_surface(icosphere(1.0, 3)).curved
-    assert curved.parts(angle, 8) == n
+    assert count_parts(curved, angle, 8) == n
 
 
 def test_a_point_that_was_found_on_a_curved_face_is_on_it():
@@ -1198,5 +1203,5 @@ def test_a_point_that_was_found_on_a_curved_face_is_on_it():
     layer = Layer(surface.corners, surface.curved)
     is_curved = surface.curved.row >= 0
     assert 0 < is_curved.sum() < 80
-    assert np.array_equal(layer._is_on_face(hits), is_curved)
-    assert layer._is_on_face(replace(hits, u=np.full(80, 0.2))).all()
+    assert np.array_equal(layer.is_on_face(hits), is_curved)
+    assert layer.is_on_face(replace(hits, u=np.full(80, 0.2))).all()

@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from contextlib import nullcontext
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import build_kernel
 from kiriko.core import kernel
-from kiriko.core.glass import curved, surface_fit, vertex_fields
+from kiriko.core.glass import curved, curved_roots, surface_fit, vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
@@ -27,7 +27,7 @@ from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
 from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
 from kiriko.core.kernel.structures import STRUCTURES
-from kiriko.core.light import plate, ray_engine, thin_parts
+from kiriko.core.light import asked, plate, ray_engine, rescue, thin_parts
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
@@ -1071,38 +1071,57 @@ def test_the_environment_switches_it_off():
     assert told.stdout.strip() == "None", told.stderr
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        *(
-            curved,
-            fitting,
-            loading,
-            plate,
-            pyramid,
-            cells_module,
-            ray_engine,
-            structures,
-            surface_fit,
-        ),
-        *(thin_parts, touching, vertex_fields),
-    ],
+SHARING = (
+    *(asked, curved, curved_roots, fitting, loading, plate, pyramid, ray_engine, rescue),
+    *(cells_module, structures, surface_fit, thin_parts, touching, vertex_fields),
 )
-def test_one_number_for_one_name(module):
-    """Every constant of the C that a module of core has by the same name is the same
-    number there.
-    """
+# constants that numpy's way has no need of
+KERNELS_OWN = {
+    *("BINS", "BUNDLES_EACH_TURN", "BY_HALVES", "COLUMNS_AT_ONCE", "FEW", "FREE", "HALF_TURN"),
+    *("HULL_SLACK", "MOST_AROUND", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
+    *("MOST_THREADS", "MOST_WAITING", "N_STARTS", "N_STRIPES", "RAYS_AT_ONCE", "ROUNDING"),
+    *("SHOTS_EACH_TURN", "STRIPE"),
+}
+
+
+def kernels_numbers():
+    """Every constant of the C, by name."""
     sources = "".join(
         path.read_text(encoding="utf-8") for path in build_kernel.SOURCES.glob("*.[ch]")
     )
-    defined = dict(re.findall(r"^#define (\w+) (\S+)", sources, re.MULTILINE))
-    shared = [name for name in defined if hasattr(module, name)]
+    return dict(re.findall(r"^#define (\w+) (\S+)", sources, re.MULTILINE))
+
+
+def numbers_of(module):
+    """The constants of a module, and the fields of its records of knobs in capitals, by name."""
+    records = [value for value in vars(module).values() if is_record(value)]
+    fields_of = {f.name.upper(): getattr(r, f.name) for r in records for f in fields(r)}
+    return vars(module) | fields_of
+
+
+def is_record(value):
+    return is_dataclass(value) and not isinstance(value, type)
+
+
+@pytest.mark.parametrize("module", SHARING)
+def test_one_number_for_one_name(module):
+    """Every constant of the C that a module of core has by the same name, or as a knob of a
+    record, is the same number there.
+    """
+    defined = kernels_numbers()
+    known = numbers_of(module)
+    shared = [name for name in defined if name in known]
     assert shared
     for name in shared:
         text = defined[name]
-        assert getattr(module, name) == (
-            float.fromhex(text) if text.startswith("0x") else float(text)
-        ), name
+        assert known[name] == (float.fromhex(text) if text.startswith("0x") else float(text)), name
+
+
+def test_no_number_of_the_kernel_is_its_alone():
+    """But for those listed, each constant of the C is held to that of a module of core."""
+    shared = {name for module in SHARING for name in numbers_of(module)}
+    numbers = {name for name, text in kernels_numbers().items() if re.match(r"[(\d]", text)}
+    assert numbers - shared == KERNELS_OWN
 
 
 def test_structures_are_as_large_as_their_fields():

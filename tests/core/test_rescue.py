@@ -6,8 +6,10 @@ import tracemalloc
 
 import numpy as np
 
+from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.hits import Hits
+from kiriko.core.light import rescue
+from kiriko.core.light.hits import Hits, Question
 from kiriko.core.light.ray_engine import Layer
 from known.reference_rigs import lathed
 
@@ -30,12 +32,10 @@ def test_lost_rays_are_looked_for_in_pieces():
     def accept(i, found):
         return ~found.enters & (found.distance > 1e-9), np.zeros(len(i), bool)
 
+    question = Question(Lines(origins, away), accept, leaves=np.ones(5000, bool))
     tracemalloc.start()
     try:
-        steps = sum(
-            1
-            for _ in layer._test_in_float64(origins, away, rays, accept, np.ones(5000, bool), hits)
-        )
+        steps = sum(1 for _ in rescue.ask_all_triangles(layer, question, rays, hits))
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

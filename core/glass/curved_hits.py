@@ -1,0 +1,171 @@
+"""Where rays meet curved faces, as seen from the side that they come from.
+
+Roots are followed from where the ray engine found the hull (`curved_roots`). Where a root is of the
+side that cannot be, the other one of the two is looked for: first by the ray's own course along the
+face, then from many places on the faces around.
+"""
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..products import combine
+from ..vectors import dot
+from .curved import EDGE, FACES_AT_ONCE, CurvedFaces
+from .curved_roots import ROOTS, Lines, Roots, Spots, follow
+from .quartics import TO_BEZIER, cross, tangents, value_and_slopes
+
+
+def find_roots(
+    faces: CurvedFaces,
+    spots: Spots,
+    lines: Lines,
+    leaves: Bools | None,
+    least: float,
+    is_last: bool = False,
+) -> Roots:
+    """Where rays meet the curved surface, beginning at places (n,) on it.
+
+    Parameters
+    ----------
+    leaves : (n,) do rays come from within, so that only hits from behind can be; None: from
+        either side. Where a root is of the other side, the one before or after it is looked
+        for; but not for rays that have just left the surface, whose root is nearer than
+        `least`, m
+    is_last : all faces near the ray are asked, so that those around need not be searched
+    """
+    walks = ROOTS.last_walks if is_last else ROOTS.walks
+    found = follow(faces, spots, lines, walks)
+    if leaves is None:
+        return found
+
+    def find_odd() -> Ints:
+        """Rays whose root is of the wrong side."""
+        is_odd = found.is_met & (found.enters == leaves)
+        return np.flatnonzero(is_odd & (leaves | (found.distance > least)))
+
+    # first as far on the other side of where the ray touches the surface
+    odd = find_odd()
+    if len(odd):
+        some = lines.at(odd)
+        beyond = _reflected(faces, found.spots.at(odd), some.directions)
+        others = follow(faces, beyond, some, walks)
+        better = others.is_met & (others.enters != leaves[odd])
+        found.put(odd[better], others, better)
+        odd = find_odd()
+        # a ray that starts on the surface goes on to the next hit
+        odd = odd[found.distance[odd] > least]
+
+    if not is_last:
+        for first in range(0, len(odd), ROOTS.searched_at_once):
+            _search_around(faces, found, odd[first : first + ROOTS.searched_at_once], lines, leaves)
+    return found
+
+
+def may_meet(faces: CurvedFaces, lines: Lines) -> tuple[Ints, Ints]:
+    """Rays and curved faces whose lines may meet, as indices of
+    rays (m,) and of triangles (m,).
+    """
+    origins, directions = lines
+    centre, radius = faces.spheres
+    middle = faces.corners[0, 0]  # from near here the squares lose nothing that matters
+    o = origins - dot(origins - middle, directions)[:, None] * directions - middle
+    away = centre - middle
+    columns = np.ascontiguousarray(away.T)
+
+    # distance of the centres from the lines, squared; by
+    # products of matrices, many times as fast
+    along = combine(directions, columns)
+    apart = dot(away, away) + dot(o, o)[:, None] - 2 * combine(o, columns) - along * along
+    i, k = np.nonzero(
+        (apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()) & (faces.row >= 0)
+    )
+
+    parts = [slice(first, first + FACES_AT_ONCE) for first in range(0, len(i), FACES_AT_ONCE)]
+    holds = [_is_in_box(faces, k[some], lines.at(i[some])) for some in parts]
+    chosen = np.concatenate([np.zeros(0, bool), *holds])
+    return i[chosen], k[chosen]
+
+
+def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
+    """As seen along each ray, does the box around the Bezier
+    points of the curved face of triangle k hold it?
+
+    Faces that are followed beyond their edges may be met anywhere.
+    """
+    c = faces.terms(k)
+    away = (faces.corners[k, 0] - lines.origins).T
+    holds = np.ones(len(k), bool)
+    for axis in tangents(lines.directions):
+        a = axis.T
+        seen = combine(TO_BEZIER, c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2])
+        low = seen.min(axis=0)
+        high = seen.max(axis=0)
+        at = -(away * a).sum(axis=0)
+        slack = 2 * EDGE * (high - low)
+        holds &= (low - slack <= at) & (at <= high + slack)
+    return holds | (np.asarray(faces.slack(faces.row[k])) > EDGE)
+
+
+def _search_around(
+    faces: CurvedFaces, found: Roots, odd: Ints, lines: Lines, leaves: Bools
+) -> None:
+    """Replace roots on the wrong side by the nearest on the
+    right one, from many places on the faces around.
+    """
+    # the faces around, ring by ring
+    rings = [found.triangle[odd, None]]
+    for _ in range(ROOTS.rings):
+        row = faces.row[rings[-1]]
+        around = np.where((rings[-1] >= 0)[..., None], faces.neighbour[row], -1)
+        rings.append(around.reshape(len(odd), -1))
+    near = np.concatenate(rings, axis=1)
+
+    # the roots from all places on all of them
+    i, j = np.nonzero(near >= 0)
+    n_starts = len(ROOTS.starts)
+    k = np.tile(near[i, j], n_starts)
+    i = np.tile(i, n_starts)
+    u, v = np.repeat(np.array(ROOTS.starts), len(k) // n_starts, axis=0).T
+    rays = odd[i]
+    others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
+
+    # light on its way in meets the front before the back it
+    # was found to meet; within, the back is beyond
+    beyond = (others.distance - found.distance[rays]) * np.where(leaves[rays], 1.0, -1.0) > 0
+    good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & beyond)
+    # nearest last, so that it is the one that stays
+    good = good[np.argsort(-others.distance[good], kind="stable")]
+    found.put(rays[good], others, good)
+
+
+def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
+    """Places about as far beyond where rays touch the
+    surface as others are before it, or the reverse.
+    """
+    k, u, v = spots
+    c = faces.terms(k)
+    d = directions.T
+
+    def facing(u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        _, by_u, by_v = value_and_slopes(c, u, v)
+        return (d * cross(by_u, by_v)).sum(axis=0), by_u, by_v
+
+    # the ray along the face: d = a by_u + b by_v, without the part perpendicular to both
+    here, by_u, by_v = facing(u, v)
+    uu = (by_u**2).sum(axis=0)
+    uv = (by_u * by_v).sum(axis=0)
+    vv = (by_v**2).sum(axis=0)
+    du = (d * by_u).sum(axis=0)
+    dv = (d * by_v).sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        a = (vv * du - uv * dv) / (uu * vv - uv * uv)
+        b = (uu * dv - uv * du) / (uu * vv - uv * uv)
+        size = np.maximum(np.abs(a), np.abs(b))
+        a = a / size
+        b = b / size
+
+        # twice the way to the place where the face is seen edge on
+        step = ROOTS.course_step
+        way = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
+    way = np.clip(np.nan_to_num(way), -1.0, 1.0)
+    return Spots(k, u + way * np.nan_to_num(a), v + way * np.nan_to_num(b))

@@ -1,0 +1,90 @@
+"""Paraboloids over flat triangles with bent normals, to be compared with the triangles."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..vectors import dot
+from .curved import EDGE, MOST_OFFSET, CurvedFaces
+from .quartics import N_TERMS, POWERS
+
+# barycentric: paraboloids, which have no neighbours, are followed this far beyond their edges
+WIDE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Paraboloids(CurvedFaces):
+    """Curved faces, and beside them paraboloids over flat
+    triangles, with about their bent normals (t, 3, 3).
+
+    Rows from `first` on are paraboloids.
+    """
+
+    corner_normals: Floats | None = None
+    first: int = 0
+
+    @classmethod
+    def beside(cls, faces: CurvedFaces, is_bent: Bools, corner_normals: Floats) -> "Paraboloids":
+        """Curved faces, and paraboloids over flat triangles with bent
+        normals (t,), which are given at their corners (t, 3, 3).
+        """
+        n = int(is_bent.sum())
+        first = len(faces.coefficients)
+        row = faces.row.copy()
+        row[is_bent] = first + np.arange(n)
+
+        # a paraboloid runs on nowhere, and has no normals but its own
+        none = np.full((n, 3), -1)
+        columns = {f.name: getattr(faces, f.name) for f in fields(CurvedFaces)}
+        columns |= {
+            "row": row,
+            "neighbour": np.concatenate([faces.neighbour, none]),
+            "normal_row": np.concatenate([faces.normal_row, none[:, 0]]),
+            "bent_row": np.concatenate([faces.bent_row, none[:, 0]]),
+        }
+        return cls(**columns, corner_normals=corner_normals, first=first)
+
+    def slack(self, row: Ints) -> Floats:
+        """How far, barycentric, the faces of rows (n,) are followed beyond their edges."""
+        return np.where(row >= self.first, WIDE, EDGE)
+
+    @cached_property
+    def spheres(self) -> tuple[Floats, Floats]:
+        """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their faces."""
+        centre = self.corners.mean(axis=1)
+        radius = np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        return centre, (1 + MOST_OFFSET) * radius
+
+    def terms(self, k: Ints) -> Floats:
+        """Coefficients (14, 3, n) of points relative to the first corner of triangles k."""
+        c = np.zeros((N_TERMS, 3, len(k)))
+        old = np.flatnonzero(self.row[k] < self.first)
+        if len(old):
+            c[..., old] = super().terms(k[old])
+        new = np.flatnonzero(self.row[k] >= self.first)
+        c[..., new] = self._paraboloids(k[new])
+        return c
+
+    def _paraboloids(self, k: Ints) -> Floats:
+        corners = self.corners[k]
+        normals = self.corner_normals[k]
+        c = np.zeros((N_TERMS, 3, len(k)))
+        by_power = {power: c[i] for i, power in enumerate(POWERS)}
+        by_power[1, 0][:], by_power[0, 1][:] = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+
+        # sag of an edge whose normals turn: its height is that of a parabola
+        middle = normals.mean(axis=1)
+        high = [
+            0.5 * dot(normals[:, j] - normals[:, i], corners[:, j] - corners[:, i]) * middle.T
+            for i, j in ((0, 1), (0, 2), (1, 2))
+        ]
+
+        # (1 - u - v) u, (1 - u - v) v and u v
+        by_power[1, 0][:] += high[0]
+        by_power[2, 0][:] -= high[0]
+        by_power[0, 1][:] += high[1]
+        by_power[0, 2][:] -= high[1]
+        by_power[1, 1][:] += high[2] - high[0] - high[1]
+        return c
