@@ -107,8 +107,40 @@ class Display(Part):
 
 
 @dataclass(frozen=True, eq=False)
+class PicturePlace(Part):
+    """Where the image stands that the viewer should see, and how many pixels it has.
+
+    Outline, cover, shares and strokes need no more of a picture: its colours may follow later, and
+    change from frame to frame.
+
+    Parameters
+    ----------
+    width, height : of the image, pixels
+    mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
+    """
+
+    name: str
+    width: int
+    height: int
+    mesh: Mesh | None = None
+
+    @property
+    def place(self) -> "PicturePlace":
+        """Itself, as a picture has it."""
+        return self
+
+    def showing(self, image: NDArray[np.float32]) -> "Picture":
+        """The picture of an image (h, w, 4) in this place."""
+        return Picture(self.name, image, self.mesh)
+
+    def check_shape(self, owner: str) -> None:
+        """Raise MeshError when its plane has no place for an image."""
+        _check_plane(self.mesh, owner)
+
+
+@dataclass(frozen=True, eq=False)
 class Picture(Part):
-    """The image that the viewer should see.
+    """The image that the viewer should see, in its place.
 
     Parameters
     ----------
@@ -120,8 +152,19 @@ class Picture(Part):
     image: NDArray[np.float32]
     mesh: Mesh | None = None
 
+    @property
+    def place(self) -> PicturePlace:
+        """All but the colours."""
+        height, width = self.image.shape[:2]
+        return PicturePlace(self.name, width, height, self.mesh)
+
     def check_shape(self, owner: str) -> None:
         """Raise MeshError when its plane has no place for an image."""
-        if self.mesh is not None:
-            self.mesh.check(owner)
-            self.mesh.check_uv(owner)
+        _check_plane(self.mesh, owner)
+
+
+def _check_plane(mesh: Mesh | None, owner: str) -> None:
+    """Raise MeshError when a picture's plane, if it has one, has no place for an image."""
+    if mesh is not None:
+        mesh.check(owner)
+        mesh.check_uv(owner)

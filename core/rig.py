@@ -10,7 +10,7 @@ from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT, Mesh, SurfaceChoice
 from .messages import Message
 from .mirror_array import MOST_CROSSING_ERROR, PRESET_SIDES, PRESETS, MirrorArray
-from .parts import Blocker, Display, Glass, Mirror, Picture, Plate
+from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Viewer
 
@@ -35,6 +35,7 @@ __all__ = [
     "MirrorArray",
     "Part",
     "Picture",
+    "PicturePlace",
     "Plate",
     "Rig",
     "Role",
@@ -52,7 +53,8 @@ def _parts_of(role: Role, default: Any = MISSING) -> Any:
 class Rig:
     """Everything on the bench: the table of roles, a field for each.
 
-    `check` tells the reason why it cannot be solved.
+    `check` tells the reason why it cannot be solved. The picture may be its place alone, where
+    nothing is painted.
     """
 
     # fmt: off
@@ -75,7 +77,7 @@ class Rig:
         "Shows the source image on its front, laid out by its UV map",
         "set a plane's role to Display", is_single=True, is_mapped=True, may_be_off=True,
     ))
-    pictures: tuple[Picture, ...] = _parts_of(Role(
+    pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
         "PICTURE", "Picture", None, 5, "IMAGE_DATA",
         "Textured plane that the viewer shall see undistorted",
         "set a textured plane's role to Picture or choose an image",
@@ -99,7 +101,16 @@ class Rig:
 
     @property
     def picture(self) -> Picture:
-        return self.pictures[0]
+        picture = self.pictures[0]
+        if isinstance(picture, PicturePlace):
+            raise RigError(
+                "The picture '{name}' has no pixels: choose an image.", name=picture.name
+            )
+        return picture
+
+    @property
+    def picture_place(self) -> PicturePlace:
+        return self.pictures[0].place
 
     def of(self, role: Role) -> tuple[Any, ...]:
         """The parts of a role."""

@@ -90,7 +90,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     rig = with_offset(reading.drawn, offset)[0]
     settings = work.settings_of(scene)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
-    expected = view_of_picture(rig.picture, rig.viewer, lattice.uv)
+    expected = view_of_picture(rig.picture_place, rig.viewer, lattice.uv)
     tolerances = tolerances_of(ours)
     among = [parameter for parameter in parameters(rig) if tolerances[parameter.kind] > 0]
     if not among:

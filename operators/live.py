@@ -210,13 +210,11 @@ class Live:
             self._key = None
             raise
         optics = fingerprint(replace(reading.rig, pictures=()), settings.of_optics)
-        # the pixels are the same array as long as they are the same
-        # numbers (see Kept), and kept alive by the reading
         key = (
             optics,
             settings,
-            fingerprint(reading.rig.picture.mesh),
-            id(reading.rig.picture.image),
+            fingerprint(reading.rig.picture_place),
+            self.kept.fingerprint_of(reading.rig.picture.image),
         )
         if key == self._key:
             self._reading = replace(reading, solved_for=self._reading.solved_for)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..light.optics import reflect
-from ..rig import Display, Mesh, Picture, Plate, Rig, Viewer
+from ..rig import Display, Mesh, PicturePlace, Plate, Rig, Viewer
 from ..vectors import dot
 
 # The rig of Kiriko's reference (docs): for a glass up to
@@ -172,7 +172,7 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
         viewers=(viewer,),
         plates=(*bench.plates, Plate("Kiriko Plate", plate)),
         displays=(Display("Kiriko Display", display, columns, rows),),
-        pictures=(Picture("Kiriko Picture", np.zeros((1, 1, 4), np.float32), picture),),
+        pictures=(PicturePlace("Kiriko Picture", 1, 1, picture),),
     )
 
 

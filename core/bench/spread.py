@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import tracing
-from ..rig import Picture
+from ..rig import PicturePlace
 from ..steps import at
 
 GRID = 128  # points along each edge of a triangle of the picture whose rays are followed
@@ -99,7 +99,7 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     return f"the picture's {side} side" if sides[side].sum() >= MOSTLY else SEVERAL
 
 
-def points_of(picture: Picture) -> tuple[Floats, Floats, Floats]:
+def points_of(place: PicturePlace) -> tuple[Floats, Floats, Floats]:
     """Points (n, 3) spread evenly over the triangles of a picture,
     their UV (n, 2) and the area (n,) each stands for.
 
@@ -111,11 +111,11 @@ def points_of(picture: Picture) -> tuple[Floats, Floats, Floats]:
     n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
     area = np.array([6, 3, 1])[n_at_borders] / (3 * GRID**2)
 
-    corners = picture.mesh.corners
+    corners = place.mesh.corners
     weights = np.stack([a, b, c], axis=1) / GRID
     points, uv = (
         np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1])
-        for x in (corners, picture.mesh.uv)
+        for x in (corners, place.mesh.uv)
     )
     sides = corners[:, 1:] - corners[:, :1]
     whole = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -131,7 +131,7 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     display_frame : (4, 4) of the display, m
     """
     viewer = plan.rig.viewer
-    points, uv, area = points_of(plan.rig.picture)
+    points, uv, area = points_of(plan.rig.picture_place)
     xy = viewer.project(points)
     is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
     origins, directions = viewer.rays(xy[is_seen])

@@ -177,7 +177,7 @@ def _compare(found: Rig, wanted: Rig) -> None:
         raise _held(viewer.name)
     uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
     for a, b in zip(found.pictures, wanted.pictures, strict=True):
-        off = view_of_picture(a, found.viewer, uv) - view_of_picture(b, viewer, uv)
+        off = view_of_picture(a.place, found.viewer, uv) - view_of_picture(b.place, viewer, uv)
         if np.abs(off).max() > NEAR:
             raise _held(b.name)
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..errors import RigError
 from ..glass.meshes import geometric_normals
-from ..rig import ConstantIndex, Glass, MirrorArray, Picture, Plate, Viewer
+from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
 from .material import read_refraction
 from .mesh import flat_size
@@ -118,8 +118,8 @@ def read_plate(part: Part) -> Plate:
     )
 
 
-def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
-    """The picture plane with the pixels of its image."""
+def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
+    """The image that is solved for a picture plane, and notes on it."""
     name = part.owner.name
     texture = part.texture
     notes = []
@@ -130,6 +130,7 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
             " choose an image in its Kiriko settings.",
             name=name,
         )
+
     if image is None or (texture is not None and texture.image == image):
         image = texture.image
         notes = list(texture.notes)
@@ -138,12 +139,19 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
             f"The picture '{name}' shows '{texture.image.name}', but '{image.name}' is chosen and"
             " solved: choose it again in the Kiriko tab, to have it shown."
         )
+    return image, notes
+
+
+def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
+    """The picture plane with the pixels of its image."""
+    name = part.owner.name
+    image, notes = shown_image(part)
     pixels = kept.pixels(image, f"the picture '{name}'")
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
         notes.append(
             f"The image '{image.name}' is {squeezed} on the picture '{name}': {FIT_BUTTON}."
         )
-    return Picture(part.name, pixels, part.mesh), notes + about(image)
+    return place_of(image, part.name, part.mesh).showing(pixels), notes + about(image)
 
 
 def read_picture_image(
@@ -152,16 +160,24 @@ def read_picture_image(
     """The picture in the viewer's own pixels, with a note when it has another shape than they."""
     if image is None:
         return [], []
+
     pixels = kept.pixels(image, "the scene's picture")
+    place = place_of(image, image.name)
     notes = about(image)
     if viewer is not None:
-        height, width = pixels.shape[:2]
-        if abs(width * viewer.height - height * viewer.width) > max(viewer.width, viewer.height):
+        off = abs(place.width * viewer.height - place.height * viewer.width)
+        if off > max(viewer.width, viewer.height):
             notes.append(
-                f"The picture image '{image.name}' has {width} x {height} pixels, the viewer"
-                f" {viewer.width} x {viewer.height}: it is stretched to fit."
+                f"The picture image '{image.name}' has {place.width} x {place.height} pixels, the"
+                f" viewer {viewer.width} x {viewer.height}: it is stretched to fit."
             )
-    return [Picture(image.name, pixels)], notes
+    return [place.showing(pixels)], notes
+
+
+def place_of(image: bpy.types.Image, name: str, mesh: Mesh | None = None) -> PicturePlace:
+    """The place of a picture with this image, of which no pixels are read."""
+    width, height = image.size
+    return PicturePlace(name, width, height, mesh)
 
 
 def about(image: bpy.types.Image) -> list[str]:

@@ -109,7 +109,12 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
         or a byte image in a colour space other than sRGB, Linear Rec.709 and Non-Color
     RigError : more pixels than there is memory for
     """
-    pixels = four_channels(stored_pixels(image, owner))
+    return decoded(image, stored_pixels(image, owner), owner)
+
+
+def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> NDArray[np.float32]:
+    """The same from pixels (h, w, channels) as Blender keeps them, which are used up."""
+    pixels = four_channels(stored)
     space = image.colorspace_settings
     is_encoded = not image.is_float and space.name == "sRGB"
     if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR):

@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
 from ..rig import Mesh
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
-from .picture import read_pixels, stored_pixels
+from .picture import decoded, stored_pixels
 from .plane import chosen_image
 
 MAPPED = {"DISPLAY", "PICTURE"}  # roles whose UV map counts
@@ -48,6 +48,25 @@ class Shape:
         return self.placed
 
 
+@dataclass(eq=False)
+class KeptPixels:
+    """The pixels of an image as the painter has them, and all that tells whether they still are.
+
+    settings : of the image, by which they were decoded
+    stored : fingerprint of the pixels as Blender keeps them
+    pixels : (h, w, 4), which nobody can write to: the same array is the same picture
+    """
+
+    settings: tuple[object, ...]
+    stored: str
+    pixels: NDArray[np.float32]
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Tells the picture from all others."""
+        return fingerprint(self.pixels)
+
+
 class Kept:
     """Shapes and pixels kept from one reading to the next, by
     session uid; no datablock, which undo could take away.
@@ -59,10 +78,7 @@ class Kept:
     def __init__(self) -> None:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
-        self._pixels: tuple[tuple[object, ...], NDArray[np.float32], NDArray[np.float32]] | None = (
-            None
-        )
-        self._fingerprint: tuple[NDArray[np.float32], str] | None = None  # of the pixels
+        self._pixels: KeptPixels | None = None
         self._is_stale = True  # the pixels have to be compared
         self._n_kept = 0  # shapes that the last reading asked for
 
@@ -105,7 +121,7 @@ class Kept:
     def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
         """As by `read_pixels`; the same array as before while the image holds the same numbers."""
         space = image.colorspace_settings
-        key = (
+        settings = (
             image.session_uid,
             tuple(image.size),
             space.name,
@@ -113,19 +129,22 @@ class Kept:
             image.alpha_mode,
             image.is_float,
         )
-        before = self._pixels if self._pixels is not None and self._pixels[0] == key else None
-        if before is None or self._is_stale:
+        before = self._pixels
+        if before is None or before.settings != settings or self._is_stale:
             stored = stored_pixels(image, owner)
-            if before is None or not np.array_equal(before[1], stored):
-                self._pixels = (key, stored, read_pixels(image, owner))
+            content = fingerprint(stored[::-1])  # in the order of memory: else it is copied
+            if before is None or (before.settings, before.stored) != (settings, content):
+                pixels = frozen(decoded(image, stored, owner))
+                self._pixels = KeptPixels(settings, content, pixels)
+
         self._is_stale = False
-        return self._pixels[2]
+        return self._pixels.pixels
 
     def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
         """Of pixels that were read; kept while they are the same array."""
-        if self._fingerprint is None or self._fingerprint[0] is not pixels:
-            self._fingerprint = pixels, fingerprint(pixels)
-        return self._fingerprint[1]
+        if self._pixels is not None and self._pixels.pixels is pixels:
+            return self._pixels.fingerprint
+        return fingerprint(pixels)
 
     def end(self) -> None:
         """A reading is over: drop the shapes it did not ask for."""

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Floats
-from ..rig import Mesh, Rig
+from ..rig import Mesh, Picture, Rig
 from ..settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
 from .scene import read_drawn
@@ -78,7 +78,7 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, np.column_stack([part.axes.T, part.position])
-    if hasattr(part, "image"):
+    if isinstance(part, Picture):
         part = replace(part, image=kept.fingerprint_of(part.image))
     # a picture in the viewer's pixels, or nothing to see
     if part.mesh is None or id(part.mesh) not in notes.drawn:

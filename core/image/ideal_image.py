@@ -13,6 +13,7 @@ SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each wi
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
     """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
     pyramid = Pyramid(picture.image)
+    place = picture.place
     w, h = viewer.width, viewer.height
     image = np.zeros((h * w, 3), np.float32)
     offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
@@ -23,7 +24,7 @@ def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
         for dx in offsets:
             for dy in offsets:
                 points = picture_from_view(
-                    picture, viewer, corner + np.array([dx, dy]), of_square(1 / SUBPIXELS)
+                    place, viewer, corner + np.array([dx, dy]), of_square(1 / SUBPIXELS)
                 )
                 total += pyramid.sample(points)
         image[pixels] = total / SUBPIXELS**2

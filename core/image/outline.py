@@ -12,13 +12,15 @@ import numpy as np
 from ..arrays import Floats, Ints, taken
 from ..map.view_map import Piece
 from ..products import turn
-from ..rig import Picture, Viewer
+from ..rig import PicturePlace, Viewer
 from .picture import outline_in_view
 
 ON_LINE = 1e-6  # viewer px: a point nearer to the outline is on it, so that rounding does not cut
 
 
-def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer) -> Iterator[Piece]:
+def cut_along_outline(
+    pieces: Iterator[Piece], place: PicturePlace, viewer: Viewer
+) -> Iterator[Piece]:
     """Cut pieces of a view map along a flat picture's outline;
     pieces of pictures of another shape stay as they are.
 
@@ -26,7 +28,7 @@ def cut_along_outline(pieces: Iterator[Piece], picture: Picture, viewer: Viewer)
     triangles, which are so small that their images are flat. The pieces are used up: a crossed one
     comes back without an image (NaN), and its parts come at the end.
     """
-    lines = outline_in_view(picture, viewer)
+    lines = outline_in_view(place, viewer)
     if lines is None:
         yield from pieces
         return

@@ -14,7 +14,7 @@ from ..light.display import uv_area
 from ..light.hits import Hits
 from ..light.ray_engine import Layer
 from ..products import turn_covariance
-from ..rig import Mesh, Picture, Viewer
+from ..rig import Mesh, PicturePlace, Viewer
 
 CHUNK = 1 << 16  # points at once: their arrays stay in the cache
 STEP = 1e-3  # viewer px over which a mesh's map is differentiated
@@ -61,7 +61,7 @@ FlatWay = tuple[Floats, tuple[Floats, Floats]]
 
 
 def picture_from_view(
-    picture: Picture, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT
+    place: PicturePlace, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT
 ) -> PicturePoints:
     """Follow straight lines from the viewer to the picture, as if there were no glass.
 
@@ -70,13 +70,12 @@ def picture_from_view(
     view_xy : (n, 2) viewer pixels, middles of footprints
     covariance : (3, n) or (3, 1) xx, xy and yy of the footprints on the viewer's image, viewer px^2
     """
-    height, width = picture.image.shape[:2]
-    size = np.array([width, height], float)
+    size = np.array([place.width, place.height], float)
     n = len(view_xy)
     covariance = np.broadcast_to(covariance, (3, n))
-    short_way = flat_way(picture, viewer)
+    short_way = flat_way(place, viewer)
     if short_way is None:
-        return _by_tracing(picture, viewer, view_xy, covariance)
+        return _by_tracing(place, viewer, view_xy, covariance)
     points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((3, n)))
     for first in range(0, n, CHUNK):
         some = slice(first, first + CHUNK)
@@ -84,19 +83,19 @@ def picture_from_view(
     return points
 
 
-def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
+def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
     """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1.
 
     Beyond the borders of a flat picture it is 0, also beside the
     horizon of its plane, where no single pixel can tell.
     """
     w, h = viewer.width, viewer.height
-    if picture.mesh is None:
+    if place.mesh is None:
         return np.ones((h, w))
 
     cover = np.zeros((h, w))
     near = np.arange(h * w)
-    lines = outline_in_view(picture, viewer)
+    lines = outline_in_view(place, viewer)
     if lines is not None:
         # a flat picture is convex: blocks of pixels lie within all
         # of its borders, beyond one, or near to one
@@ -116,21 +115,21 @@ def cover_in_view(picture: Picture, viewer: Viewer) -> Floats:
     for first in range(0, len(near), CHUNK):
         some = near[first : first + CHUNK]
         middles = np.stack([some % w, some // w], axis=1) + 0.5
-        cover.flat[some] = picture_from_view(picture, viewer, middles, of_square(1.0)).cover
+        cover.flat[some] = picture_from_view(place, viewer, middles, of_square(1.0)).cover
     return cover
 
 
-def flat_way(picture: Picture, viewer: Viewer) -> FlatWay | None:
+def flat_way(place: PicturePlace, viewer: Viewer) -> FlatWay | None:
     """The way from viewer pixels to the UV of a flat picture, or of
     the viewer's own image, which has no borders.
     """
-    if picture.mesh is None:
+    if place.mesh is None:
         own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
         return own, (np.full(2, -np.inf), np.full(2, np.inf))
-    return _homography(picture.mesh, viewer)
+    return _homography(place.mesh, viewer)
 
 
-def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
+def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
     """Viewer px (n, 2) at which places uv (n, 2; v upward) of
     the picture are seen as if there were no glass.
 
@@ -138,17 +137,17 @@ def view_of_picture(picture: Picture, viewer: Viewer, uv: Floats) -> Floats:
     ------
     RigError : the picture is no flat rectangle
     """
-    short_way = flat_way(picture, viewer)
+    short_way = flat_way(place, viewer)
     if short_way is None:
         raise RigError(
             "The picture '{picture}' is no flat rectangle: points of it are told for such only.",
-            picture=picture.name,
+            picture=place.name,
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
     return xyw[:, :2] / xyw[:, 2:]
 
 
-def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
+def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
     """The borders of a flat picture as the viewer sees it, as if there were no glass.
 
     Returns
@@ -157,7 +156,7 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
     above 0 on the side of the picture. None where its outline is no rectangle, or that of the
     viewer's image.
     """
-    short_way = None if picture.mesh is None else _homography(picture.mesh, viewer)
+    short_way = None if place.mesh is None else _homography(place.mesh, viewer)
     if short_way is None:
         return None
     (u, v, w), (low, high) = short_way
@@ -165,11 +164,11 @@ def outline_in_view(picture: Picture, viewer: Viewer) -> Floats | None:
     return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
-def why_unseen(picture: Picture, viewer: Viewer) -> str:
+def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
     """Why a viewer sees nothing of a picture on a plane,
     though nothing hides it, and the remedy: two clauses.
     """
-    corners = picture.mesh.corners.reshape(-1, 3)
+    corners = place.mesh.corners.reshape(-1, 3)
     if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
         return (
             f"which is behind the viewer: turn the viewer round, or move the picture before"
@@ -301,11 +300,11 @@ def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
 
 
 def _by_tracing(
-    picture: Picture, viewer: Viewer, view_xy: Floats, covariance: Floats
+    place: PicturePlace, viewer: Viewer, view_xy: Floats, covariance: Floats
 ) -> PicturePoints:
     """The long way, for a picture on any mesh: its outline is not smoothed."""
-    layer = Layer(picture.mesh.corners)
-    size = np.array(picture.image.shape[1::-1], float)
+    layer = Layer(place.mesh.corners)
+    size = np.array([place.width, place.height], float)
     origins, directions = viewer.rays(view_xy)
 
     def accept(i: np.ndarray, hits: Hits) -> tuple[Bools, Bools]:
@@ -322,7 +321,7 @@ def _by_tracing(
         o, d = viewer.rays(view_xy)
         t = layer.frames.distance(k, o, d)
         return _pixels(
-            interpolate(picture.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d)), size
+            interpolate(place.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d)), size
         )
 
     xy[seen] = xy_at(view_xy[seen])

@@ -1,11 +1,12 @@
 """Colours of a picture under footprints of any size and shape."""
 
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, is_frozen
 from ..errors import RigError
 from .picture import CHUNK, LEAST, PicturePoints
 
@@ -166,12 +167,19 @@ class Pyramid:
         """Build all levels of an image (h, w, 4), linear, premultiplied."""
         if image.ndim != 3 or min(image.shape[:2]) < 1:
             raise RigError("The picture has no pixels: choose another image.")
+        self._frozen = weakref.ref(image) if is_frozen(image) else None
         self.levels = [np.array(image[..., :3].transpose(2, 0, 1), np.float32, order="C")]
         while max(self.levels[-1].shape[1:]) > 1:
             self.levels.append(_halved(self.levels[-1]))
 
     def is_of(self, image: NDArray[np.float32]) -> bool:
-        """Was it built from an image like this one?"""
+        """Was it built from an image like this one?
+
+        That is told by the array itself where nobody can write to it, else by its values.
+        """
+        if self._frozen is not None and self._frozen() is image:
+            return True
+
         planes = self.levels[0]
         return planes.shape[1:] == image.shape[:2] and all(
             np.array_equal(plane, image[..., channel]) for channel, plane in enumerate(planes)

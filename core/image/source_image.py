@@ -14,7 +14,7 @@ from ..light.plan import Plan
 from ..light.rays import PlateLight
 from ..light.trace import CHUNK, trace
 from ..map.shares import Shares, add_at
-from ..rig import Picture, Viewer
+from ..rig import PicturePlace, Viewer
 from .picture import flat_way, picture_from_view
 from .pyramid import Pyramid, Taps, find_taps
 
@@ -65,22 +65,22 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_strokes(picture: Picture, viewer: Viewer, shares: Shares) -> Strokes:
+def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
     """How the sums area * T * colour of display pixels are read
-    from a picture: taps whose points are display pixels.
+    from a picture in its place: taps whose points are display pixels.
 
     A share is read at its own place, as far as it reaches. It lies within the picture or beside it,
     wholly. For a flat picture the compiled kernel takes the shares as they are, and finds where
     they are read whenever it paints.
     """
-    way = flat_way(picture, viewer) if kernel.library() is not None else None
+    way = flat_way(place, viewer) if kernel.library() is not None else None
     if way is not None:
-        return kernel.FlatStrokes(shares, way, picture.image.shape[1::-1])
-    points = picture_from_view(picture, viewer, shares.view_xy, shares.covariance)
+        return kernel.FlatStrokes(shares, way, (place.width, place.height))
+    points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
         weight *= shares.throughput
-    taps = find_taps(points, weight, picture.image.shape[1::-1])
+    taps = find_taps(points, weight, (place.width, place.height))
     return replace(taps, point=shares.display_index[taps.point])
 
 
@@ -117,8 +117,8 @@ def splat(
     """
     viewer = plan.rig.viewer
     display = plan.rig.display
-    picture = plan.rig.picture
-    pyramid = Pyramid(picture.image)
+    pyramid = Pyramid(plan.rig.picture.image)
+    place = plan.rig.picture_place
     random = np.random.default_rng(seed)
     shape = display.height, display.width
     n = shape[0] * shape[1]
@@ -135,7 +135,7 @@ def splat(
             landings = trace(plan, *viewer.rays(xy), light=light)
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]
-            colours = pyramid.sample(picture_from_view(picture, viewer, xy[inside]))
+            colours = pyramid.sample(picture_from_view(place, viewer, xy[inside]))
             weight = landings.throughput[inside]
             norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
             for channel in range(3):

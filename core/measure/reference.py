@@ -203,10 +203,10 @@ def picture_extent(rig: Rig) -> float:
     of its area, in viewer px; 0 where it is unseen.
     """
     viewer = rig.viewer
-    dot = replace(rig.picture, image=np.zeros((1, 1, 4), np.float32))
+    place = replace(rig.picture_place, width=1, height=1)
     x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
     points = picture_from_view(
-        dot, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3)
+        place, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3)
     )
     seen = points.footprint[points.cover > HALF]
     return 1e-3 / float(np.median(seen)) if len(seen) else 0.0
@@ -214,7 +214,7 @@ def picture_extent(rig: Rig) -> float:
 
 def showing(rig: Rig, image: Image) -> Rig:
     """The same rig with another image (h, w, 4) where its picture is."""
-    return replace(rig, pictures=(replace(rig.picture, image=image),))
+    return replace(rig, pictures=(rig.picture_place.showing(image),))
 
 
 def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
@@ -290,7 +290,8 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     k = times_finer(rig)
     display = replace(rig.display, width=k * rig.display.width, height=k * rig.display.height)
     fine = replace(rig, displays=(display,))
-    white = showing(fine, np.ones(rig.picture.image.shape, np.float32))
+    place = rig.picture_place
+    white = showing(fine, np.ones((place.height, place.width, 4), np.float32))
     session = Session()
     here = replace(settings, tolerance=min(k * settings.tolerance, MOST_TOLERANCE))
     one = yield from within(session.solve(fine, here), 0.0, 0.9)

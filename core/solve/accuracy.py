@@ -122,6 +122,6 @@ def _picture_rays(rig: Rig) -> tuple[tuple[Floats, Floats], Floats]:
     side = np.arange(LEAK_SAMPLES) + 0.5
     xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     xy *= np.array([rig.viewer.width, rig.viewer.height]) / LEAK_SAMPLES
-    cover = picture_from_view(rig.picture, rig.viewer, xy, of_square(1.0)).cover
+    cover = picture_from_view(rig.picture_place, rig.viewer, xy, of_square(1.0)).cover
     seen = cover > 0
     return rig.viewer.rays(xy[seen]), cover[seen]

@@ -50,7 +50,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     triangle of the mesh; the map has kinks of a higher order between them: where cells would be
     smaller, any viewer pixel that needs several quads may be cut.
     """
-    image = rig.picture.image
+    place = rig.picture_place
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
     meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
@@ -71,7 +71,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     return {
         "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
-        "picture": OF_PICTURE * float(image.shape[0]) * image.shape[1],
+        "picture": OF_PICTURE * float(place.height) * place.width,
         "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
         "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
         "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
@@ -93,14 +93,14 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     parts = estimated(rig, settings)
     display = rig.display
     viewer = rig.viewer
-    picture = rig.picture
-    height, width = picture.image.shape[:2]
+    picture = rig.picture_place
     remedies = {
         "display": f"lower the resolution of the display '{display.name}' ({display.width} x"
         f" {display.height})",
         "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x"
         f" {viewer.height})",
-        "picture": f"choose a smaller image for the picture '{picture.name}' ({width} x {height})",
+        "picture": f"choose a smaller image for the picture '{picture.name}' ({picture.width} x"
+        f" {picture.height})",
         "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
         "glass": "give the glass fewer triangles",
         "always": "close other programs",

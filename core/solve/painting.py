@@ -16,7 +16,7 @@ from ..image.source_image import Painting, Strokes, find_strokes
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import Piece, ViewMap
-from ..rig import Picture, Viewer
+from ..rig import PicturePlace, Viewer
 from ..settings import Settings
 from ..steps import Pauses, at, within
 from .channel import shares_of
@@ -39,6 +39,7 @@ class Placed:
     """
 
     viewer: Viewer
+    picture: PicturePlace
     shares: ShareBatches
     seconds_to_paint: float
     cells: Floats
@@ -80,7 +81,7 @@ class Clock:
 
 
 def paint(
-    picture: Picture, channels: Sequence[Placed], pyramid: Pyramid, clock: Clock
+    channels: Sequence[Placed], pyramid: Pyramid, clock: Clock
 ) -> Generator[float, None, Painting]:
     """Paint the shares of all channels, and add them to the sums over them where these are new.
 
@@ -88,13 +89,13 @@ def paint(
     """
     painting = Painting(channels[0].shares.display_size)
     for k, placed in enumerate(channels):
-        steps = _add(painting, picture, placed, pyramid, clock)
+        steps = _add(painting, placed, pyramid, clock)
         yield from within(steps, k / len(channels), (k + 1) / len(channels))
     return painting
 
 
 def _add(
-    painting: Painting, picture: Picture, placed: Placed, pyramid: Pyramid, clock: Clock
+    painting: Painting, placed: Placed, pyramid: Pyramid, clock: Clock
 ) -> Generator[float, None, None]:
     """Add the shares of a channel to a painting; yields progress 0..1."""
     is_new = placed.covered is None
@@ -112,7 +113,9 @@ def _add(
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
 
-        strokes = placed.strokes[n] if is_known else find_strokes(picture, placed.viewer, shown)
+        strokes = (
+            placed.strokes[n] if is_known else find_strokes(placed.picture, placed.viewer, shown)
+        )
         # another solve may have let some go meanwhile
         if n == len(placed.strokes) and n_painted < MOST_PLACED:
             placed.strokes.append(strokes)
@@ -132,7 +135,7 @@ def _add(
         placed.strokes.clear()  # next to all that has to be made again they would save little
 
 
-def place(view_map: ViewMap, picture: Picture, viewer: Viewer, settings: Settings) -> Placed:
+def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings) -> Placed:
     """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, picture, viewer, settings)
     width, height = shares.display_size
@@ -140,7 +143,15 @@ def place(view_map: ViewMap, picture: Picture, viewer: Viewer, settings: Setting
     seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
     part = n_shares / max(n_shares[-1], 1)
     coverage = Coverage(shares.display_size, shares.view_size)
-    return Placed(viewer, shares, seconds, cells, part, coverage)
+    return Placed(
+        viewer=viewer,
+        picture=picture,
+        shares=shares,
+        seconds_to_paint=seconds,
+        cells=cells,
+        part=part,
+        coverage=coverage,
+    )
 
 
 def finished(
@@ -168,7 +179,7 @@ def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
 
 
 def _shares_to_paint(
-    view_map: ViewMap, picture: Picture, viewer: Viewer, settings: Settings
+    view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings
 ) -> ShareBatches:
     """The shares of a map's cells, which are cut along the picture's outline."""
 

@@ -8,7 +8,7 @@ from ..errors import RigError
 from ..image.picture import cover_in_view, why_unseen
 from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
-from ..rig import Picture, Viewer
+from ..rig import PicturePlace, Viewer
 
 UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = "finer than a viewer pixel"
@@ -19,7 +19,7 @@ PIXELS_AT_ONCE = 1 << 18
 
 
 def of_the_picture(
-    picture: Picture, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
+    picture: PicturePlace, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
 ) -> tuple[float, dict[str, float]]:
     """Share of the picture, as a viewer sees it, that is covered,
     and shares of it by reason of the misses: 1 in all.

@@ -108,7 +108,7 @@ class Session:
             to_come = sum(one.seconds_to_paint for one in placed.channels)
             told = max(told, min(PAINTED, so_far / (so_far + to_come)))
         painting = yield from within(
-            paint(rig.picture, placed.channels, self._pyramid_of(rig.picture), clock), told, PAINTED
+            paint(placed.channels, self._pyramid_of(rig.picture), clock), told, PAINTED
         )
         if is_new:
             _refuse_if_dark(optics.channels, placed.channels)
@@ -158,11 +158,11 @@ class Session:
         for k, viewer in enumerate(rig.viewers):
             steps = sample_reached(rig, settings, self._kept, clock.lap)
             _, view_map = yield from within(steps, 0.5 * k / n, 0.5 * (k + 1) / n)
-            found.append((view_map, place(view_map, rig.picture, viewer, settings)))
+            found.append((view_map, place(view_map, rig.picture_place, viewer, settings)))
 
         channels = [placed for _, placed in found]
         painting = yield from within(
-            paint(rig.picture, channels, self._pyramid_of(rig.picture), clock), 0.5, 1.0
+            paint(channels, self._pyramid_of(rig.picture), clock), 0.5, 1.0
         )
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
@@ -170,7 +170,9 @@ class Session:
         beside = []
         for view_map, placed in found:
             # refuses a picture out of sight
-            of_the_picture(rig.picture, placed.viewer, view_map, placed.view_coverage_in(view_map))
+            of_the_picture(
+                placed.picture, placed.viewer, view_map, placed.view_coverage_in(view_map)
+            )
             beside.append((yield from at(1.0, weight_beside(view_map, settings))))
         return finished(painting, channels, beside, settings)
 
@@ -188,8 +190,8 @@ class Session:
 
     def _place(self, rig: Rig, settings: Settings, optics: _Optics) -> _Place:
         """The shares of all channels for a picture's place and size: known ones, or new ones."""
-        picture = rig.picture
-        key = fingerprint(optics.key, picture.mesh, picture.image.shape, settings.ghosts)
+        picture = rig.picture_place
+        key = fingerprint(optics.key, picture, settings.ghosts)
         if self._placed is not None and self._placed.key == key:
             return self._placed
 
@@ -264,7 +266,7 @@ def _channel(
     if placed.covered is None:
         placed.view_coverage = placed.view_coverage_in(traced.view_map)
         placed.covered = of_the_picture(
-            plan.rig.picture, viewer, traced.view_map, placed.view_coverage
+            plan.rig.picture_place, viewer, traced.view_map, placed.view_coverage
         )
     picture_coverage, misses = placed.covered
     return Channel(

@@ -24,7 +24,7 @@ from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.seen_image import lattice_shift
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import WAVELENGTH, Picture, Rig
+from kiriko.core.rig import WAVELENGTH, PicturePlace, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass
 
@@ -288,7 +288,7 @@ def framed(rig: Rig) -> Rig:
     are ACROSS pixels from the first to the last.
     """
     viewer = rig.viewer
-    across = np.ptp(viewer.project(dots(rig.picture))[:, 0])
+    across = np.ptp(viewer.project(dots(rig.picture_place))[:, 0])
     width = round(viewer.width * ACROSS / across)
     return replace(
         rig,
@@ -296,15 +296,15 @@ def framed(rig: Rig) -> Rig:
     )
 
 
-def dots(picture: Picture) -> Floats:
+def dots(place: PicturePlace) -> Floats:
     """Places (49, 3) of the dots of the lattice on a flat picture, m.
 
     Row by row from the top left.
     """
     at = (np.arange(DOTS) + 0.5) / DOTS
     u, v = (x.ravel() for x in np.meshgrid(at, 1 - at))
-    uv = picture.mesh.uv.reshape(-1, 2)
-    places = picture.mesh.corners.reshape(-1, 3)
+    uv = place.mesh.uv.reshape(-1, 2)
+    places = place.mesh.corners.reshape(-1, 3)
     affine, *_ = np.linalg.lstsq(np.column_stack([uv, np.ones(len(uv))]), places, rcond=None)
     return np.column_stack([u, v, np.ones(len(u))]) @ affine
 
@@ -323,7 +323,7 @@ class Experiment:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = framed(rig)
-        self.dots = dots(rig.picture)
+        self.dots = dots(rig.picture_place)
         self.wanted = self.rig.viewer.project(self.dots)
         self.planned = as_planned(self.rig)
         self._start = [self.wanted] * len(CONDITIONS)

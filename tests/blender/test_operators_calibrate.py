@@ -67,7 +67,7 @@ class Bench:
     def wanted(self) -> np.ndarray:
         """Where the lattice's points are to be seen (49, 2), viewer px."""
         lattice = self.lattice.Lattice(7, 7, 1 / 14)
-        return self.picture.view_of_picture(self.drawn.picture, self.drawn.viewer, lattice.uv)
+        return self.picture.view_of_picture(self.drawn.picture_place, self.drawn.viewer, lattice.uv)
 
     def seen(self, rig) -> np.ndarray:
         """Where they are seen on the real bench (49, 2) while
@@ -77,7 +77,7 @@ class Bench:
         bench = self.misalignment.Bench
         lattice = self.lattice.Lattice(7, 7, 1 / 14)
         shown = bench(
-            rig, settings, self.picture.view_of_picture(rig.picture, rig.viewer, lattice.uv)
+            rig, settings, self.picture.view_of_picture(rig.picture_place, rig.viewer, lattice.uv)
         ).display
         return bench(self.real, settings, self.wanted(), []).seen(np.zeros(0), display=shown)
 
@@ -257,10 +257,11 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     assert np.allclose(found.viewer.window, wanted.viewer.window, rtol=1e-5)
     assert found.glasses[0].ior(0) == pytest.approx(wanted.glasses[0].ior(0), abs=1e-6)
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
-    seen = bench.picture.view_of_picture(found.picture, found.viewer, corners)
+    seen = bench.picture.view_of_picture(found.picture_place, found.viewer, corners)
     assert (
         np.abs(
-            seen - bench.picture.view_of_picture(bench.drawn.picture, bench.drawn.viewer, corners)
+            seen
+            - bench.picture.view_of_picture(bench.drawn.picture_place, bench.drawn.viewer, corners)
         ).max()
         < 0.01
     )
@@ -280,7 +281,7 @@ def test_a_tilted_picture_goes_along(bench: Bench) -> None:
     found = bench.rig()
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
     seen, right = (
-        bench.picture.view_of_picture(r.picture, r.viewer, corners) for r in (found, wanted)
+        bench.picture.view_of_picture(r.picture_place, r.viewer, corners) for r in (found, wanted)
     )
     assert np.abs(seen - right).max() < 0.1
 

@@ -2,7 +2,7 @@ import importlib
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -485,6 +485,43 @@ def test_reading_takes_no_more_than_the_pixels(kiriko: ModuleType, is_float: boo
     finally:
         tracemalloc.stop()
     assert 1.0 <= taken / (16 * 2048**2) < 1.25
+
+
+def test_pixels_are_read_once_a_change(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once when they are first asked for, and once after each news of the image.
+
+    The array is the same while the numbers are, and nobody can write to it.
+    """
+    picture, shapes = (
+        importlib.import_module(f"{kiriko.__name__}.core.blender.{name}")
+        for name in ("picture", "shapes")
+    )
+    image = generated()
+    n_read = 0
+
+    def counted(*_: object) -> None:
+        nonlocal n_read
+        n_read += 1
+
+    monkeypatch.setattr(picture, "check_free", counted)
+    news = [SimpleNamespace(id=SimpleNamespace(original=image))]
+    kept = shapes.Kept()
+    first = kept.pixels(image, "the picture")
+    assert kept.pixels(image, "the picture") is first
+    assert n_read == 1
+    assert not first.flags.writeable
+
+    kept.notice(news)
+    assert kept.pixels(image, "the picture") is first
+    assert n_read == 2
+    told = kept.fingerprint_of(first)
+
+    image.pixels[0] = 0.125
+    kept.notice(news)
+    other = kept.pixels(image, "the picture")
+    assert n_read == 3
+    assert other is not first
+    assert kept.fingerprint_of(other) != told == kept.fingerprint_of(first)
 
 
 def test_tiled_picture(read: Callable[[], Any]) -> None:

@@ -124,7 +124,7 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     is_clear = (first > 12) & (second > 3) & (second < 0.7 * first)
     assert is_clear.sum() > 200
     colours = Pyramid(a_rig.picture.image).sample(
-        picture_from_view(a_rig.picture, a_rig.viewer, xy)
+        picture_from_view(a_rig.picture_place, a_rig.viewer, xy)
     )
     is_best = number == counts.argmax(axis=1)[pixel]
     expected = np.stack(

@@ -38,7 +38,7 @@ from kiriko.core.light.trace import courses, trace_all, tracing
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import share_batches
 from kiriko.core.map.shares import Shares
-from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, Viewer
+from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.both_ways import find_parted
@@ -868,7 +868,7 @@ PICTURES = {
 def painted(a_picture, viewer, shares):
     """Sums of a painting (3, H, W)."""
     painting = Painting(shares.display_size)
-    painting.add(Pyramid(a_picture.image), find_strokes(a_picture, viewer, shares))
+    painting.add(Pyramid(a_picture.image), find_strokes(a_picture.place, viewer, shares))
     return painting._total
 
 
@@ -952,8 +952,8 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
     image = dice.random((8, 8, 4)).astype(np.float32)
     shares = shares_of(dice, 100)
     viewer = viewer_of("perspective")
-    assert isinstance(find_strokes(Picture("p", image, bent), viewer, shares), Taps)
-    strokes = find_strokes(Picture("p", image, PICTURES["turned"]), viewer, shares)
+    assert isinstance(find_strokes(PicturePlace("p", 8, 8, bent), viewer, shares), Taps)
+    strokes = find_strokes(PicturePlace("p", 8, 8, PICTURES["turned"]), viewer, shares)
     assert isinstance(strokes, kernel.FlatStrokes)
     painting = Painting(shares.display_size)
     with kernel.off():

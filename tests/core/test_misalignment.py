@@ -242,7 +242,7 @@ def test_amounts_by_name_take_the_picture_along(cube):
     rig, unknown = with_amounts(planned, {**amounts, "lamp: shift up": 1.0})
     assert unknown == ("lamp: shift up",)
     uv = np.array([[0, 0], [1, 0], [0.3, 0.8]])
-    seen, wanted = (view_of_picture(r.picture, r.viewer, uv) for r in (rig, planned))
+    seen, wanted = (view_of_picture(r.picture_place, r.viewer, uv) for r in (rig, planned))
     assert np.abs(seen - wanted).max() < 1e-6
     motions = part_motions(planned, rig)
     assert motions.keys() == {"viewer"}

@@ -48,7 +48,7 @@ def test_a_white_picture_shows_how_much_of_each_pixel_it_covers(degrees, pixels,
     )
     a_rig = white(a_rig, turned(0.021, 0.013, degrees))
     solution = solve(a_rig)
-    corners = view_of_picture(a_rig.picture, a_rig.viewer, CORNERS)
+    corners = view_of_picture(a_rig.picture_place, a_rig.viewer, CORNERS)
     outline = solution.first.view_map.display_from_view(corners)
     expected = np.zeros(display_pixels**2)
     for pixel, (part, _, _) in clipped(outline, display_pixels, display_pixels).items():
@@ -67,7 +67,7 @@ def test_no_light_is_lost_or_won_at_the_outline(a_rig):
     a_rig = white(a_rig, turned(0.017, 0.011, 25))
     solution = solve(a_rig)
     assert solution.picture_coverage > 1 - 1e-9
-    seen = area(view_of_picture(a_rig.picture, a_rig.viewer, CORNERS))
+    seen = area(view_of_picture(a_rig.picture_place, a_rig.viewer, CORNERS))
     assert (solution.source[..., 0] * solution.weight).sum() == pytest.approx(seen, rel=1e-6)
 
 
@@ -79,7 +79,7 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     What was cut has no image any more.
     """
     a_rig = ball_rig(2, pixels=32)
-    a_picture = replace(a_rig.picture, mesh=turned(0.021, 0.013, 20))
+    place = replace(a_rig.picture_place, mesh=turned(0.021, 0.013, 20))
     random = np.random.default_rng(3)
     n = 3000
     view = random.uniform(0, 32, (n, 1, 2)) + random.uniform(0.2, 4, (n, 1, 1)) * (
@@ -93,10 +93,10 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     pieces = iter([Piece(view, display.copy(), throughput, branch)])
     found = [
         piece.at(np.isfinite(piece.display).all(axis=(1, 2)))
-        for piece in cut_along_outline(pieces, a_picture, a_rig.viewer)
+        for piece in cut_along_outline(pieces, place, a_rig.viewer)
     ]
     assert len(found[0].view) < n
-    lines = outline_in_view(a_picture, a_rig.viewer)
+    lines = outline_in_view(place, a_rig.viewer)
     for images, whole in ((0, view), (1, display)):
         areas = [
             (area(polygon), t)
@@ -126,6 +126,6 @@ def test_what_has_no_straight_outline_is_not_cut():
     pieces = [Piece(CORNERS[None] + 8, CORNERS[None], np.ones(1), np.ones(1, np.uint64))]
     for mesh in (None, bent):
         found = list(
-            cut_along_outline(iter(pieces), replace(a_rig.picture, mesh=mesh), a_rig.viewer)
+            cut_along_outline(iter(pieces), replace(a_rig.picture_place, mesh=mesh), a_rig.viewer)
         )
         assert found == pieces

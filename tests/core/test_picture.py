@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.arrays import frozen, is_frozen
 from kiriko.core.errors import RigError
 from kiriko.core.image import picture as picture_module
 from kiriko.core.image import pyramid as pyramid_module
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from kiriko.core.image.pyramid import Pyramid
-from kiriko.core.rig import Mesh, Picture, Viewer
+from kiriko.core.rig import Mesh, Picture, PicturePlace, Rig, Viewer
 from known.reference_rigs import lattice_image, rectangle
 
 
@@ -50,9 +51,9 @@ def test_the_short_way_equals_tracing(projection, monkeypatch):
     random = np.random.default_rng(4)
     a, b = random.normal(scale=1e-3, size=(2, 2, len(xy)))
     covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
-    short = picture_from_view(a_picture, v, xy, covariance)
+    short = picture_from_view(a_picture.place, v, xy, covariance)
     monkeypatch.setattr(picture_module, "_homography", lambda *_: None)
-    long = picture_from_view(a_picture, v, xy, covariance)
+    long = picture_from_view(a_picture.place, v, xy, covariance)
     inside = (long.cover > 0) & (short.cover == 1)
     assert inside.sum() > 200
     assert np.array_equal(long.cover > 0, short.cover >= 0.5)
@@ -72,10 +73,25 @@ def test_projecting_a_point_of_the_picture_gives_its_own_pixel_back():
     uv = np.random.default_rng(3).random((50, 2))
     a, b, _, d = TILTED.vertices
     points = a + uv[:, :1] * (b - a) + uv[:, 1:] * (d - a)
-    found = picture_from_view(Picture("p", ramp(), TILTED), v, v.project(points))
+    found = picture_from_view(Picture("p", ramp(), TILTED).place, v, v.project(points))
     np.testing.assert_allclose(
         found.xy, np.stack([uv[:, 0] * 16, (1 - uv[:, 1]) * 8], axis=1), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("mesh", [TILTED, None])
+def test_a_rig_may_have_a_place_without_pixels(mesh):
+    """The place of a picture is known without its colours; who asks for these is told."""
+    a_picture = Picture("p", ramp(), mesh)
+    place = PicturePlace("p", 16, 8, mesh)
+    assert vars(a_picture.place) == vars(place)
+    shown = place.showing(a_picture.image)
+    assert vars(shown) == vars(a_picture)
+    a_rig = Rig((), (), (), (), (place,))
+    assert a_rig.picture_place is place
+    assert Rig((), (), (), (), (shown,)).picture is shown
+    with pytest.raises(RigError, match="The picture 'p' has no pixels: choose an image"):
+        _ = a_rig.picture
 
 
 @pytest.mark.parametrize("size", [(40, 30), (263, 129)])
@@ -90,8 +106,8 @@ def test_the_cover_of_all_pixels_is_that_of_each(mesh, projection, size):
         mesh = replace(TILTED, vertices=TILTED.vertices - 2 * v.axes[2])
     a_picture = Picture("p", ramp(), mesh)
     middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in size)), axis=-1).reshape(-1, 2)
-    of_each = picture_from_view(a_picture, v, middles, of_square(1.0)).cover
-    np.testing.assert_allclose(cover_in_view(a_picture, v).ravel(), of_each, atol=1e-12)
+    of_each = picture_from_view(a_picture.place, v, middles, of_square(1.0)).cover
+    np.testing.assert_allclose(cover_in_view(a_picture.place, v).ravel(), of_each, atol=1e-12)
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -127,8 +143,8 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
     if (
         projection == "perspective" or ahead >= 0
     ):  # an orthographic viewer sees what is behind it all the same
-        assert picture_from_view(a_picture, v, pixels, of_square(1.0)).cover.sum() < 1e-6
-    assert why_unseen(a_picture, v).startswith(why)
+        assert picture_from_view(a_picture.place, v, pixels, of_square(1.0)).cover.sum() < 1e-6
+    assert why_unseen(a_picture.place, v).startswith(why)
 
 
 def test_a_picture_seen_from_behind_or_edge_on_is_finite():
@@ -188,6 +204,28 @@ def test_a_pyramid_knows_its_own_picture():
     pyramid = Pyramid(planar)
     planar[0, 0, 0] += 1
     assert not pyramid.is_of(planar)
+
+
+def test_a_picture_that_nobody_can_write_to_is_not_compared(monkeypatch):
+    """A frozen array is known as it is, its copy by its values; one
+    whose base can be written to is compared.
+    """
+    image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
+    writable = image[::-1]
+    writable.flags.writeable = False
+    assert not is_frozen(writable)
+    pyramid = Pyramid(writable)
+    image[0, 0, 0] += 1
+    assert not pyramid.is_of(writable)
+
+    whole = frozen(image.copy()[::-1])
+    assert is_frozen(whole)
+    with pytest.raises(ValueError, match="read-only"):
+        whole.base[0, 0, 0] = 1
+    pyramid = Pyramid(whole)
+    assert pyramid.is_of(whole.copy())
+    monkeypatch.setattr(np, "array_equal", lambda *_: pytest.fail("compared"))
+    assert pyramid.is_of(whole)
 
 
 def level_by_level(image, points):

@@ -511,7 +511,7 @@ def test_shares_by_reason_are_those_of_rays(shape):
     found = finish(Session().solve(a_rig, how))
     random = np.random.default_rng(5)
     xy = random.uniform(0, 256, (200_000, 2))
-    cover = picture_from_view(a_rig.picture, a_rig.viewer, xy).cover
+    cover = picture_from_view(a_rig.picture_place, a_rig.viewer, xy).cover
     seen = cover > 0
     landings = trace_all(make_plan(a_rig, how), *a_rig.viewer.rays(xy[seen]))
     reason = np.where(

@@ -35,7 +35,7 @@ def ball(ior: float = 1.49) -> Glass:
 def test_points_stand_for_the_whole_picture() -> None:
     """Their areas sum to the picture's, and their mean place is its middle."""
     rig, proposal = rig_around(ball(), Wishes(picture=0.03))
-    points, uv, area = points_of(rig.picture)
+    points, uv, area = points_of(rig.picture_place)
     assert area.sum() == pytest.approx(0.03**2, rel=1e-12)
     middle = proposal.placement.picture[:3, 3]
     assert np.average(points, axis=0, weights=area) == pytest.approx(middle, abs=1e-15)
@@ -50,7 +50,7 @@ def test_light_spreads_as_the_closed_form_has_it() -> None:
     picture's corners, whose light lands furthest.
     """
     rig, spread = spread_around(ball(), Wishes(picture=0.025))
-    corners = rig.picture.mesh.vertices
+    corners = rig.picture_place.mesh.vertices
     directions = corners - rig.viewer.position
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     leave = through_ball(
