@@ -22,11 +22,11 @@ from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import CHUNK, _following
-from kiriko.core.rig import Mesh
+from kiriko.core.rig import ConstantIndex, Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from known import judge
 from known.closed_forms import unit
+from known.judges import JUDGES
 from known.reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
 
 Floats = NDArray[np.float64]
@@ -176,7 +176,7 @@ def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
     inside = np.array(SHAPES[shape][1])
     outside = np.array(START)
     straight = make_plan(rig(mesh, ior=STRAIGHT, distance=10.0), Settings())
-    glass = replace(straight.rig.glasses[0], ior=judge.ConstantIndex(BENT))
+    glass = replace(straight.rig.glasses[0], ior=ConstantIndex(BENT))
     media = replace(straight.media, indices=np.array([1.0, BENT]))
     bent = replace(straight, rig=replace(straight.rig, glasses=(glass,)), media=media)
     return (
@@ -191,7 +191,7 @@ def print_verdicts(n: int, seed: int) -> None:
         f"{'what':<32} {'cases':>7} {'worst error':>12} {'of its mark':>12} {'wrong':>6} {'off':>8}"
     )
     print(f"{head} {'kept':>5} {'s':>5}  where")
-    for ask in judge.JUDGES:
+    for ask in JUDGES:
         started = time.process_time()
         for v in ask(n, seed):
             seconds = time.process_time() - started

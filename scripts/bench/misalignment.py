@@ -21,7 +21,8 @@ from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.reference_rigs import cube_rig
 from paper.explain import explain
-from paper.results import PAPER_DX, SOURCE, Table, markdown
+from paper.published import PAPER_DX, SOURCE
+from paper.tables import Table, markdown
 
 ACROSS = 1165  # viewer px from the first to the last point
 # m

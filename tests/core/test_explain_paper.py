@@ -10,21 +10,10 @@ import pytest
 from kiriko.core.rig import MirrorArray
 from known.marks import FITS
 from known.reference_rigs import cube_rig
-from paper.explain import (
-    TARGET,
-    TOUCHED,
-    UNMOVED,
-    Experiment,
-    ability,
-    best_of,
-    columns,
-    dots,
-    explained,
-    means,
-    smallest,
-    suspects,
-    taken_for_ideal,
-)
+from paper.experiment import Experiment, dots
+from paper.explain import UNMOVED, ability
+from paper.explanations import TARGET, best_of, columns, explained, means, smallest
+from paper.suspects import TOUCHED, suspects, taken_for_ideal
 
 TOLERANCES = {"mm": 0.5, "deg": 0.1, "": 0.002, "%": 0.1}
 COMMON = "viewer: turn about up"

@@ -13,25 +13,37 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.settings import Settings
-from known import judge
+from known.judges import (
+    JUDGES,
+    judge_arrays,
+    judge_balls,
+    judge_landings,
+    judge_prisms,
+    judge_refraction,
+    judge_stacks,
+    refraction,
+)
+from known.judges.light import OUT_OF_THE_WAY
+from known.judges.prisms import Prism
+from known.judges.verdicts import EXACT
 from known.marks import CASES
 from known.reference_rigs import rig
 
 pytestmark = CASES
 
 CASES = {
-    judge.judge_refraction: 3000,
-    judge.judge_balls: 1500,
-    judge.judge_stacks: 2000,
-    judge.judge_landings: 800,
-    judge.judge_prisms: 1000,
-    judge.judge_arrays: 1200,
+    judge_refraction: 3000,
+    judge_balls: 1500,
+    judge_stacks: 2000,
+    judge_landings: 800,
+    judge_prisms: 1000,
+    judge_arrays: 1200,
 }
 
 
 def test_nothing_is_left_out():
     """Each judge is asked."""
-    assert set(CASES) == set(judge.JUDGES)
+    assert set(CASES) == set(JUDGES)
 
 
 @pytest.mark.parametrize("ask", CASES, ids=lambda ask: ask.__name__)
@@ -39,7 +51,7 @@ def test_the_marks_are_kept(ask):
     """Every case is within its mark and of the right class."""
     for verdict in ask(CASES[ask], seed=1):
         assert verdict.n_cases > 0.7 * CASES[ask]
-        assert verdict.error < judge.EXACT
+        assert verdict.error < EXACT
         assert verdict.is_kept, (
             f"{verdict.what}: {verdict.part:.3g} of the mark, {verdict.n_wrong} wrong:"
             f" {verdict.where}"
@@ -50,7 +62,7 @@ def rounded(directions, normals, n1, n2):
     """Refraction by the ratio of the indices alone, as it
     was: right for the ratio, not for the indices.
     """
-    return judge_refract(directions, normals, n1 / n2, np.ones(len(n1)))
+    return core_refract(directions, normals, n1 / n2, np.ones(len(n1)))
 
 
 def cancelling(directions, normals, n1, n2):
@@ -62,7 +74,7 @@ def cancelling(directions, normals, n1, n2):
     return eta[:, None] * directions + (eta * c - root)[:, None] * normals, k < 0, np.ones(len(k))
 
 
-judge_refract = judge.refract
+core_refract = refraction.refract
 
 
 @pytest.mark.parametrize("other", [rounded, cancelling])
@@ -70,8 +82,8 @@ def test_the_judge_tells_a_worse_refraction(other, monkeypatch):
     """Forms that lose digits near the critical angle of
     near-equal indices are found out, by the class of light.
     """
-    monkeypatch.setattr(judge, "refract", other)
-    verdict = judge.judge_refraction(2000)[0]
+    monkeypatch.setattr(refraction, "refract", other)
+    verdict = judge_refraction(2000)[0]
     assert verdict.n_wrong > 0
     assert not verdict.is_kept
 
@@ -84,8 +96,8 @@ def test_light_that_leaves_close_to_an_edge_does_not_enter_again():
     """
     half = 0.03
     at = half * np.array([[-1, -1], [1, -1], [-1, 1]])
-    glass = Glass("prism", judge.Prism(at, 0.1, 1.0).mesh, ConstantIndex(0.6))
-    plan = make_plan(rig((glass,), **judge.OUT_OF_THE_WAY), Settings())
+    glass = Glass("prism", Prism(at, 0.1, 1.0).mesh, ConstantIndex(0.6))
+    plan = make_plan(rig((glass,), **OUT_OF_THE_WAY), Settings())
     d = np.array([[0.1, 1.0, 0.0]]) / np.sqrt(1.01)
     for beside, met in ((4e-9, True), (1e-10, True), (-4e-9, False), (-1e-10, False)):
         landings = trace_all(plan, np.array([[half - beside, -half, 0.0]]) - 0.5 * d, d)

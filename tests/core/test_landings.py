@@ -4,8 +4,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from reference_rigs import ball_rig, cube_rig, icosphere, rig
-from work import drain
 
 from kiriko.core.bench import misalignment, spread, visible_range
 from kiriko.core.bench.misalignment import Bench
@@ -16,6 +14,8 @@ from kiriko.core.map import points
 from kiriko.core.map.points import trace_points
 from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
+from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
+from known.work import drain
 
 NAMES = [f.name for f in fields(Landings)]
 

@@ -9,7 +9,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass
 from known.reference_rigs import box, cube_rig, rig
-from paper.results import GAP, half_before, infloasion
+from paper.infloasion import GAP, half_before, infloasion
 
 PIXEL = 0.05 / 512  # m, of the display
 
