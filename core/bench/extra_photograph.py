@@ -8,6 +8,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import RigError
 from ..glass.motion import Motion
+from ..messages import Message
 from ..steps import within
 from .fit import Fit, condition_of, covariance_of
 from .misalignment import FEWEST, Bench
@@ -45,11 +46,11 @@ def extra_photographs(
     pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
     right, up, away = viewer.axes
     places = {
-        f"{ASIDE:g} degrees further right": turned(up, ASIDE, pivot),
-        f"{ASIDE:g} degrees further left": turned(up, -ASIDE, pivot),
-        f"{ASIDE:g} degrees higher": turned(right, -ASIDE, pivot),
-        f"{ASIDE:g} degrees lower": turned(right, ASIDE, pivot),
-        f"{NEARER:g} times the distance": Motion(
+        Message("{angle:g} degrees further right", angle=ASIDE): turned(up, ASIDE, pivot),
+        Message("{angle:g} degrees further left", angle=ASIDE): turned(up, -ASIDE, pivot),
+        Message("{angle:g} degrees higher", angle=ASIDE): turned(right, -ASIDE, pivot),
+        Message("{angle:g} degrees lower", angle=ASIDE): turned(right, ASIDE, pivot),
+        Message("{factor:g} times the distance", factor=NEARER): Motion(
             np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away
         ),
     }

@@ -13,6 +13,7 @@ from ..arrays import Floats
 from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import tracing
+from ..messages import Message
 from ..rig import PicturePlace
 from ..steps import at
 
@@ -96,7 +97,9 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
         "right": of_part[:, 2],
     }
     side = max(sides, key=lambda word: sides[word].sum())
-    return f"the picture's {side} side" if sides[side].sum() >= MOSTLY else SEVERAL
+    return (
+        Message("the picture's {side} side", side=side) if sides[side].sum() >= MOSTLY else SEVERAL
+    )
 
 
 def points_of(place: PicturePlace) -> tuple[Floats, Floats, Floats]:

@@ -2,6 +2,8 @@
 
 import bpy
 
+from ..messages import Message
+
 SURFACELESS = {"ARMATURE", "CAMERA", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 
 
@@ -13,4 +15,8 @@ def bodiless(thing: bpy.types.Object) -> str:
     if thing.type not in SURFACELESS:
         return ""
     word = thing.bl_rna.properties["type"].enum_items[thing.type].name.lower()
-    return f"{'an' if word[0] in 'aeiou' else 'a'} {word} has no surface"
+    return Message(
+        "{article} {kind} has no surface",
+        article="an" if word[0] in "aeiou" else "a",
+        kind=word,
+    )

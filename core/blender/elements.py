@@ -6,6 +6,7 @@ import bpy
 
 from ..errors import RigError
 from ..glass.meshes import geometric_normals
+from ..messages import Message
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
 from .material import read_refraction
@@ -63,8 +64,12 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
         readings = [MaterialReading(name, material, ior, source)]
         if source == "default":
             notes.append(
-                f"The glass '{name}' has no refractive material: using an index of"
-                f" refraction of {ior}."
+                Message(
+                    "The glass '{name}' has no refractive material: using an index of"
+                    " refraction of {ior}.",
+                    name=name,
+                    ior=ior,
+                )
             )
     plain = sorted(
         {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
@@ -72,15 +77,25 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     if plain:
         listed = ", ".join(f"'{material}'" for material in plain)
         notes.append(
-            f"The glass '{name}' has faces of {listed}, which does not refract: taken as"
-            f" glass all the same."
+            Message(
+                "The glass '{name}' has faces of {listed}, which does not refract: taken as"
+                " glass all the same.",
+                name=name,
+                listed=listed,
+            )
         )
     others = {r.ior for r in readings} - {readings[0].ior}
     if others:
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
         notes.append(
-            f"The glass '{name}' has materials of different index: using {readings[0].ior:.4g} of "
-            f"'{readings[0].material_name}' for all of it, not {listed}."
+            Message(
+                "The glass '{name}' has materials of different index: using {ior:.4g} of"
+                " '{material}' for all of it, not {listed}.",
+                name=name,
+                ior=readings[0].ior,
+                material=readings[0].material_name,
+                listed=listed,
+            )
         )
     glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
     return glass, readings, notes
@@ -136,8 +151,13 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
         notes = list(texture.notes)
     elif texture is not None:
         notes.append(
-            f"The picture '{name}' shows '{texture.image.name}', but '{image.name}' is chosen and"
-            " solved: choose it again in the Kiriko tab, to have it shown."
+            Message(
+                "The picture '{name}' shows '{shown}', but '{image}' is chosen and solved:"
+                " choose it again in the Kiriko tab, to have it shown.",
+                name=name,
+                shown=texture.image.name,
+                image=image.name,
+            )
         )
     return image, notes
 
@@ -146,10 +166,16 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
     name = part.owner.name
     image, notes = shown_image(part)
-    pixels = kept.pixels(image, f"the picture '{name}'")
+    pixels = kept.pixels(image, Message("the picture '{name}'", name=name))
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
         notes.append(
-            f"The image '{image.name}' is {squeezed} on the picture '{name}': {FIT_BUTTON}."
+            Message(
+                "The image '{image}' is {squeezed} on the picture '{name}': {remedy}.",
+                image=image.name,
+                squeezed=squeezed,
+                name=name,
+                remedy=FIT_BUTTON,
+            )
         )
     return place_of(image, part.name, part.mesh).showing(pixels), notes + about(image)
 
@@ -168,8 +194,15 @@ def read_picture_image(
         off = abs(place.width * viewer.height - place.height * viewer.width)
         if off > max(viewer.width, viewer.height):
             notes.append(
-                f"The picture image '{image.name}' has {place.width} x {place.height} pixels, the"
-                f" viewer {viewer.width} x {viewer.height}: it is stretched to fit."
+                Message(
+                    "The picture image '{image}' has {width} x {height} pixels, the viewer"
+                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
+                    image=image.name,
+                    width=place.width,
+                    height=place.height,
+                    viewer_width=viewer.width,
+                    viewer_height=viewer.height,
+                )
             )
     return [place.showing(pixels)], notes
 
@@ -183,7 +216,7 @@ def place_of(image: bpy.types.Image, name: str, mesh: Mesh | None = None) -> Pic
 def about(image: bpy.types.Image) -> list[str]:
     """Notes on an image of which only a part was read."""
     return (
-        [f"Of the image '{image.name}' only the first tile is used."]
+        [Message("Of the image '{image}' only the first tile is used.", image=image.name)]
         if image.source == "TILED"
         else []
     )

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..messages import Message
+
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",
     "BSDF_REFRACTION": "Refraction BSDF",
@@ -156,7 +158,7 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
             continue
         value, is_known = number(socket, groups)
         if not is_known:
-            yield f"{name.lower()} from nodes"
+            yield Message("{setting} from nodes", setting=name.lower())
         elif value != neutral:
             yield f"{name.lower()} {value:.3g}"
     colour = node.inputs.get("Base Color") or node.inputs.get("Color")
@@ -180,10 +182,22 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         return None
     ior, is_known = number(node.inputs["IOR"], groups)
     notes = (
-        () if is_known else (f"The IOR of '{material.name}' is driven by nodes: using {ior:.4g}.",)
+        ()
+        if is_known
+        else (
+            Message(
+                "The IOR of '{material}' is driven by nodes: using {ior:.4g}.",
+                material=material.name,
+                ior=ior,
+            ),
+        )
     )
     ignored = list(not_followed(node, groups))
-    ignored += [f"mixed with {other.bl_label}" for other, _ in found if other != node]
+    ignored += [
+        Message("mixed with {bl_label}", bl_label=other.bl_label)
+        for other, _ in found
+        if other != node
+    ]
     ignored += [name.lower() for name in ("Volume", "Displacement") if is_linked(output, name, ())]
     return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
 
@@ -229,15 +243,22 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     uv_map = ""
     if is_altered:
         notes.append(
-            f"The material '{name}' alters the colours of '{node.image.name}': using the"
-            f" plain image."
+            Message(
+                "The material '{name}' alters the colours of '{image}': using the plain image.",
+                name=name,
+                image=node.image.name,
+            )
         )
     end, _ = feeding(node.inputs["Vector"], groups)
     if end.is_output and end.node.type == "UVMAP":
         uv_map = end.node.uv_map
     elif end.is_output and not (end.node.type == "TEX_COORD" and end.name == "UV"):
         notes.append(
-            f"The material '{name}' places '{node.image.name}' by nodes: using the plane's UV map."
+            Message(
+                "The material '{name}' places '{image}' by nodes: using the plane's UV map.",
+                name=name,
+                image=node.image.name,
+            )
         )
     return Texture(node.image.original, uv_map, tuple(notes))
 

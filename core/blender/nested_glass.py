@@ -12,6 +12,7 @@ from mathutils.bvhtree import BVHTree
 from ..arrays import Floats
 from ..glass.solids import contains, solids_from_mesh
 from ..glass.surfaces import Surface
+from ..messages import Message
 from ..rig import WAVELENGTH, Glass
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
@@ -107,8 +108,12 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
         near = solids.near(i)
         for j in (j for j in near if j < i and solids.touch(i, j)):
             first, last = sorted((glasses[k].name, glasses[solids.owners[j]].name))
-            who = f"'{first}' and '{last}'" if first != last else f"parts of '{first}'"
-            reasons[f"{who} touch or overlap, which Cycles cannot follow"] = None
+            who = (
+                Message("'{first}' and '{last}'", first=first, last=last)
+                if first != last
+                else Message("parts of '{first}'", first=first)
+            )
+            reasons[Message("{who} touch or overlap, which Cycles cannot follow", who=who)] = None
         around = max((j for j in near if solids.holds(j, i)), key=solids.rank, default=None)
         if around is None:
             ratios[k].add(glasses[k].ior.at(WAVELENGTH))
@@ -121,7 +126,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
     found = []
     for k, glass in enumerate(glasses):
         if len(ratios[k]) > 1:
-            reasons[f"parts of '{glass.name}' lie in different media"] = None
+            reasons[Message("parts of '{glass}' lie in different media", glass=glass.name)] = None
         own = [
             surface
             for owner, surface in zip(solids.owners, solids.surfaces, strict=True)
@@ -129,9 +134,15 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
         ]
         side = _side(glass, own)
         if abs(abs(side) - 1) > SAME:
-            reasons[f"some faces of '{glass.name}' look inward: recalculate its normals"] = None
+            reasons[
+                Message(
+                    "some faces of '{glass}' look inward: recalculate its normals", glass=glass.name
+                )
+            ] = None
         found.append(Interface(next(iter(ratios[k]), None), side < 0))
-    return found, [f"The preview is not comparable: {reason}." for reason in reasons]
+    return found, [
+        Message("The preview is not comparable: {why}.", why=reason) for reason in reasons
+    ]
 
 
 def _side(glass: Glass, solids: list[Surface]) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..bench.placement import Proposal, lattice
 from ..errors import RigError
+from ..messages import Message
 from ..rig import Blocker, ConstantIndex, Glass, Mirror, Rig
 from . import shaders
 from .bodies import bodiless
@@ -53,7 +54,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     reasons = {thing: bodiless(thing) for thing in things}
     for thing in things:
         if thing.kiriko.role not in {"NONE", "GLASS"}:
-            reasons[thing] = f"it has the role {role_label(thing)}"
+            reasons[thing] = Message("it has the role {role}", role=role_label(thing))
     found = tuple(thing for thing, why in reasons.items() if not why)
     if things and not found:
         thing, why = next(iter(reasons.items()))
@@ -141,9 +142,9 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
         name = (
             f"'{part.owner.name}'"
             if part.name == part.owner.name
-            else f"'{part.name}' of '{part.owner.name}'"
+            else Message("'{part}' of '{name}'", part=part.name, name=part.owner.name)
         )
-        part.mesh.check(f"The glass {name}")
+        part.mesh.check(Message("The glass {glass}", glass=name))
         if part.mesh.is_flat:
             raise RigError(
                 "{name} is no closed body, but flat: give it a thickness, as by a Solidify"

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
+from ..messages import Message
 from ..rig import Mesh
 from .bodies import bodiless
 from .material import Texture
@@ -202,7 +203,12 @@ def hidden_words(thing: bpy.types.Object, by: str) -> str:
     """The trouble with an object that has a role and is
     hidden, and the remedy, without a full stop.
     """
-    return f"The {role_label(thing).lower()} '{thing.name}' is hidden{by}: show it"
+    return Message(
+        "The {role} '{name}' is hidden{by}: show it",
+        role=role_label(thing).lower(),
+        name=thing.name,
+        by=by,
+    )
 
 
 def notes_on_parts(
@@ -215,20 +221,37 @@ def notes_on_parts(
     no surface of their own, triangles without area.
     """
     notes = [
-        f"'{o.name}' has the role {role_label(o)} but"
-        f" {f'is hidden{by}' if by else 'shows nothing'}: left out."
+        Message(
+            "'{name}' has the role {role} but is hidden{by}: left out.",
+            name=o.name,
+            role=role_label(o),
+            by=by,
+        )
+        if by
+        else Message(
+            "'{name}' has the role {role} but shows nothing: left out.",
+            name=o.name,
+            role=role_label(o),
+        )
         for o, by in unmet.items()
     ]
     full = {part.owner for part in parts if len(part.mesh.triangles)}
     notes += [
-        f"The metaball '{o.name}' is part of another of the same name: give the role to the first"
-        f" of the family."
+        Message(
+            "The metaball '{name}' is part of another of the same name: give the role to the"
+            " first of the family.",
+            name=o.name,
+        )
         for o in scene.objects
         if o in met - full and o.type == "META"
     ]
     notes += [
-        f"'{part.name}' has {part.n_dropped} triangle{'s' if part.n_dropped > 1 else ''} without"
-        f" area: left out."
+        Message(
+            "'{name}' has {n} triangle{s} without area: left out.",
+            name=part.name,
+            n=part.n_dropped,
+            s="s" if part.n_dropped > 1 else "",
+        )
         for part in parts
         if part.n_dropped
     ]

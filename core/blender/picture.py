@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from ..errors import ImageError
 from ..free_memory import check_free
+from ..messages import Message
 
 LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
 # types of image that Blender shows and has no pixels of for others
@@ -41,9 +42,9 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
         )
     if min(image.size) < 1:  # asking for the size loads the file
         place = (
-            f"the file {bpy.path.abspath(image.filepath, library=image.library)}"
+            Message("the file {file}", file=bpy.path.abspath(image.filepath, library=image.library))
             if image.filepath
-            else "no file"
+            else Message("no file")
         )
         raise ImageError(
             "The image '{image}' of {owner} cannot be read from {place}: the file is"
@@ -63,8 +64,8 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     width, height = image.size
     check_free(
         float(OF_PIXEL) * width * height,
-        f"Reading the image '{image.name}' of {owner}",
-        f"choose a smaller one ({width} x {height} pixels)",
+        Message("Reading the image '{image}' of {owner}", image=image.name, owner=owner),
+        Message("choose a smaller one ({width} x {height} pixels)", width=width, height=height),
     )
     buffer = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(buffer)

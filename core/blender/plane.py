@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
+from ..messages import Message
 from ..words import percent
 from . import shaders
 from .material import Texture, find_texture, read_texture
@@ -149,7 +150,7 @@ def squeezed_words(factor: float) -> str:
     if abs(factor - 1) <= UNSEEN:
         return ""
     side, share = ("width", factor) if factor < 1 else ("height", 1 / factor)
-    return f"squeezed to {percent(share)} of its {side}"
+    return Message("squeezed to {share} of its {side}", share=percent(share), side=side)
 
 
 def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
@@ -194,7 +195,7 @@ def _readable(thing: bpy.types.Object) -> bpy.types.Image:
     image = image_of(thing)
     if image is None:
         raise RigError("it shows no image")
-    check_readable(image, f"the picture '{thing.name}'")
+    check_readable(image, Message("the picture '{name}'", name=thing.name))
     return image
 
 

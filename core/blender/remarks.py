@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..messages import Message
 from .parts import Part
 from .shapes import CURVED
 
@@ -31,8 +32,13 @@ def modifier_notes(parts: list[Part]) -> list[str]:
         and part.drawn is not None
     )
     return [
-        f"The modifier '{m.name}' of '{o.name}' leaves the vertices beside the surface that is"
-        f" meant: {remedy}."
+        Message(
+            "The modifier '{modifier}' of '{name}' leaves the vertices beside the surface that"
+            " is meant: {remedy}.",
+            modifier=m.name,
+            name=o.name,
+            remedy=remedy,
+        )
         for o, surface in drawn
         for m in o.modifiers
         if m.show_viewport and (remedy := remedy_of(m, surface))
@@ -68,14 +74,25 @@ def scene_notes(
     notes = []
     if depsgraph.mode == "VIEWPORT":
         notes += [
-            f"'{o.name}' has another shape in renders than in the viewport (modifiers): using the"
-            f" viewport's."
+            Message(
+                "'{name}' has another shape in renders than in the viewport (modifiers): using"
+                " the viewport's.",
+                name=o.name,
+            )
             for o in dict.fromkeys(part.owner for part in parts)
             if renders_differ(o, scene)
         ]
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        notes.append(f"The viewer '{camera.name}' has depth of field: solved as a pinhole.")
+        notes.append(
+            Message(
+                "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
+            )
+        )
     space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
     if space != "Linear Rec.709":
-        notes.append(f"The file works in {space}: Kiriko takes linear colours as Rec.709.")
+        notes.append(
+            Message(
+                "The file works in {space}: Kiriko takes linear colours as Rec.709.", space=space
+            )
+        )
     return notes

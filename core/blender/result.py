@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..errors import one_line
+from ..messages import Message, joined
 from ..solve.cost import cost
 from ..solve.solution import Solution
 from ..words import summary
@@ -114,13 +115,21 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     """
     if display.data is None or not hasattr(display.data, "materials"):
         return [
-            f"The display '{display.name}' has no material: give the image '{SOURCE}' to what"
-            f" it shows."
+            Message(
+                "The display '{display}' has no material: give the image '{image}' to what it"
+                " shows.",
+                display=display.name,
+                image=SOURCE,
+            )
         ]
     if not display.is_editable:
         return [
-            f"The display '{display.name}' is linked from another file: give it the image"
-            f" '{SOURCE}' there."
+            Message(
+                "The display '{display}' is linked from another file: give it the image"
+                " '{image}' there.",
+                display=display.name,
+                image=SOURCE,
+            )
         ]
     old = next(
         (s.material for s in display.material_slots if s.material and s.material.get(OURS)), None
@@ -145,8 +154,12 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
         if theirs is not None and not theirs.get(OURS):
             theirs.use_fake_user = True
             notes.append(
-                f"The material '{theirs.name}' of the display '{display.name}' gave way"
-                f" to '{ours.name}'."
+                Message(
+                    "The material '{theirs}' of the display '{display}' gave way to '{ours}'.",
+                    theirs=theirs.name,
+                    display=display.name,
+                    ours=ours.name,
+                )
             )
         slot.link = "OBJECT"
         slot.material = ours
@@ -250,8 +263,12 @@ def _numbers(
     notes = [
         *reading.notes,
         *(
-            f"Not followed of the material '{read.material_name}' of '{read.object_name}':"
-            f" {', '.join(read.ignored)}."
+            Message(
+                "Not followed of the material '{material}' of '{name}': {ignored}.",
+                material=read.material_name,
+                name=read.object_name,
+                ignored=joined(read.ignored, ", "),
+            )
             for read in reading.materials
             if read.ignored
         ),

@@ -13,6 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..bench.offset import with_offset
 from ..errors import KirikoError, RigError
+from ..messages import Message
 from ..rig import Blocker, Display, Mirror, Rig
 from .elements import MaterialReading, read_glass, read_picture, read_picture_image, read_plate
 from .mesh import flat_size
@@ -109,7 +110,9 @@ def read_drawn(
         notes += remarks
         unused = by_role.get("PICTURE", [])
         notes += [
-            f"The picture plane '{part.name}' is not used: the picture is an image."
+            Message(
+                "The picture plane '{name}' is not used: the picture is an image.", name=part.name
+            )
             for part in unused
         ]
     else:
@@ -151,8 +154,11 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
         return rig, []  # its errors are told before it is solved
     rig, unknown = with_offset(rig, kept)
     notes = [
-        f"The calibration's offset has '{name}', of which this rig has none: calibrate again or"
-        f" remove the offset."
+        Message(
+            "The calibration's offset has '{name}', of which this rig has none: calibrate again"
+            " or remove the offset.",
+            name=name,
+        )
         for name in unknown
     ]
     return rig, ["The calibration's offset is in this rig.", *notes]

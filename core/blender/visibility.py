@@ -10,6 +10,8 @@ from functools import cached_property
 
 import bpy
 
+from ..messages import Message
+
 
 class Shown:
     """The objects that a scene shows in one of its view layers, as it is now."""
@@ -58,7 +60,11 @@ class Shown:
                     getattr(layer, flag, False) or getattr(layer.collection, flag, False)
                     for flag in flags
                 ):
-                    return f" with its collection '{layer.collection.name}'{where}"
+                    return Message(
+                        " with its collection '{collection}'{where}",
+                        collection=layer.collection.name,
+                        where=where,
+                    )
         return where
 
 

@@ -13,6 +13,7 @@ from ..glass.meshes import interpolate
 from ..light.display import uv_area
 from ..light.hits import Hits
 from ..light.ray_engine import Layer
+from ..messages import Message
 from ..products import turn_covariance
 from ..rig import Mesh, PicturePlace, Viewer
 
@@ -170,16 +171,19 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
     """
     corners = place.mesh.corners.reshape(-1, 3)
     if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
-        return (
-            f"which is behind the viewer: turn the viewer round, or move the picture before"
-            f" it{BY_MIRROR}"
+        return Message(
+            "which is behind the viewer: turn the viewer round, or move the picture before"
+            " it{hint}",
+            hint=BY_MIRROR,
         )
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
     low = seen.min(axis=0)
     high = seen.max(axis=0)
     if (high <= 0).any() or (low >= (viewer.width, viewer.height)).any():
-        return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
+        return Message(
+            "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
+        )
     if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < EDGE_ON * np.linalg.norm(
         high - low
     ):
@@ -188,7 +192,9 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
         return (
             "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
         )
-    return f"which is outside its view: move it into the camera's frame{BY_MIRROR}"
+    return Message(
+        "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
+    )
 
 
 def _place(

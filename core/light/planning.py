@@ -12,6 +12,7 @@ from ..fingerprint import fingerprint
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
 from ..kinds import Kind
+from ..messages import Message
 from ..rig import Glass, Rig
 from ..settings import Settings
 from ..steps import Pauses, finish
@@ -203,7 +204,10 @@ def planning(
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
             *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
-            *(f"'{rig.glasses[i].name}' (no light comes near it)" for i in aside),
+            *(
+                Message("'{glass}' (no light comes near it)", glass=rig.glasses[i].name)
+                for i in aside
+            ),
         ),
         n_open=parts.of_glass("n_open", rig),
         n_contradicted=parts.of_curved("n_contradicted", rig),

@@ -7,6 +7,7 @@ import numpy as np
 from ..arrays import Floats
 from ..free_memory import check_free
 from ..light.plan import Plan
+from ..messages import Message
 from .points import OF_POINT, Points, trace_points
 
 TILE = 64  # cells each way, after which the random places begin anew
@@ -36,8 +37,14 @@ def _check_memory(plan: Plan, corners: Floats) -> None:
     check_free(
         OF_POINT * effort * area,
         "Sampling where light is chaotic",
-        f"lower Effort ({effort}), or the resolution of the viewer '{viewer.name}' ({viewer.width}"
-        f" x {viewer.height})",
+        Message(
+            "lower Effort ({effort}), or the resolution of the viewer '{viewer}'"
+            " ({viewer_width} x {viewer_height})",
+            effort=effort,
+            viewer=viewer.name,
+            viewer_width=viewer.width,
+            viewer_height=viewer.height,
+        ),
     )
 
 

@@ -12,6 +12,7 @@ from ..kernel import library
 from ..map.points import OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
+from ..messages import Message
 from ..rig import Mesh, Rig
 from ..settings import Settings
 
@@ -95,13 +96,27 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     viewer = rig.viewer
     picture = rig.picture_place
     remedies = {
-        "display": f"lower the resolution of the display '{display.name}' ({display.width} x"
-        f" {display.height})",
-        "viewer": f"lower the resolution of the viewer '{viewer.name}' ({viewer.width} x"
-        f" {viewer.height})",
-        "picture": f"choose a smaller image for the picture '{picture.name}' ({picture.width} x"
-        f" {picture.height})",
-        "tolerance": f"raise the tolerance ({settings.tolerance:g} display pixels)",
+        "display": Message(
+            "lower the resolution of the display '{display}' ({width} x {height})",
+            display=display.name,
+            width=display.width,
+            height=display.height,
+        ),
+        "viewer": Message(
+            "lower the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
+            viewer=viewer.name,
+            viewer_width=viewer.width,
+            viewer_height=viewer.height,
+        ),
+        "picture": Message(
+            "choose a smaller image for the picture '{picture}' ({width} x {height})",
+            picture=picture.name,
+            width=picture.width,
+            height=picture.height,
+        ),
+        "tolerance": Message(
+            "raise the tolerance ({tolerance:g} display pixels)", tolerance=settings.tolerance
+        ),
         "glass": "give the glass fewer triangles",
         "always": "close other programs",
     }
@@ -113,12 +128,21 @@ def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
     run through would take more memory than is free.
     """
     viewer = rig.viewer
-    resolution = f"the resolution of the viewer '{viewer.name}' ({viewer.width} x {viewer.height})"
+    resolution = Message(
+        "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
+        viewer=viewer.name,
+        viewer_width=viewer.width,
+        viewer_height=viewer.height,
+    )
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
         estimated(rig, settings, view_map)["borders"],
         "Painting what the borders in the glass cut to pieces",
-        f"lower Effort ({settings.effort}), or {resolution}"
+        Message(
+            "lower Effort ({effort}), or {resolution}",
+            effort=settings.effort,
+            resolution=resolution,
+        )
         if is_sampled
-        else f"lower {resolution}",
+        else Message("lower {resolution}", resolution=resolution),
     )

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..glass.meshes import SAME_NORMAL, find_edges, geometric_normals
 from ..image.glare import Glare
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.view_map import MapError
-from ..rig import Mesh, Rig
+from ..messages import Length, Message, joined
+from ..rig import Rig
 from ..words import millimetres, number, percent
 from .channel import Channel
+from .remedies import facetted_glass, name_of, remedy_for, remedy_for_irregular
 from .tessellation import COARSE, Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
@@ -22,9 +23,6 @@ LEAST_LOST = 1e-3
 ROUNDED = 0.1  # display px: where rounding may do more than this it is worth a remark
 BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
 UNDECIDED = 0.01  # share of the light whose way may be another one
-# edges between flat faces that meet at less than ROUND: so many stand for a curved surface
-FACETTED = 64
-ROUND = np.radians(12.0)
 # of the light that is cut off: where more never comes free, to raise the limit does not help
 MOST_CAUGHT = 0.9
 # of the light that the viewer gets: more that comes beside the glass is worth a remark
@@ -37,20 +35,26 @@ WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4
 class Remark:
     """A note to the user.
 
-    text : with {} where the length stands
+    text : with lengths as `Length`
     is_warning : does it tell of light that is lost or goes another way?
-    length : m
     """
 
-    text: str
+    text: Message
     is_warning: bool = False
-    length: float | None = None
 
     def told(self, length_text: Callable[[float], str] = millimetres) -> str:
-        """The sentence, with the length in words as a function of metres has it."""
-        return (
-            self.text if self.length is None else self.text.replace("{}", length_text(self.length))
-        )
+        """The sentence, with lengths in words as a function of metres has them."""
+        return self.text.told(length_text=length_text)
+
+
+def note(template: str, /, **values: object) -> Remark:
+    """A remark that informs."""
+    return Remark(Message(template, **values))
+
+
+def warning(template: str, /, **values: object) -> Remark:
+    """A remark on light that is lost or goes another way."""
+    return Remark(Message(template, **values), is_warning=True)
 
 
 def remarks_on(channels: Sequence[Channel], source: NDArray[np.float32]) -> tuple[Remark, ...]:
@@ -85,34 +89,44 @@ def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remar
 def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]:
     for glass, n_open, share in zip(rig.glasses, plan.n_open, leaks, strict=True):
         if share > LEAST_LOST:
-            yield Remark(
-                f"{percent(share)} of the picture's light goes through gaps in the glass"
-                f" '{glass.name}' ({n_open} open edges): close them.",
-                is_warning=True,
+            yield warning(
+                "{share} of the picture's light goes through gaps in the glass '{glass}'"
+                " ({n} open edges): close them.",
+                share=percent(share),
+                glass=glass.name,
+                n=n_open,
             )
 
 
 def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
     for part, n in zip((*rig.glasses, *rig.mirrors), plan.n_contradicted, strict=True):
         if n:
-            faces = f"{n} smooth triangle{'s' if n > 1 else ''} of '{part.name}'"
-            yield Remark(
-                f"The normals of {faces} contradict the shape or are missing: followed flat. Mark"
-                " edges there sharp (Shade Smooth by Angle), or subdivide."
+            yield note(
+                "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or are"
+                " missing: followed flat. Mark edges there sharp (Shade Smooth by Angle), or"
+                " subdivide.",
+                n=n,
+                s="s" if n > 1 else "",
+                part=part.name,
             )
 
 
 def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
     for part, n, m in zip((*rig.glasses, *rig.mirrors), plan.n_doubted, plan.n_curved, strict=True):
-        why = "too irregular or too coarse to tell the curved surface"
         if n and m:
-            drawn, curved = (percent(share / (n + m)) for share in (n, m))
-            yield Remark(
-                f"'{part.name}' is followed as drawn where its mesh is {why}: {drawn};"
-                f" {curved} as curved."
+            yield note(
+                "'{part}' is followed as drawn where its mesh is too irregular or too coarse to"
+                " tell the curved surface: {drawn}; {curved} as curved.",
+                part=part.name,
+                drawn=percent(n / (n + m)),
+                curved=percent(m / (n + m)),
             )
         elif n:
-            yield Remark(f"'{part.name}' is followed as drawn: its mesh is {why}.")
+            yield note(
+                "'{part}' is followed as drawn: its mesh is too irregular or too coarse to tell"
+                " the curved surface.",
+                part=part.name,
+            )
 
 
 def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator[Remark]:
@@ -121,148 +135,108 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
     if share <= LEAST_LOST:
         return
     if caught > MOST_CAUGHT:
-        text = (
-            f"{percent(share)} of the picture's light is caught in the glass, however high Max"
-            " Events is: look for faces of it that lie in one another, or for a hollow that"
-            " touches its outside."
+        yield warning(
+            "{share} of the picture's light is caught in the glass, however high Max Events is:"
+            " look for faces of it that lie in one another, or for a hollow that touches its"
+            " outside.",
+            share=percent(share),
         )
     else:
-        text = (
-            f"{percent(share)} of the picture's light meets more than {most} surfaces and is cut"
-            f" off: raise Max Events."
+        yield warning(
+            "{share} of the picture's light meets more than {most} surfaces and is cut off:"
+            " raise Max Events.",
+            share=percent(share),
+            most=most,
         )
-    yield Remark(text, is_warning=True)
 
 
 def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
-    if error.sampled > BEYOND:
-        n = plan.settings.samples_along**2
-        rays = (
-            "one ray stands for a viewer pixel"
-            if n == 1
-            else f"up to {n} rays stand for a viewer pixel"
+    if error.sampled <= BEYOND:
+        return
+
+    n = plan.settings.samples_along**2
+    rays = (
+        Message("one ray stands for a viewer pixel")
+        if n == 1
+        else Message("up to {n} rays stand for a viewer pixel", n=n)
+    )
+    text = Message(
+        "Light is chaotic in {share} of what is seen: {rays} there, {n} in all. Four times the"
+        " Effort takes four times as many, and halves their noise.",
+        share=percent(error.sampled),
+        rays=rays,
+        n=error.n_samples,
+    )
+    facetted = facetted_glass(rig)
+    if facetted:
+        text = joined(
+            [text, Message("Shade '{name}' smooth if it is meant to be curved.", name=facetted)]
         )
-        text = (
-            f"Light is chaotic in {percent(error.sampled)} of what is seen: {rays} there,"
-            f" {error.n_samples} in all. Four times the Effort takes four times as many, and"
-            f" halves their noise."
-        )
-        smooth = _to_shade_smooth(rig)
-        if smooth:
-            text += f" {smooth[0].upper()}{smooth[1:]}."
-        yield Remark(text, is_warning=True)
+    yield Remark(text, is_warning=True)
 
 
 def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator[Remark]:
     beyond = error.facet_limited + error.unresolved - error.noise
     if beyond > BEYOND:
-        yield Remark(
-            f"{percent(beyond)} of what is seen is off by more than the tolerance, or lost, where"
-            f" the view through the"
-            f" glass changes within a viewer pixel: {_remedy(rig, mesh, error)}.",
-            is_warning=True,
+        yield warning(
+            "{share} of what is seen is off by more than the tolerance, or lost, where the view"
+            " through the glass changes within a viewer pixel: {remedy}.",
+            share=percent(beyond),
+            remedy=remedy_for(rig, mesh, error),
         )
     if mesh.undecided > UNDECIDED:
-        yield Remark(
-            f"{percent(mesh.undecided)} of the light meets gaps or overlaps of glass that are"
-            " thinner than its mesh is exact, and may go another way: use the same mesh for"
-            " faces that touch, or move them apart.",
-            is_warning=True,
+        yield warning(
+            "{share} of the light meets gaps or overlaps of glass that are thinner than its mesh"
+            " is exact, and may go another way: use the same mesh for faces that touch, or move"
+            " them apart.",
+            share=percent(mesh.undecided),
         )
-
-
-def _remedy(rig: Rig, mesh: Tessellation, error: MapError) -> str:
-    """The remedy for a view that changes within pixels, by the cause."""
-    if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
-        return "raise Max Events"
-    bends = error.facet_limited > error.unresolved
-    if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
-        return (
-            f"the faces of '{_name(rig, mesh.uneven)}' contradict each other:"
-            f" {_for_irregular(rig, mesh)}"
-        )
-    if bends and mesh.error > 0:
-        return "use a finer mesh, or raise the viewer's resolution"
-    smooth = _to_shade_smooth(rig)
-    return (
-        f"{smooth}, or raise the viewer's resolution" if smooth else "raise the viewer's resolution"
-    )
-
-
-def _to_shade_smooth(rig: Rig) -> str:
-    """The remedy where the facets of a glass stand for a curved surface.
-
-    Nothing where there is none.
-    """
-    facetted = next((glass for glass in rig.glasses if is_facetted(glass.mesh)), None)
-    return "" if facetted is None else f"shade '{facetted.name}' smooth if it is meant to be curved"
-
-
-def _for_irregular(rig: Rig, mesh: Tessellation) -> str:
-    """The remedy for an irregular mesh that is followed as curved."""
-    part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
-    change = "set its Surface to Automatic, or " if part.mesh.surface == "smooth" else ""
-    return f"{change}give it a finer or a more regular mesh"
-
-
-def _name(rig: Rig, part: int) -> str:
-    return (*rig.glasses, *rig.mirrors)[part].name
-
-
-def is_facetted(mesh: Mesh) -> bool:
-    """Do many flat faces of a mesh meet at small angles, as of
-    a curved surface that was not shaded smooth?
-    """
-    is_flat = np.ones(len(mesh.triangles), bool) if mesh.is_smooth is None else ~mesh.is_smooth
-    if is_flat.sum() < FACETTED:
-        return False
-    edges = find_edges(mesh.triangles)
-    normals = geometric_normals(mesh.corners)
-    apart = np.linalg.norm(normals[edges.first] - normals[edges.second], axis=1)
-    meets = (
-        is_flat[edges.first]
-        & is_flat[edges.second]
-        & (apart > SAME_NORMAL)
-        & (apart < 2 * np.sin(ROUND / 2))
-    )
-    return int(meets.sum()) >= FACETTED
 
 
 def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
     if mesh.error <= COARSE:
         return
     if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
-        drawn = "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+        drawn = Message(
+            "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+        )
     elif any(plan.n_doubted):
-        drawn = (
+        drawn = Message(
             "it is followed as drawn where it is irregular or coarse: use a finer or a more"
             " regular mesh"
         )
     else:
-        drawn = "normals contradict its shape: mark edges sharp there, or subdivide the glass"
+        drawn = Message(
+            "normals contradict its shape: mark edges sharp there, or subdivide the glass"
+        )
     remedies = {
         "drawn": drawn,
-        "order": "it is coarse: subdivide the glass",
-        "straight": "its edges are straight where smooth faces meet flat ones: add loops near them",
-        "jumps": f"the curved faces of '{_name(rig, mesh.uneven)}' contradict each other at their"
-        f" edges:"
-        f" {_for_irregular(rig, mesh)}",
+        "order": Message("it is coarse: subdivide the glass"),
+        "straight": Message(
+            "its edges are straight where smooth faces meet flat ones: add loops near them"
+        ),
+        "jumps": Message(
+            "the curved faces of '{name}' contradict each other at their edges: {remedy}",
+            name=name_of(rig, mesh.uneven),
+            remedy=remedy_for_irregular(rig, mesh),
+        ),
     }
-    yield Remark(
-        f"The mesh costs up to about {number(mesh.error)} display pixels, for"
-        f" {remedies[mesh.cause]}."
+    yield note(
+        "The mesh costs up to about {error} display pixels, for {remedy}.",
+        error=number(mesh.error),
+        remedy=remedies[mesh.cause],
     )
 
 
 def _on_rounding(plan: Plan, rounded: float) -> Iterator[Remark]:
     touching = plan.merge_distance
     if max(rounded, touching / display_pixel(plan.rig.display)) > ROUNDED:
-        yield Remark(
-            f"Blender rounds places: landings may be off by {number(rounded)} display pixels, and"
-            f" glass nearer than"
-            " {} touches. Move the rig to the origin, and the origins of its objects to their"
-            " middles.",
-            length=touching,
+        yield note(
+            "Blender rounds places: landings may be off by {error} display pixels, and glass"
+            " nearer than {gap} touches. Move the rig to the origin, and the origins of its"
+            " objects to their middles.",
+            error=number(rounded),
+            gap=Length(touching),
         )
 
 
@@ -271,20 +245,31 @@ def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Rem
     brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
     bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)
     if bright > 0:
-        others = "turn Brightness off, " if plan.settings.brightness else ""
-        yield Remark(
-            f"{percent(bright)} of the source image is brighter than a display's white and would"
-            f" be clipped: {others}make the image of '{rig.picture.name}' darker in an image"
-            " editor, or export OpenEXR, which keeps it."
+        remedy = (
+            Message("turn Brightness off, make") if plan.settings.brightness else Message("make")
+        )
+        yield note(
+            "{share} of the source image is brighter than a display's white and would be clipped:"
+            " {remedy} the image of '{picture}' darker in an image editor, or export OpenEXR,"
+            " which keeps it.",
+            share=percent(bright),
+            remedy=remedy,
+            picture=rig.picture.name,
         )
 
 
 def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
-    cover = "cover what is seen of the plate there"
-    remedy = cover if plan.settings.suppress_glare == 1 else f"raise Suppress Glare, or {cover}"
-    yield Remark(
-        f"Glare: {percent(glare.share)} of the light that the viewer gets comes beside the glass,"
-        f" {glare.where}: {remedy}."
+    remedy = (
+        Message("cover what is seen of the plate there")
+        if plan.settings.suppress_glare == 1
+        else Message("raise Suppress Glare, or cover what is seen of the plate there")
+    )
+    yield note(
+        "Glare: {share} of the light that the viewer gets comes beside the glass, {where}:"
+        " {remedy}.",
+        share=percent(glare.share),
+        where=glare.where,
+        remedy=remedy,
     )

@@ -14,7 +14,8 @@ from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.solve.accuracy import Accuracy, measure
-from kiriko.core.solve.remarks import BEYOND, is_facetted, remarks_on
+from kiriko.core.solve.remarks import BEYOND, remarks_on
+from kiriko.core.solve.remedies import is_facetted
 from kiriko.core.solve.tessellation import Tessellation, tessellation
 from kiriko.core.words import millimetres, percent
 from known import closed_forms
@@ -91,7 +92,8 @@ def test_places_far_from_the_origin_are_told():
         found = [remark for remark in solve(r).remarks if "Blender rounds places" in remark.text]
         assert bool(found) == is_told
         for remark in found:
-            assert f"glass nearer than {millimetres(remark.length)} touches" in remark.told()
+            gap = millimetres(remark.text.values["gap"].metres)
+            assert f"glass nearer than {gap} touches" in remark.told()
             assert "glass nearer than 3 ells touches" in remark.told(lambda metres: "3 ells")
 
 

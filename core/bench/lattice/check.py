@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Bools, Floats
 from ...errors import ImageError
+from ...messages import Message
 from .drawn import Lattice
 from .growth import (
     ABOVE_ROUGHNESS,
@@ -80,15 +81,22 @@ def check(points: Floats, lattice: Lattice) -> None:
             )
         if is_swap:
             told.append(
-                f"points {lattice.name(sites[one])} and {lattice.name(sites[other])} seem swapped"
+                Message(
+                    "points {one} and {other} seem swapped",
+                    one=lattice.name(sites[one]),
+                    other=lattice.name(sites[other]),
+                )
             )
             swapped |= {one, other}
     for site in wanted:
         if site not in swapped:
             far = np.abs(at[sites[site]] - wanted[site])
             told.append(
-                f"point {lattice.name(sites[site])} stands {far:.0f} pixels from where its"
-                f" neighbours have it"
+                Message(
+                    "point {point} stands {far:.0f} pixels from where its neighbours have it",
+                    point=lattice.name(sites[site]),
+                    far=far,
+                )
             )
     raise ImageError(
         "{problems}: correct that, or leave them out.", problems="; ".join(told).capitalize()

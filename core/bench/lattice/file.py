@@ -8,6 +8,7 @@ import numpy as np
 from ...arrays import Floats
 from ...errors import ImageError
 from ...image_io import read_bytes
+from ...messages import Message
 from .check import missing_borders
 from .drawn import Lattice
 from .match import match
@@ -67,7 +68,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     loose = []
     seen_in = {}
     for number, cells in lines[1:]:
-        where = f"Line {number} of '{path}'"
+        where = Message("Line {number} of '{path}'", number=number, path=path)
         if len(cells) <= max(places):
             raise ImageError(
                 "{where} has {n_cells} of {n_columns} columns: complete or remove it.",

@@ -1,0 +1,72 @@
+"""Remedies for a mesh that limits the result, by the cause that was measured."""
+
+import numpy as np
+
+from ..glass.meshes import SAME_NORMAL, find_edges, geometric_normals
+from ..map.view_map import MapError
+from ..messages import Message
+from ..rig import Mesh, Rig
+from .tessellation import COARSE, Tessellation
+
+# edges between flat faces that meet at less than ROUND: so many stand for a curved surface
+FACETTED = 64
+ROUND = np.radians(12.0)
+
+
+def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
+    """The remedy for a view that changes within pixels, by the cause."""
+    if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
+        return Message("raise Max Events")
+    bends = error.facet_limited > error.unresolved
+    if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
+        return Message(
+            "the faces of '{name}' contradict each other: {remedy}",
+            name=name_of(rig, mesh.uneven),
+            remedy=remedy_for_irregular(rig, mesh),
+        )
+    if bends and mesh.error > 0:
+        return Message("use a finer mesh, or raise the viewer's resolution")
+    facetted = facetted_glass(rig)
+    if facetted:
+        return Message(
+            "shade '{name}' smooth if it is meant to be curved, or raise the viewer's resolution",
+            name=facetted,
+        )
+    return Message("raise the viewer's resolution")
+
+
+def facetted_glass(rig: Rig) -> str:
+    """The name of a glass whose facets stand for a curved surface, '' where there is none."""
+    return next((glass.name for glass in rig.glasses if is_facetted(glass.mesh)), "")
+
+
+def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:
+    """The remedy for an irregular mesh that is followed as curved."""
+    part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
+    if part.mesh.surface == "smooth":
+        return Message("set its Surface to Automatic, or give it a finer or a more regular mesh")
+    return Message("give it a finer or a more regular mesh")
+
+
+def name_of(rig: Rig, part: int) -> str:
+    """The name of a glass or mirror, by its number among both."""
+    return (*rig.glasses, *rig.mirrors)[part].name
+
+
+def is_facetted(mesh: Mesh) -> bool:
+    """Do many flat faces of a mesh meet at small angles, as of
+    a curved surface that was not shaded smooth?
+    """
+    is_flat = np.ones(len(mesh.triangles), bool) if mesh.is_smooth is None else ~mesh.is_smooth
+    if is_flat.sum() < FACETTED:
+        return False
+    edges = find_edges(mesh.triangles)
+    normals = geometric_normals(mesh.corners)
+    apart = np.linalg.norm(normals[edges.first] - normals[edges.second], axis=1)
+    meets = (
+        is_flat[edges.first]
+        & is_flat[edges.second]
+        & (apart > SAME_NORMAL)
+        & (apart < 2 * np.sin(ROUND / 2))
+    )
+    return int(meets.sum()) >= FACETTED
