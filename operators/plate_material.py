@@ -9,7 +9,7 @@ from ..core.blender.elements import mirrors
 from ..core.blender.plate import be_mirror_array
 from ..core.blender.scene import length_of_unit
 from ..core.errors import MeshError, RigError
-from ..core.light.sheets import FLAT
+from ..core.light.law_plate import FLAT
 from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 BEZIER_AT_ONCE = 1 << 12  # faces
 MOST_EVENTS = 1 << 31  # more is for ever
+LAST_KIND = 4  # of those in kiriko.h: numpy follows rays that may meet others
 LAYOUTS = "crossed", "holes", "radial"
 SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 # (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
@@ -250,7 +251,7 @@ def _unknown(layers: Sequence[Layer]) -> str | None:
 
 
 def _make_plan(plan: "Plan") -> Made | None:
-    if _unknown(plan.layers) is not None:
+    if _unknown(plan.layers) is not None or plan.kind.max() > LAST_KIND:
         return None
 
     made = Made(PlanStructure)

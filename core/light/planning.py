@@ -25,7 +25,7 @@ from .media import Media, make_media
 from .plan import LayerParts, Plan
 from .plate import ArrayFrame, array_frame
 from .ray_engine import Layer
-from .sheets import find_clear, find_sheets, mirrors_among, read_sheets
+from .sheets import Sheet, find_clear, find_sheets, read_sheets
 from .thin_parts import ThinParts
 
 
@@ -52,22 +52,19 @@ class _Parts:
     """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
 
     solids: list[_Solid]
-    sheets: list[tuple[Kind, Surface, str]]
+    sheets: list[Sheet]
 
     @cached_property
     def surfaces(self) -> list[Surface]:
-        return [
-            *(solid.surface for solid in self.solids),
-            *(surface for _, surface, _ in self.sheets),
-        ]
+        return [part.surface for part in (*self.solids, *self.sheets)]
 
     @cached_property
     def keys(self) -> list[str]:
-        return [*(solid.key_here for solid in self.solids), *(key for *_, key in self.sheets)]
+        return [*(solid.key_here for solid in self.solids), *(sheet.key for sheet in self.sheets)]
 
     @cached_property
     def kind(self) -> Ints:
-        return np.array([Kind.GLASS] * len(self.solids) + [kind for kind, *_ in self.sheets])
+        return np.array([Kind.GLASS] * len(self.solids) + [s.role.kind for s in self.sheets])
 
     @cached_property
     def starts(self) -> Ints:
@@ -102,11 +99,16 @@ class _Parts:
         )
 
     def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
-        """The same, then of each mirror."""
-        of_mirrors = (
-            getattr(surface, name) for kind, surface, _ in self.sheets if kind == Kind.MIRROR
-        )
-        return *self.of_glass(name, rig), *of_mirrors
+        """The same, then of each mirror: of all parts that may be curved."""
+        surface_of = {id(sheet.part): sheet.surface for sheet in self.sheets}
+        sheets = rig.curved_parts()[len(rig.glasses) :]
+        return *self.of_glass(name, rig), *(getattr(surface_of[id(p)], name) for p in sheets)
+
+    def owner(self, rig: Rig) -> Ints:
+        """The number of each part's object among those that may be curved; -1 for all others."""
+        number_of = {id(part): number for number, part in enumerate(rig.curved_parts())}
+        numbers = (number_of.get(id(sheet.part), -1) for sheet in self.sheets)
+        return np.array([*(solid.number for solid in self.solids), *numbers])
 
 
 def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_Solid]]:
@@ -167,7 +169,7 @@ def planning(
 
     plane = display_plane(rig.display, parts.surfaces[-1])
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
-    arrays = _array_frames(rig, parts)
+    arrays = _array_frames(parts)
     is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
     rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
     n_sheets = len(parts.sheets)
@@ -187,9 +189,7 @@ def planning(
         open_parts=tuple(
             (i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open
         ),
-        owner=np.array(
-            [*(solid.number for solid in parts.solids), *mirrors_among(rig, parts.sheets)]
-        ),
+        owner=parts.owner(rig),
         media=media,
         layers=layers,
         layer_parts=layer_parts,
@@ -265,15 +265,12 @@ def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable
     return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
 
 
-def _array_frames(rig: Rig, parts: _Parts) -> dict[int, ArrayFrame]:
-    """Where the mirror arrays of plates stand, by the number of their part.
-
-    Plates are the first sheets.
-    """
+def _array_frames(parts: _Parts) -> dict[int, ArrayFrame]:
+    """Where the mirror arrays of plates stand, by the number of their part."""
     return {
-        len(parts.solids) + i: array_frame(plate, parts.sheets[i][1].normals[0])
-        for i, plate in enumerate(rig.plates)
-        if plate.array is not None
+        number: array_frame(sheet.part, sheet.surface.normals[0])
+        for number, sheet in enumerate(parts.sheets, len(parts.solids))
+        if sheet.role.kind == Kind.PLATE and sheet.part.array is not None
     }
 
 

@@ -1,43 +1,25 @@
 """All parts of a rig that are no solids: plates, mirrors, blockers and the display."""
 
-from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import FLOAT32, Bools, Floats, Ints
-from ..errors import RigError
-from ..fingerprint import fingerprint
-from ..glass.surfaces import Surface, make_surface
+from ..glass.surfaces import Surface
 from ..kinds import Kind
-from ..rig import Mesh, Plate, Rig
-from ..vectors import dot
-from .display import uv_islands
+from ..rig import MET_ROLES, Rig, Role
 from .kept import Kept
+from .laws import LAWS
 from .layers import BULGE
 
-FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
 
+class Sheet(NamedTuple):
+    """A part that is no solid, with its surface; the key tells the surface from others."""
 
-def plate_surface(plate: Plate) -> Surface:
-    """A plate's triangles as one patch of one plane; RigError when they do not lie in one."""
-    surface = make_surface(plate.mesh.flat())
-    corners = surface.corners.reshape(-1, 3)
-    centre = corners.mean(axis=0)
-    areas = np.cross(
-        surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0]
-    )
-    largest = areas[np.argmax(dot(areas, areas))]
-    normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # whichever way its faces look
-    length = np.linalg.norm(normal)
-    if length == 0:
-        raise RigError("The plate '{plate}' has no area: scale it up.", plate=plate.name)
-    normal /= length
-    if np.abs((corners - centre) @ normal).max() > FLAT * np.ptp(corners, axis=0).max():
-        raise RigError(
-            "The plate '{plate}' is not flat: a plate has to be a plane.", plate=plate.name
-        )
-    n = len(surface.corners)
-    return replace(surface, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
+    role: Role
+    part: Any
+    surface: Surface
+    key: str
 
 
 def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
@@ -79,26 +61,13 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     return is_clear
 
 
-def read_sheets(rig: Rig, kept: Kept) -> list[tuple[Kind, Surface, str]]:
-    """Everything that is no solid, the display last, with a key for each."""
-
-    def mirror(mesh: Mesh) -> tuple[Kind, Surface, str]:
-        key = fingerprint(mesh)
-        return Kind.MIRROR, kept.get(key, lambda: make_surface(mesh)), f"{key}/0"
-
-    def flat(kind: Kind, mesh: Mesh, surface: Surface) -> tuple[Kind, Surface, str]:
-        return kind, surface, f"{fingerprint(mesh.flat())}/0"
-
-    display = replace(make_surface(rig.display.mesh.flat()), patch=uv_islands(rig.display.mesh))
+def read_sheets(rig: Rig, kept: Kept) -> list[Sheet]:
+    """Everything that is no solid, the display last."""
+    laws = [(role, LAWS[role.kind].surface) for role in MET_ROLES]
+    laws.sort(key=lambda pair: pair[0].kind == Kind.DISPLAY)
     return [
-        *(flat(Kind.PLATE, plate.mesh, plate_surface(plate)) for plate in rig.plates),
-        *(mirror(part.mesh) for part in rig.mirrors),
-        *(flat(Kind.BLOCKER, part.mesh, make_surface(part.mesh.flat())) for part in rig.blockers),
-        flat(Kind.DISPLAY, rig.display.mesh, display),
+        Sheet(role, part, *surface(part, kept))
+        for role, surface in laws
+        if surface is not None
+        for part in rig.of(role)
     ]
-
-
-def mirrors_among(rig: Rig, sheets: list[tuple[Kind, Surface, str]]) -> list[int]:
-    """For each sheet its number among the rig's glasses and mirrors, -1 where it is no mirror."""
-    numbers = iter(range(len(rig.glasses), len(rig.glasses) + len(rig.mirrors)))
-    return [next(numbers) if kind == Kind.MIRROR else -1 for kind, *_ in sheets]

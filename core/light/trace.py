@@ -11,7 +11,8 @@ from ..kinds import Kind
 from ..steps import Pauses, finish
 from .hits import Accept, Hits, slab
 from .landings import Landings, Reason, Words, join
-from .meetings import MEETINGS, is_beside_glass, on_plane
+from .laws import ENDS, LAWS
+from .meetings import is_beside_glass, on_plane
 from .plan import Plan
 from .rays import LAND, PlateLight, Rays, ReachedError
 
@@ -152,19 +153,17 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         # sheet must not be met once more from there
         is_beside = (kind == Kind.GLASS) & (hits.distance <= plan.merge_distance)
         rays.last_part[rays.live[~is_beside]] = plan.sheet[part[~is_beside]]
-        for of_kind, meet in MEETINGS.items():
+        for of_kind, law in LAWS.items():
             chosen = np.flatnonzero(kind == of_kind)
             if len(chosen):
-                meet(
+                law.meet(
                     plan,
                     rays,
                     rays.live[chosen],
                     hits.at(chosen),
                     [other.at(chosen) for other in by_layer],
                 )
-        rays.live = rays.live[
-            (kind != Kind.BLOCKER) & (kind != Kind.DISPLAY) & ~rays.has_ended[rays.live]
-        ]
+        rays.live = rays.live[~ENDS[kind] & ~rays.has_ended[rays.live]]
         yield 0
 
 

@@ -66,7 +66,7 @@ def rounding_error(plan: Plan) -> float:
             for part in (*rig.glasses, *rig.plates, rig.display)
         )
     )
-    for part in (*rig.glasses, *rig.mirrors):
+    for part in rig.curved_parts():
         if not part.mesh.rounding:
             continue
         corners = part.mesh.corners

@@ -53,7 +53,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     """
     place = rig.picture_place
     display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
-    meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
+    meshes = [part.mesh for part in rig.curved_parts()]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
     n_quads = min(QUADS * sides, MOST_QUADS * viewer)

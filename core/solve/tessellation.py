@@ -17,7 +17,7 @@ from ..light.plan import Plan
 from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
-from ..rig import Glass, Mirror, Rig, Viewer
+from ..rig import ROLES, Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
 
 SAMPLES = 32  # rays along each side of the viewer's image
@@ -169,12 +169,15 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
 
 
 def _drawn(rig: Rig) -> Rig:
-    """A rig whose glass and mirrors are followed as drawn."""
-    glasses, mirrors = (
-        tuple(replace(part, mesh=replace(part.mesh, surface="facets")) for part in group)
-        for group in (rig.glasses, rig.mirrors)
-    )
-    return replace(rig, glasses=glasses, mirrors=mirrors)
+    """A rig whose curved parts are followed as drawn."""
+    drawn = {
+        role.field: tuple(
+            replace(part, mesh=replace(part.mesh, surface="facets")) for part in rig.of(role)
+        )
+        for role in ROLES
+        if role.is_curved
+    }
+    return replace(rig, **drawn)
 
 
 def _sample(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
@@ -211,7 +214,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
 
     Normals are off by about as much as they jump at the edges of a face.
     """
-    parts = (*plan.rig.glasses, *plan.rig.mirrors)
+    parts = plan.rig.curved_parts()
     ways = np.array([way_from(plan.rig, part) for part in parts])
     n_rays = int(arrived.max(initial=-1)) + 1
     squares = np.zeros((len(parts), n_rays))

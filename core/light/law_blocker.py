@@ -1,0 +1,24 @@
+"""A blocker: light ends."""
+
+from ..arrays import Ints
+from ..glass.surfaces import Surface, make_surface
+from ..rig import Blocker
+from .hits import Hits
+from .kept import Kept
+from .landings import Reason
+from .meetings import Law, key_of_facets
+from .plan import Plan
+from .rays import Rays
+
+
+def surface(part: Blocker, kept: Kept) -> tuple[Surface, str]:
+    """Its triangles, each flat."""
+    return make_surface(part.mesh.flat()), key_of_facets(part.mesh)
+
+
+def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    """End here, blocked."""
+    rays.reason[i] = Reason.BLOCKED
+
+
+LAW = Law(meet, surface, ends=True)

@@ -1,0 +1,35 @@
+"""A mirror: light is reflected, on both sides."""
+
+from ..arrays import Ints
+from ..fingerprint import fingerprint
+from ..glass.surfaces import Surface, make_surface
+from ..rig import Mirror
+from ..vectors import dot, normalise
+from .hits import Hits
+from .kept import Kept
+from .meetings import Law, shading_normals
+from .optics import reflect
+from .plan import Plan
+from .rays import MIRROR, Rays
+
+
+def surface(part: Mirror, kept: Kept) -> tuple[Surface, str]:
+    """A surface that may be curved."""
+    key = fingerprint(part.mesh)
+    return kept.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
+
+
+def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
+    """Go on reflected; where a bent normal would send light through, by the face's own one."""
+    directions = rays.directions[i]
+    geometric, shading = shading_normals(plan, directions, hits)
+
+    out = reflect(directions, shading)
+    wrong = dot(out, geometric) < 0
+    out[wrong] = reflect(directions[wrong], geometric[wrong])
+
+    rays.directions[i] = normalise(out)
+    rays.add_to_branch(i, plan.patch[hits.triangle], MIRROR)
+
+
+LAW = Law(meet, surface)

@@ -1,0 +1,13 @@
+"""The laws of all kinds of parts, each found by the name of its role."""
+
+from importlib import import_module
+
+import numpy as np
+
+from ..rig import MET_ROLES
+from .meetings import Law
+
+LAWS: dict[int, Law] = {
+    role.kind: import_module(f".law_{role.name.lower()}", __package__).LAW for role in MET_ROLES
+}
+ENDS = np.array([LAWS[kind].ends for kind in range(len(LAWS))])
