@@ -14,6 +14,7 @@ from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
 from ..core.light.landings import REASON_WORDS, Reason
+from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, number, percent, summary
 from . import work
@@ -134,12 +135,12 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
 
 
 def _refuse_second(scene: bpy.types.Scene) -> None:
-    for role in ("DISPLAY", "PICTURE"):
-        found = work.parts(scene).get(role)
+    for role in (role for role in ROLES if role.is_single and role.number is not None):
+        found = work.parts(scene).get(role.name)
         if found:
             raise RigError(
                 "The scene has a {role} already ('{name}'): set its role to None first.",
-                role=role.lower(),
+                role=role.noun,
                 name=next(iter(found)).name,
             )
 

@@ -2,7 +2,6 @@
 places at which a lattice is seen, and solve again.
 """
 
-import json
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from ..core.bench.lattice.photograph import find_points
 from ..core.bench.misalignment import FEWEST, Bench
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
+from ..core.blender.kept import Numbers, Offset
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
@@ -76,14 +76,14 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     ours = context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
     digest = image_io.digest(path)
-    found_before = json.loads(ours.found or "{}")
+    found_before = Numbers.read(ours.found).by_name
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
             "What '{file}' tells is in the scene already: solve, and take another"
             " photograph of what is seen.",
             file=path.name,
         )
-    offset = json.loads(ours.offset or "[]")
+    offset = Offset.read(ours.offset).sets
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
         # the same file once more, as with other tolerances: in place of the offset of before
         offset.pop()
@@ -114,7 +114,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     text = told(found)
     odd = [lattice.name(k) for k in np.flatnonzero(found.left_out)]
     about = {"measured": path.name, "digest": digest, "kept": ours.keep, "left_out": odd}
-    details = json.dumps({**about, **as_data(bench, found, expect, extras)})
+    details = Numbers({**about, **as_data(bench, found, expect, extras)}).text()
     amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
     if ours.keep == "NONE":
         ours.found = details

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..core import image_io
+from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, KirikoError, RigError
@@ -232,7 +233,7 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield f"calibrating '{Path(bpy.data.filepath).name}' by '{arguments.measured.name}'"
     yield (yield from _progress(calibrated(context, reading, arguments.measured)))
     yield from _solve(arguments)
-    image_io.write_text(details, json.dumps(json.loads(ours.found), indent=2) + "\n")
+    image_io.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
     except RuntimeError as reason:
@@ -309,6 +310,6 @@ def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
         "file": Path(bpy.data.filepath).name,
         "blender": bpy.app.version_string,
         "summary": text,
-        **json.loads(result.details),
+        **Numbers.read(result.details).by_name,
         "notes": result.notes.splitlines(),
     }

@@ -1,12 +1,12 @@
 """Export: write the source image to a file for the display."""
 
-import json
 from pathlib import Path
 
 import bpy
 
 from ..core import image_io
 from ..core.blender.image import pixels_from_image, save_png
+from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
 from . import watch, work
@@ -154,7 +154,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                     "{changed}, or export the old image with allow_stale=True.",
                     changed=watch.CHANGED.rstrip("."),
                 )
-            details = json.loads(ours.result.details or "{}")
+            details = Numbers.read(ours.result.details).by_name
             size = details.get("display_size_m")
             use_bundled_modules()
             form = self._form(context)

@@ -1,10 +1,9 @@
 """Move a calibration's offset into the scene, or remove it."""
 
-import json
-
 import bpy
 
 from ..core.blender.calibration import put_into_scene
+from ..core.blender.kept import Offset
 from . import watch, work
 
 
@@ -25,7 +24,7 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
         return work.can_run(cls, without_offset(context.scene) + work.lacking(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        n = len(json.loads(context.scene.kiriko.calibration.offset))
+        n = len(Offset.read(context.scene.kiriko.calibration.offset).sets)
         with work.told(self):
             reading = work.read(context)
             reading.rig.check()

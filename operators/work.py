@@ -16,6 +16,7 @@ from ..core.blender.parts import hidden_words
 from ..core.blender.shapes import Kept
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.errors import KirikoError
+from ..core.rig import ROLES
 from ..core.settings import Settings
 from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
@@ -31,9 +32,11 @@ _sessions: list[Session] = []
 _running: list["LongWork"] = []
 
 NEEDED = {
-    "GLASS": "No glass: set an object's role to Glass",
-    "PLATE": "No plate: set a plane's role to Plate",
-    "DISPLAY": "No display: set a plane's role to Display",
+    **{
+        role.name: f"No {role.noun}: {role.remedy}"
+        for role in ROLES
+        if role.remedy and role.number is not None
+    },
     "PICTURE": "No picture: set a textured plane's role to Picture, or choose an image",
     "VIEWER": "No viewer: choose a camera",
 }

@@ -1,9 +1,8 @@
 """Calibration: a real bench, from a photograph of the lattice."""
 
-import json
-
 import bpy
 
+from ..core.blender.kept import Numbers, Offset
 from ..operators.calibrate import TELLS
 from .words import Sidebar, sentence
 
@@ -37,7 +36,7 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
         buttons.scale_y = 1.3
         buttons.operator("kiriko.calibrate", icon="TRACKER")
         if ours.offset:
-            n = len(json.loads(ours.offset))
+            n = len(Offset.read(ours.offset).sets)
             kept = "An offset is" if n == 1 else f"Offsets of {n} calibrations are"
             sentence(
                 layout,
@@ -78,7 +77,7 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        found = json.loads(context.scene.kiriko.calibration.found)
+        found = Numbers.read(context.scene.kiriko.calibration.found).by_name
         text = (
             f"'{found['measured']}', {found['points']} of {found['of']} points:"
             f" {found['before_viewer_px']:.3g} px off,"
@@ -117,7 +116,7 @@ class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        found = json.loads(context.scene.kiriko.calibration.found)
+        found = Numbers.read(context.scene.kiriko.calibration.found).by_name
         for group in found["alike"]:
             sentence(layout, context, f"Almost alike: {', '.join(group)}.", icon="DUPLICATE")
         if found["still"]:

@@ -1,9 +1,8 @@
 """The last result: the light that arrives, the scene as it was read."""
 
-import json
-
 import bpy
 
+from ..core.blender.kept import Numbers
 from ..core.words import number, percent, pixels
 from ..operators import watch, work
 from .words import Sidebar, sentence
@@ -26,7 +25,7 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.summary:
             sentence(layout, context, result.summary)
-        details = json.loads(result.details or "{}")
+        details = Numbers.read(result.details).by_name
         if result.source is not None:
             if result.summary:
                 # not the property, which is rounded: the sentence above tells the same number
@@ -89,7 +88,7 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        details = json.loads(context.scene.kiriko.result.details)
+        details = Numbers.read(context.scene.kiriko.result.details).by_name
         for read in details["materials"]:
             where = f" of '{read['material_name']}'" if read["source"] != "default" else ""
             text = f"{read['object_name']}: index {read['ior']:.4f} ({read['source']}{where})"

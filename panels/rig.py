@@ -6,7 +6,7 @@ from ..core.blender.bodies import bodiless
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
-from ..core.blender.properties.objects import ROLES
+from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render
 from ..operators import work
 from ..operators.make_glass import can_be_given
@@ -177,7 +177,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
 
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         found = work.parts(context.scene)
-        for role, name, _, icon, _ in ROLES:
+        for role, name, _, icon, _ in ROLE_ITEMS:
             if role == "PICTURE" and context.scene.kiriko.picture_source == "IMAGE":
                 continue  # the plane is not used, and the image stands above
             things = found.get(role, {})

@@ -23,6 +23,7 @@ from paper.lattice import shift_in_cycles
 kiriko.register()
 
 from kiriko.core import image_io  # noqa: E402 - the operators have to be there first
+from kiriko.core.blender.kept import Numbers  # noqa: E402
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
 from kiriko.core.settings import Settings  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402
@@ -140,7 +141,7 @@ def run(name: str, out: Path) -> list[str]:
         "seconds": seconds,
         **{
             key: value
-            for key, value in json.loads(scene.kiriko.result.details).items()
+            for key, value in Numbers.read(scene.kiriko.result.details).by_name.items()
             if key != "misses"
         },
         "notes": scene.kiriko.result.notes.splitlines(),

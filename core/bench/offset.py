@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
 from ..glass.motion import Motion, find_motion
 from ..products import turn
-from ..rig import WAVELENGTH, ConstantIndex, Mesh, Plate, Rig, Viewer
+from ..rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
 
 # standard deviations to expect, in the parameters' units, of a
 # bench that was set up with rulers and squares
@@ -46,28 +47,51 @@ def parameters(rig: Rig) -> list[Parameter]:
     """All that may be off: place and angle of each part, indices of
     the glass, the plate's make, the camera's image.
     """
+    roles = _off_roles()
     found = []
-    for kind in ("glasses", "plates", "displays", "viewers"):
-        for number, part in enumerate(getattr(rig, kind)):
-            found += _poses(rig, kind, number, part.name)
-    for number, glass in enumerate(rig.glasses):
-        found.append(
-            Parameter(f"{glass.name}: index", "", 1e-4, _changed("glasses", number, _other_index))
-        )
-    for number, plate in enumerate(rig.plates):
-        if plate.array is not None and plate.array.layout == "crossed":
-            change = _changed("plates", number, _crossed_wrong)
-            found.append(Parameter(f"{plate.name}: crossing angle", "deg", 1e-2, change))
-        if plate.array is not None:
-            found.append(
-                Parameter(
-                    f"{plate.name}: mirror height", "mm", 1e-3, _changed("plates", number, _higher)
-                )
-            )
-    found.append(
-        Parameter(f"{rig.viewer.name}: focal length", "%", 1e-2, _changed("viewers", 0, _zoomed))
-    )
+    for role in roles:
+        for number, part in enumerate(rig.of(role)):
+            found += _poses(rig, role.field, number, part.name)
+    for role in roles:
+        for number, part in enumerate(rig.of(role)):
+            found += OWN.get(role.name, _nothing)(part, number)
     return found
+
+
+def _off_roles() -> list[Role]:
+    """The roles whose parts may be off, the viewer last."""
+    return sorted(
+        (role for role in ROLES if role.may_be_off), key=lambda role: role.name == "VIEWER"
+    )
+
+
+def _nothing(part: Any, number: int) -> list[Parameter]:
+    return []
+
+
+def _of_glass(glass: Glass, number: int) -> list[Parameter]:
+    change = _changed("glasses", number, _other_index)
+    return [Parameter(f"{glass.name}: index", "", 1e-4, change)]
+
+
+def _of_plate(plate: Plate, number: int) -> list[Parameter]:
+    if plate.array is None:
+        return []
+    height = _changed("plates", number, _higher)
+    found = [Parameter(f"{plate.name}: mirror height", "mm", 1e-3, height)]
+    if plate.array.layout == "crossed":
+        angle = _changed("plates", number, _crossed_wrong)
+        found.insert(0, Parameter(f"{plate.name}: crossing angle", "deg", 1e-2, angle))
+    return found
+
+
+def _of_viewer(viewer: Viewer, number: int) -> list[Parameter]:
+    change = _changed("viewers", number, _zoomed)
+    return [Parameter(f"{viewer.name}: focal length", "%", 1e-2, change)]
+
+
+# what may be off about a part besides its place, by its role
+OWN = {"GLASS": _of_glass, "PLATE": _of_plate, "VIEWER": _of_viewer}
 
 
 def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
@@ -119,8 +143,8 @@ def along_with(before: Viewer, after: Viewer) -> tuple[Floats, Floats]:
 def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
     """By name, how the parts moved from one rig to another that differs by amounts."""
     found = {}
-    for kind in ("glasses", "plates", "displays"):
-        for a, b in zip(getattr(before, kind), getattr(after, kind), strict=True):
+    for role in (role for role in _off_roles() if role.kind is not None):
+        for a, b in zip(before.of(role), after.of(role), strict=True):
             if a.mesh is not b.mesh:
                 found[a.name] = find_motion(a.mesh, b.mesh)
     for a, b in zip(before.viewers, after.viewers, strict=True):

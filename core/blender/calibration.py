@@ -2,7 +2,6 @@
 moved, settings changed. All of it, or nothing.
 """
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,7 +14,8 @@ from ..bench.offset import along_with, part_motions, with_offset
 from ..errors import RigError
 from ..image.picture import view_of_picture
 from ..light.display import display_pixel
-from ..rig import WAVELENGTH, Rig
+from ..rig import ROLES, WAVELENGTH, Rig
+from .kept import Offset
 from .scene import Reading, length_of_unit, object_matrix
 
 # px of display and viewer: so near, in single precision, everything has to come to be as fitted
@@ -40,7 +40,7 @@ def put_into_scene(
     RigError : a part is gone, or held where it is by something
         else: a constraint, an animation, a parent
     """
-    _, unknown = with_offset(reading.drawn, json.loads(scene.kiriko.calibration.offset or "[]"))
+    _, unknown = with_offset(reading.drawn, Offset.read(scene.kiriko.calibration.offset).sets)
     if unknown:
         raise RigError(
             "The calibration's offset has '{part}', of which this rig has none: calibrate"
@@ -156,8 +156,8 @@ def _compare(found: Rig, wanted: Rig) -> None:
     """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
     viewer = wanted.viewer
     pixel = display_pixel(wanted.display)
-    for kind in ("glasses", "plates", "displays", "mirrors", "blockers"):
-        for a, b in zip(getattr(found, kind), getattr(wanted, kind), strict=True):
+    for role in (role for role in ROLES if role.kind is not None):
+        for a, b in zip(found.of(role), wanted.of(role), strict=True):
             if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(
                 a, b
             ):
@@ -208,7 +208,7 @@ def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Itera
     """
     ours = scene.kiriko.calibration
     before = ours.offset
-    ours.offset = json.dumps(offset)
+    ours.offset = Offset(offset).text()
     try:
         yield
     except BaseException:

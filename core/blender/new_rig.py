@@ -14,14 +14,15 @@ from ..arrays import Floats
 from ..bench.placement import Proposal, lattice
 from ..errors import RigError
 from ..messages import Message
-from ..rig import Blocker, ConstantIndex, Glass, Mirror, Rig
+from ..rig import ROLES, ConstantIndex, Glass, Rig
 from . import shaders
 from .bodies import bodiless
-from .elements import DEFAULT_IOR, read_glass, read_plate
+from .elements import DEFAULT_IOR
 from .image import encoded_image
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
-from .parts import Part, read_parts, role_label
+from .parts import Part, parts_by_role, read_parts, role_label
+from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
 from .visibility import Shown
@@ -76,17 +77,16 @@ def read_bench(
     RigError : one of them encloses nothing, or is not shown
     """
     metres = length_of_unit(scene)
+    kept = Kept()
     with _as_glass(glasses):
         context.view_layer.update()
-        parts, _ = read_parts(context.evaluated_depsgraph_get(), scene, metres, Kept())
-    by_role: dict[str, list[Part]] = {}
-    for part in parts:
-        by_role.setdefault("GLASS" if part.owner in glasses else part.role, []).append(part)
+        parts, _ = read_parts(context.evaluated_depsgraph_get(), scene, metres, kept)
+    by_role = parts_by_role(parts, glasses)
 
-    solids = [part for part in by_role.get("GLASS", []) if len(part.mesh.triangles)]
-    read = [read_glass(part) for part in solids]
+    solids = [part for part in by_role["GLASS"] if len(part.mesh.triangles)]
+    read = [in_blender("GLASS").read(part, kept) for part in solids]
     found = [glass for glass, _, _ in read]
-    opaque = {m.object_name for _, materials, _ in read for m in materials if m.source == "default"}
+    opaque = {m.object_name for _, _, materials in read for m in materials if m.source == "default"}
     if glasses:
         chosen = [part for part in solids if part.owner in glasses]
         _check_bodies(glasses, chosen, Shown(scene, context.view_layer))
@@ -94,15 +94,16 @@ def read_bench(
     else:
         found.append(_ball(scene, metres))
         meshes = [found[-1].mesh]
+
     corners = np.stack([mesh.bounds for mesh in meshes])
-    rig = Rig(
-        viewers=(),
-        glasses=tuple(found),
-        plates=tuple(read_plate(part) for part in by_role.get("PLATE", [])),
-        displays=(),
-        mirrors=tuple(Mirror(part.name, part.mesh) for part in by_role.get("MIRROR", [])),
-        blockers=tuple(Blocker(part.name, part.mesh) for part in by_role.get("BLOCKER", [])),
-    )
+    others = {
+        role.field: tuple(
+            in_blender(role.name).read(part, kept).part for part in by_role[role.name]
+        )
+        for role in ROLES
+        if role.kind is not None and not role.is_single and role.name != "GLASS"
+    }
+    rig = Rig(viewers=(), glasses=tuple(found), displays=(), **others)
     bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
     return Bench(glasses, rig, bounds, tuple(thing for thing in glasses if thing.name in opaque))
 

@@ -1,7 +1,7 @@
 """Which objects of the scene are parts of the rig, by role."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import RigError
 from ..messages import Message
-from ..rig import Mesh
+from ..rig import ROLES, Mesh
 from .bodies import bodiless
 from .material import Texture
 from .shapes import Kept, used_materials
@@ -159,6 +159,16 @@ def read_parts(
     for role in needed:
         check_some_are_shown(role, parts, unmet)
     return parts, notes_on_parts(parts, met, unmet, scene)
+
+
+def parts_by_role(
+    parts: list[Part], glasses: Collection[bpy.types.Object] = ()
+) -> dict[str, list[Part]]:
+    """Parts by the names of all roles; those of the objects `glasses` as glass."""
+    found: dict[str, list[Part]] = {role.name: [] for role in ROLES}
+    for part in parts:
+        found["GLASS" if part.owner in glasses else part.role].append(part)
+    return found
 
 
 def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:

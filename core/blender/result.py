@@ -2,7 +2,6 @@
 material, the numbers. All of it, or nothing.
 """
 
-import json
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -17,6 +16,7 @@ from ..solve.solution import Solution
 from ..words import summary
 from . import shaders
 from .image import image_from_pixels, or_none, pack, set_pixels
+from .kept import Ladder, Numbers
 from .preview import render_map, render_preview
 from .scene import Reading
 from .units import length_text
@@ -245,7 +245,7 @@ def _write_numbers(
     result = scene.kiriko.result
     (details, notes) = numbers
     result.coverage = details["picture_coverage"]
-    result.details = json.dumps(details)
+    result.details = Numbers(details).text()
     result.summary = summary(details["picture_coverage"], solution.misses)
     result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
     result.is_coarse = False
@@ -305,10 +305,10 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
 
     After one that traced nothing it is the costs of the solve before, whose cells it used.
     """
-    before = json.loads(scene.kiriko.result.details or "{}")
+    before = Numbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in seconds:
         return before.get("cost", {})
-    ladder = json.loads(scene.kiriko.result.ladder or "[]")
+    ladder = Ladder.read(scene.kiriko.result.ladder).rungs
     others = {
         name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}
         for name, other in (("half", tolerance / 2), ("twice", tolerance * 2))
@@ -324,8 +324,8 @@ def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> N
     seconds, and tell the last result's costs by it.
     """
     result = scene.kiriko.result
-    result.ladder = json.dumps(ladder)
+    result.ladder = Ladder(ladder).text()
     if result.details:
-        details = json.loads(result.details)
+        details = Numbers.read(result.details).by_name
         details["cost"] = costs(scene, details["seconds"], details["tolerance"])
-        result.details = json.dumps(details)
+        result.details = Numbers(details).text()

@@ -4,8 +4,8 @@ Modifiers, parents, constraints and instances have been applied by the depsgraph
 this file sorts objects by role, and notes those that it leaves out.
 """
 
-import json
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -14,11 +14,13 @@ from ..arrays import Floats
 from ..bench.offset import with_offset
 from ..errors import KirikoError, RigError
 from ..messages import Message
-from ..rig import Blocker, Display, Mirror, Rig
-from .elements import MaterialReading, read_glass, read_picture, read_picture_image, read_plate
+from ..rig import ROLES, Picture, Rig, Viewer
+from .elements import MaterialReading, read_picture_image
+from .kept import Offset
 from .mesh import flat_size
-from .parts import Part, is_placed, read_parts
+from .parts import Part, is_placed, parts_by_role, read_parts
 from .remarks import modifier_notes, scene_notes
+from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
 from .viewer import read_viewer
@@ -80,72 +82,85 @@ def read_drawn(
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     )
     scene = depsgraph.scene if scene is None else scene
-    metres = length_of_unit(scene)
     kept = kept or Kept()
-    needed = ("GLASS", "PLATE", "DISPLAY") + (
-        () if scene.kiriko.picture_source == "IMAGE" else ("PICTURE",)
+    is_image = scene.kiriko.picture_source == "IMAGE"
+    needed = tuple(
+        role.name
+        for role in ROLES
+        if role.remedy and role.number is not None and not (role.name == "PICTURE" and is_image)
     )
+    metres = length_of_unit(scene)
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
     camera = scene.kiriko.viewer or scene.camera
-    if camera is not None and not is_placed(camera, depsgraph):
+    viewer = _read_viewer(camera, depsgraph, metres, scene)
+
+    # each part as its role reads it
+    by_role = parts_by_role(parts)
+    found: dict[str, list[Any]] = {}
+    materials = []
+    for role in (role for role in ROLES if role.number is not None):
+        found[role.field] = []
+        if role.name == "PICTURE" and is_image:
+            found[role.field], remarks = _read_image(scene, viewer, by_role[role.name], kept)
+            notes += remarks
+            continue
+        for part in by_role[role.name]:
+            as_read = in_blender(role.name).read(part, kept)
+            found[role.field].append(as_read.part)
+            notes += as_read.notes
+            materials += as_read.materials
+
+    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
+    rig = Rig(
+        viewers=() if viewer is None else (viewer,),
+        **{field: tuple(members) for field, members in found.items()},
+    )
+    displays = by_role["DISPLAY"]
+    return Reading(
+        rig=rig,
+        drawn=rig,
+        materials=tuple(dict.fromkeys(materials)),
+        notes=tuple(dict.fromkeys(notes)),
+        display_size=flat_size(displays[0].mesh) if len(displays) == 1 else None,
+        display_object=next((part.owner.name for part in displays), ""),
+    )
+
+
+def _read_viewer(
+    camera: bpy.types.Object | None,
+    depsgraph: bpy.types.Depsgraph,
+    metres: float,
+    scene: bpy.types.Scene,
+) -> Viewer | None:
+    """The viewer; RigError where Blender does not keep its place up to date."""
+    if camera is None:
+        return None
+    if not is_placed(camera, depsgraph):
         raise RigError(
             "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
             " place is unknown: enable it, or make it the scene's camera.",
             viewer=camera.name,
         )
-    viewer = None if camera is None else read_viewer(camera, depsgraph, scene.render, metres)
-    by_role: dict[str, list[Part]] = {}
-    for part in parts:
-        by_role.setdefault(part.role, []).append(part)
+    return read_viewer(camera, depsgraph, scene.render, metres)
 
-    glasses = []
-    materials = []
-    for part in by_role.get("GLASS", []):
-        glass, readings, remarks = read_glass(part)
-        glasses.append(glass)
-        materials += readings
-        notes += remarks
-    if scene.kiriko.picture_source == "IMAGE":
-        pictures, remarks = read_picture_image(scene.kiriko.picture_image, viewer, kept)
-        notes += remarks
-        unused = by_role.get("PICTURE", [])
-        notes += [
-            Message(
-                "The picture plane '{name}' is not used: the picture is an image.", name=part.name
-            )
-            for part in unused
-        ]
-    else:
-        pictures = []
-        for part in by_role.get("PICTURE", []):
-            picture, remarks = read_picture(part, kept)
-            pictures.append(picture)
-            notes += remarks
-    displays = [
-        Display(p.name, p.mesh, *p.owner.kiriko.resolution) for p in by_role.get("DISPLAY", [])
+
+def _read_image(
+    scene: bpy.types.Scene, viewer: Viewer | None, planes: list[Part], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """The picture in the viewer's own pixels, with notes, also on planes that are not used."""
+    pictures, notes = read_picture_image(scene.kiriko.picture_image, viewer, kept)
+    unused = [
+        Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
+        for part in planes
     ]
-    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
-    rig = Rig(
-        viewers=() if viewer is None else (viewer,),
-        glasses=tuple(glasses),
-        plates=tuple(read_plate(p) for p in by_role.get("PLATE", [])),
-        displays=tuple(displays),
-        pictures=tuple(pictures),
-        mirrors=tuple(Mirror(p.name, p.mesh) for p in by_role.get("MIRROR", [])),
-        blockers=tuple(Blocker(p.name, p.mesh) for p in by_role.get("BLOCKER", [])),
-    )
-    size = flat_size(displays[0].mesh) if len(displays) == 1 else None
-    shown_by = next((part.owner.name for part in by_role.get("DISPLAY", [])), "")
-    return Reading(
-        rig, rig, tuple(dict.fromkeys(materials)), tuple(dict.fromkeys(notes)), size, shown_by
-    )
+    return pictures, notes + unused
 
 
 def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     """The rig with the offset that the scene keeps from
     calibrations, and notes on amounts that have no place.
     """
-    kept = json.loads(scene.kiriko.calibration.offset or "[]")
+    kept = Offset.read(scene.kiriko.calibration.offset).sets
     if not kept:
         return rig, []
     try:

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
-from ..rig import Mesh
+from ..rig import ROLES, Mesh
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
 from .picture import decoded, stored_pixels
 from .plane import chosen_image
 
-MAPPED = {"DISPLAY", "PICTURE"}  # roles whose UV map counts
-CURVED = {"GLASS", "MIRROR"}  # roles whose surface may be curved
+MAPPED = {role.name for role in ROLES if role.is_mapped}  # roles whose UV map counts
+CURVED = {role.name for role in ROLES if role.is_curved}  # roles whose surface may be curved
 
 
 @dataclass(eq=False)

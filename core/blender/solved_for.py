@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Floats
-from ..rig import Mesh, Picture, Rig
+from ..rig import Mesh, Picture
 from ..settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
 from .scene import read_drawn
@@ -54,21 +54,8 @@ def scene_now(
     kept = kept or Kept()
     notes = _Unplaced(kept)
     drawn = read_drawn(depsgraph, scene, notes)
-    things = [_thing(part, notes, kept) for part in _parts(drawn.rig)]
+    things = [_thing(part, notes, kept) for _, part in drawn.rig.parts()]
     return solved_for(things, (settings, scene.kiriko.calibration.offset))
-
-
-def _parts(rig: Rig) -> list[Any]:
-    groups = (
-        rig.viewers,
-        rig.glasses,
-        rig.plates,
-        rig.displays,
-        rig.pictures,
-        rig.mirrors,
-        rig.blockers,
-    )
-    return [part for group in groups for part in group]
 
 
 def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:

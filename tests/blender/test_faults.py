@@ -75,7 +75,7 @@ STAGES = {
     "export": ("operators.export.pixels_from_image", "core.image_io._quantised"),
     "preview": (
         "core.blender.scene.read",
-        "core.blender.preview.Preview._set_cycles",
+        "core.blender.preview.set_cycles",
         "core.blender.preview._has_header",
         "core.blender.preview.pixels_from_image",
         "operators.preview.replace_image",
@@ -673,7 +673,7 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(
 
 ADD_RIG_STAGES = (
     "core.blender.new_rig.read_parts",
-    "core.blender.new_rig.read_glass",
+    "core.blender.role_glass.read_glass",
     "core.light.kept.making_solids",
     "core.bench.spread.tracing",
     "core.blender.new_rig.encoded_image",

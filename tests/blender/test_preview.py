@@ -461,7 +461,7 @@ def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleT
     n_mirrored = 0
     for _ in range(200):
         matrix = random_place(rng) @ random_place(rng)  # of a parent, and of its child
-        place, shear = core.blender.preview._without_shear(matrix)
+        place, shear = core.blender.preview_parts._without_shear(matrix)
         scale = float(np.abs(np.array(matrix)).max())
         assert np.array(place @ Matrix(shear)) == pytest.approx(np.array(matrix), abs=3e-6 * scale)
         assert np.array(place.col[0]) == pytest.approx(np.array(matrix.col[0]), abs=3e-6 * scale)
@@ -487,7 +487,7 @@ def test_without_shear_a_place_is_left_as_it_is(core: ModuleType) -> None:
     rng = np.random.default_rng(4)
     for _ in range(50):
         matrix = random_place(rng)
-        assert core.blender.preview._without_shear(matrix) == (matrix, None)
+        assert core.blender.preview_parts._without_shear(matrix) == (matrix, None)
 
 
 @pytest.mark.parametrize("is_upright", [False, True])

@@ -11,35 +11,20 @@ from bpy.props import (
     PointerProperty,
 )
 
-from ...rig import MOST_CROSSING_ERROR, PRESETS
+from ...rig import MOST_CROSSING_ERROR, PRESETS, ROLES
 from ..plane import show
 
-ROLES = (
+# None, then the roles by their numbers, which Blender's files keep
+ROLE_ITEMS = (
     ("NONE", "None", "No part of the rig: light passes as if it were not there", "X", 0),
-    (
-        "GLASS",
-        "Glass",
-        "Bends the light; closed surfaces, an inner one is a cavity",
-        "MATSPHERE",
-        1,
+    *sorted(
+        (
+            (role.name, role.label, role.tip, role.icon, role.number)
+            for role in ROLES
+            if role.number is not None
+        ),
+        key=lambda item: item[-1],
     ),
-    (
-        "PLATE",
-        "Plate",
-        "Flat imaging plate: sends light to the mirror image of where it came from",
-        "MESH_GRID",
-        2,
-    ),
-    ("MIRROR", "Mirror", "Reflects light on both sides", "MOD_MIRROR", 3),
-    (
-        "DISPLAY",
-        "Display",
-        "Shows the source image on its front, laid out by its UV map",
-        "RESTRICT_VIEW_OFF",
-        4,
-    ),
-    ("PICTURE", "Picture", "Textured plane that the viewer shall see undistorted", "IMAGE_DATA", 5),
-    ("BLOCKER", "Blocker", "Stops light", "CANCEL", 6),
 )
 PLATE_MODELS = (
     (
@@ -181,7 +166,7 @@ class KirikoObject(bpy.types.PropertyGroup):
     role: EnumProperty(
         name="Role",
         description="This object's part in the rig",
-        items=ROLES,
+        items=ROLE_ITEMS,
         default="NONE",
     )
     use_ior: BoolProperty(

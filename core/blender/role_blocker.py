@@ -1,0 +1,22 @@
+"""A blocker in Blender."""
+
+import bpy
+
+from ..rig import Blocker
+from . import shaders
+from .parts import Part
+from .roles import Found, InBlender, Studio
+from .shapes import Kept
+
+
+def read(part: Part, kept: Kept) -> Found:
+    """Its mesh is all there is."""
+    return Found(Blocker(part.name, part.mesh), [], [])
+
+
+def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:
+    """Black on both sides."""
+    shaders.be_blocker(material)
+
+
+IN_BLENDER = InBlender(read, shade)
