@@ -2,7 +2,7 @@
 library for this machine, and a wheel for each platform.
 
 One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes
-the wheels; what is tested here is built anew whenever the sources have changed.
+the wheels; the library for the tests here is built anew whenever the sources have changed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ EPOCH = "315532800"
 
 
 class Target(NamedTuple):
-    """A platform: its name in the manifest, what zig calls it,
+    """A platform: its name in the manifest, its name for zig,
     the tag of its wheels, how its libraries end.
     """
 

@@ -2,8 +2,8 @@
 Windows x64 under Wine, Linux arm64 under QEMU.
 
 Each follows the same rays through a ball, a cube and an open torus, and has to come to the same
-bits as the library of this machine. What cannot be run, for there is no Wine, QEMU or C library of
-the platform, is told and left out.
+bits as the library of this machine. A library that cannot be run, for there is no Wine, QEMU or C
+library of the platform, is told and left out.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ N_RAYS = 20_000
 
 
 class Runner(NamedTuple):
-    """What runs programs of a platform: its command, packages of
+    """The runner of a platform's programs: its command, packages of
     Debian and Ubuntu that bring it, files it needs.
     """
 
@@ -158,7 +158,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
 
 
 def can_run(runner: Runner) -> bool:
-    """Is there what runs programs of a platform? It is installed where that is possible."""
+    """Is the runner of a platform's programs there? It is installed where that is possible."""
 
     def is_there() -> bool:
         return all(Path(path).exists() for path in runner.needs)

@@ -58,7 +58,7 @@ def add_cube() -> None:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Keep what Blender itself prints, a line for each sample, out of the terminal."""
+    """Keep Blender's own lines, one for each sample, out of the terminal."""
     sys.stdout.flush()
     kept = os.dup(1)
     with Path(os.devnull).open("w") as nowhere:

@@ -32,7 +32,7 @@ from suite import run_suite
 
 def setup(arguments: argparse.Namespace) -> None:
     """Set up every environment whose Python is found."""
-    newest_blender()  # for its word on what to install when none is found
+    newest_blender()  # it says which Python to install when none is found
     for name, version in PYTHONS.items():
         python = find_python(version)
         print(f"{name}: {set_up(name, python) if python else f'no Python {version} was found'}")

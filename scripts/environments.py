@@ -30,7 +30,7 @@ MUTANTS = "mutants"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
 
-# What Blender needs and a bare Debian or Ubuntu lacks;
+# Libraries that Blender needs and a bare Debian or Ubuntu lacks;
 # without the last two EEVEE aborts the process.
 LIBRARIES = (
     "libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libgomp1 libegl1"
@@ -57,7 +57,7 @@ print(sys.executable)
 
 
 class ToolError(Exception):
-    """What stops the work, in one sentence for whoever develops Kiriko."""
+    """The reason why the work stops, in one sentence for whoever develops Kiriko."""
 
 
 def clean_environment(**extra: str) -> dict[str, str]:

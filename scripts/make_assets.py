@@ -58,7 +58,7 @@ MATERIALS = {
 
 
 def emblem(size: int = 256) -> np.ndarray:
-    """What the display shows (size, size, 3), linear: a ring
+    """The display's image (size, size, 3), linear: a ring
     and four corners of different colours on black.
     """
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2 - 1

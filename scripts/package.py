@@ -40,7 +40,7 @@ def extension_tool(*arguments: str | Path) -> None:
 
 
 def fetch_wheel(path: Path) -> None:
-    """Download one wheel by what its name says, unless it is here and is the pinned one."""
+    """Download one wheel by the parts of its name, unless it is here and is the pinned one."""
     pins = WHEELS_PINS.read_text(encoding="utf-8")
     if path.exists() and hashlib.sha256(path.read_bytes()).hexdigest() in pins:
         return

@@ -1,4 +1,4 @@
-"""The README's pictures: what the viewer sees, warped and
+"""The README's pictures: the viewer's sight, warped and
 corrected, in Cycles. Started by `dev.py pictures`.
 """
 

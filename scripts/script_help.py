@@ -1,8 +1,8 @@
-"""What a script's own parser says to `--help`, without the packages that the script is for.
+"""Shows the `--help` of a script's own parser, without the packages that the script needs.
 
 The script runs in the running Python up to its parser, which prints and leaves. Whatever it imports
 beside Python's own modules and other scripts is stood in for, so that nothing has to be set up to
-read what its options are.
+read its options.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ for _name in OPERATORS:
 
 
 class StandInFinder:
-    """Import finder, and loader, of stand-ins for what is neither Python's own nor a script."""
+    """Import finder, and loader, of stand-ins for modules of other packages."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None

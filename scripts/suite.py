@@ -35,7 +35,7 @@ STILL_MINUTES = 15.0
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
-# What holds for many cases, and is run with the kernel and
+# Tests over many cases, which are run with the kernel and
 # without it; the oldest numpy runs all else without it.
 BOTH_WAYS = tuple(
     f"tests/core/test_{name}.py"
@@ -69,7 +69,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a step: tests of pytest, or the one command it is."""
+    """The result of a step: tests of pytest, or of its one command."""
 
     passed: int = 0
     failed: int = 0
@@ -89,7 +89,7 @@ class Timed:
 def steps(tools: str, newest: str) -> list[Step]:
     """All steps, in the order in which they start.
 
-    `tools` is the environment for what needs any Blender;
+    `tools` is the environment for steps that need any Blender;
     `newest` that in which no test is left out.
     """
     told = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
@@ -145,7 +145,7 @@ def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
 
 
 def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
-    """Set up what the steps need, run them, print the results; whether all is well."""
+    """Set up the steps' environments, run them, print the results; whether all is well."""
     newest = next(name for name, version in BLENDERS.items() if find_python(version))
     build_kernel.provide()
     todo = chosen(steps(tools, newest), prefixes)
@@ -264,7 +264,7 @@ def print_slowest(names: Sequence[str], seconds: float) -> None:
 
 
 def print_results(results: dict[str, Result]) -> bool:
-    """Print what was not run, and one line with the sums; whether nothing failed."""
+    """Print the steps that were not run, and one line with the sums; whether nothing failed."""
     for name, result in results.items():
         if result.remark:
             print(f"{name}: {'failed' if result.failed else 'skipped'}, {result.remark}")

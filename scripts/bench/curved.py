@@ -1,4 +1,4 @@
-"""What curved faces cost a ray, beside the same mesh as
+"""The cost of curved faces for a ray, beside the same mesh as
 drawn: `dev.py curved`. Processor seconds, in turns.
 """
 

@@ -2,8 +2,8 @@
 
 `python3 scripts/dev.py cycles [--glass NAME ...] [--surface CHOICE ...] [--pixels N]`. Add Rig sets
 each glass up, and Cycles traces the middle of each viewer pixel; in single precision, and without
-total reflection. Differences in display px, of 512. `apart` is the share, of what arrives in
-Cycles, that lands more than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two
+total reflection. Differences in display px, of 512. `apart` is the share of rays that arrive in
+Cycles and land more than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two
 ways. `compared` is the share of Kiriko's light that arrives in Cycles, too. Where faces are curved,
 Cycles sees them cut into as many triangles as memory allows.
 """
@@ -59,11 +59,11 @@ def main() -> None:
             both = 100 * found["both"]
             told = f"{found['median']:11.4f}{found['most']:9.4f}{apart:9.2f}{both:12.1f}"
             rows.append(f"{name:<16}{choice:>10}{told}")
-    print("", *rows, sep="\n")  # not among what Blender prints
+    print("", *rows, sep="\n")  # apart from the lines that Blender prints
 
 
 def set_up(name: str, choice: str, pixels: int) -> bpy.types.Scene:
-    """The scene with a glass and what Add Rig puts around it."""
+    """The scene with a glass, and the rig of Add Rig around it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
     thing.matrix_world = Matrix.Scale(SIZE, 4) @ fitting(thing)

@@ -3,15 +3,15 @@
 `python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
 [--threads N]`. Seconds, and processor seconds of all threads, of whole solves at default settings,
 512 x 512 pixels. `step` is the longest step, in which no Esc is heard; `rest` how many times the
-rest of the time differs from what the progress tells, from 10 % to 90 %. `MB` is the memory taken,
-on Linux, and `told` how many times that differs from what was told. `curved` is the share of the
-triangles with a curved face, `beyond` that of what is seen off by more than the tolerance,
+rest of the time differs from the progress that is told, from 10 % to 90 %. `MB` is the memory
+taken, on Linux, and `told` how many times that differs from the estimate. `curved` is the share of
+the triangles with a curved face, `beyond` the share that is seen off by more than the tolerance,
 `sampled` where light is chaotic.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
 
-With `--light`, instead: what Ghosts and Suppress Glare cost or gain, *Surface* at Automatic.
+With `--light`, instead: the cost and the gain of Ghosts and Suppress Glare, *Surface* at Automatic.
 `glare` is the share of the light that comes beside the glass; `contested` that of the view whose
 display pixel has a stronger path. Then the PSNR in dB of all that is seen against the ideal image:
 by the mean and by the strongest path with the glare as it is, and by the mean with Suppress Glare

@@ -1,5 +1,5 @@
 """Display error of irregular and noisy meshes by each choice of
-*Surface*, held to closed forms of what was meant.
+*Surface*, held to closed forms of the surface that was meant.
 
 `python3 scripts/dev.py irregular [--mesh NAME ...]`. Rays and errors are those of `dev.py surface`.
 Vertices are moved by up to a part of an edge and put back onto the surface, and then off it as a

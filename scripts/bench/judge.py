@@ -65,7 +65,7 @@ def flat(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.triangles)
 
 
-# what is made of a size, 0 or 1 for about 5 000 and 82 000 triangles, and a place inside
+# a mesh by its size, 0 or 1 for about 5 000 and 82 000 triangles, and a place inside
 SHAPES: dict[str, tuple[Callable[[int], Mesh], tuple[float, float, float]]] = {
     "ball": (lambda size: icosphere(0.025, 4 + 2 * size), (0.0, 0.0, 0.0)),
     "torus": (lambda size: torus(0.018, 0.007, *((72, 36), (288, 142))[size]), (0.018, 0.0, 0.0)),

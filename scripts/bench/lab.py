@@ -1,8 +1,8 @@
-"""What a lab would measure of the plate: where its image
+"""A lab's measurements of the plate: where its image
 stands, how sharp and how bright it is: `dev.py lab`.
 
 Runs inside Blender, which is imported only where Cycles is
-asked: what is measured in core runs without.
+asked: measurements in core run without.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ DISTANCES = (0.4, 0.45, 0.5, 0.55, 0.6)  # m, from the plate to the display
 # m and px of the display; so many that each of the 7 x 7 dots has the same
 CHART = 0.04
 CHART_PIXELS = 1400
-FIELD = 1.1 * CHART  # m, what a viewer sees around the image
+FIELD = 1.1 * CHART  # m, the viewer's field around the image
 # m, between the two viewers, and from the image to where they stand
 APART = 0.05
 AWAY = 1.0
@@ -287,7 +287,7 @@ def mtf_by_formula(rig: Rig, frequencies: Floats) -> Floats:
     """Contrast (n,) at frequencies (n,) in 1 / m across the edge, for a distant viewer.
 
     At each of its two mirrors light comes out beside its place by
-    what is uniform in +- p P(r) along their normal.
+    a value that is uniform in +- p P(r) along their normal.
     """
     array = rig.plates[0].array
     (mirrors,) = make_plan(rig, NO_GLASS).arrays.values()

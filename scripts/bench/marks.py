@@ -2,9 +2,9 @@
 
 For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
 512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko
-solves at its default settings: the mesh *as drawn*, which is what Mitsuba shows, and by
+solves at its default settings: the mesh *as drawn*, as Mitsuba shows it, and by
 *Automatic*, which follows the curved surface and has no judge here. `s` are seconds that passed; an
-error is that of the source image, as in bench_side_by_side.py, against a splat of many samples,
+error is that of the source image, as in side_by_side.py, against a splat of many samples,
 over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart`
 is the share of the rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps
 itself, and is no judge there. `--finer` gives Kiriko more viewer pixels, for the same display: it
@@ -71,7 +71,7 @@ def smooth_all_over(mesh: Mesh) -> Mesh:
 
 
 def timed(work: Callable[[], object], rounds: int) -> tuple[float, object]:
-    """Median of the seconds that some runs take, and what the last returned."""
+    """Median of the seconds that some runs take, and the result of the last."""
     seconds = []
     for _ in range(rounds):
         started = perf_counter()

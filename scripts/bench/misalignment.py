@@ -1,4 +1,4 @@
-"""What a real bench does to the lattice in the cube, and what
+"""The effect of a bench that is off on the lattice in the cube, and the errors that
 a photograph tells of it: `dev.py misalignment`.
 
 The paper's cube rig with an ASKA3D-488, 49 points over 1165
@@ -56,7 +56,7 @@ def tolerances_of(bench: Bench) -> np.ndarray:
 
 
 def sensitivities(bench: Bench) -> dict[str, Table]:
-    """Which screw matters: a table, by what it is about."""
+    """Which screw matters: a table by its heading."""
     d = bench.sensitivity()
     tolerances = tolerances_of(bench)
     wanted = PAPER_DX[SOURCE]
@@ -100,7 +100,7 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
 
 def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
     """Hidden errors of n benches, found again from one
-    photograph of each: a table, by what it is about.
+    photograph of each: a table by its heading.
     """
     tolerances = tolerances_of(bench)
     before = []

@@ -1,7 +1,7 @@
 """The closed form of a mirror array against a mesh of all
 its mirrors, traced through Embree: `dev.py plate`.
 
-First, do they agree: what a ray becomes (reflections at each layer, odd or even) and where it comes
+First, do they agree: the fate of a ray (reflections at each layer, odd or even) and where it comes
 out, for smaller and smaller steps off the mirror just met, which the mesh needs because Embree's
 float32 would find that mirror again. Then paths a second of one run, in turns, in processor time:
 the mesh in world axes, where the boxes of its diagonal strips overlap; the mesh in the axes of its
@@ -45,7 +45,8 @@ PATHS = np.array(
     [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
 )
 SAME_PLACE = 1e-3  # mm, of comings out
-MOST_MEETINGS = 30  # of a ray with mirrors: the steepest has 6, what has more is caught in a mirror
+# of a ray with mirrors: the steepest has 6, a ray with more is caught in a mirror
+MOST_MEETINGS = 30
 # rays that are timed: through the mesh in world axes, by other ways
 N_SLOW = 1 << 13
 N_FAST = 1 << 18
@@ -191,7 +192,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(mesh: MirrorMesh, light: tuple[Floats, Floats], offset: float) -> Agreement:
-    """How well mesh and closed form agree on what becomes of light."""
+    """How well mesh and closed form agree on the fate of light."""
     same_path = []
     apart = []
     for some in chunks(light):

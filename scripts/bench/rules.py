@@ -1,4 +1,4 @@
-"""What leaving out saves: seconds with and without each rule of the plan: `dev.py rules`.
+"""Savings by leaving out: seconds with and without each rule of the plan: `dev.py rules`.
 
 Measured are the plan and the trace of 65 536 rays; both ways take turns, medians are shown.
 """
@@ -21,7 +21,7 @@ def measure(rule: Rule, runs: int) -> list[float]:
     w = a_rig.viewer.width
     h = a_rig.viewer.height
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, (w, h), (N_RAYS, 2)))
-    rule.obeyed(a_rig)  # what a rule keeps is there from now on
+    rule.obeyed(a_rig)  # the parts that a rule keeps are there from now on
     seconds: list[list[float]] = [[], [], [], []]
     for _ in range(runs):
         for k, make in enumerate((rule.obeyed, rule.broken)):

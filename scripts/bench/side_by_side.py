@@ -3,15 +3,15 @@
 The same ball, viewer and display for all: Mitsuba's splat (mitsuba_splat.py), the splat over
 embreex (core.image.source_image.splat) and Kiriko. They take turns in each round. `seconds` are
 those that passed. `alone` is processor time by the threads allowed: on an idle machine about the
-same, on a busy one what it would take with its cores to itself. Other processes slow down work on
+same, on a busy one the time with its cores to itself. Other processes slow down work on
 several threads most, so ratios are of `alone`.
 
 An error is the RMSE of the source image, in linear values, over the display pixels that the viewer
 sees; pixels left as holes are black and count in full. It is judged by two independent halves A and
 B of a Mitsuba splat of many samples: the mean of (image - A)(image - B) is the squared error
 without the judges' own noise, which has mean 0. Mitsuba splats the triangles, and is judged by a
-splat of the triangles; Kiriko by one of the sphere that the triangles stand for. What the triangles
-are off from the sphere is given too, and is not held against the splats.
+splat of the triangles; Kiriko by one of the sphere that the triangles stand for. The deviation of the
+triangles from the sphere is given too, and is not held against the splats.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Judge:
         return float(np.sqrt(max(mean, 0.0)))
 
     def distance(self, other: Judge) -> float:
-        """RMSE between what two judges converge to."""
+        """RMSE between the images that two judges converge to."""
         both = self.is_judged & other.is_judged
         one, another = (
             (mine - its)[both] for mine, its in zip(self.images, other.images, strict=True)
@@ -169,7 +169,7 @@ def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
 @dataclass(frozen=True)
 class Way:
     """One way to a source image: threads allowed, who judges it,
-    the work, and what is done before the clock starts.
+    the work, and the preparation before the clock starts.
     """
 
     name: str
@@ -181,7 +181,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Rung:
-    """What came of a way: seconds that passed and seconds with
+    """The result of a way: seconds that passed and seconds with
     the allowed cores to itself, error and holes.
     """
 
@@ -294,7 +294,7 @@ def spp_for(error: float, ladder: Sequence[Rung]) -> float:
     return float(np.exp(np.interp(np.log(error), log_error, log_spp) + 2 * beyond))
 
 
-# What is printed
+# Printed tables
 
 
 def print_rungs(title: str, rungs: Sequence[Rung]) -> None:

@@ -142,7 +142,7 @@ def compare_engines(runs: int) -> None:
 
 
 def ask(*options: str) -> dict[str, object]:
-    """What this script measures in another process."""
+    """Measurements of this script in another process."""
     command = [sys.executable, *as_module("bench.solve"), *options]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
 

@@ -4,7 +4,7 @@
 
 The rig is reference_rigs.rig with a display of 0.2 m and 512 px. Judged are those of 20 000 random
 rays that, by the closed form, are far from grazing and from edges and land in the display's middle,
-80 % of its side: the same rays for all curves. What a mesh loses of them is counted, and left out
+80 % of its side: the same rays for all curves. Rays that a mesh loses are counted, and left out
 of its errors.
 """
 
@@ -236,7 +236,9 @@ def thirty_two_by_sixteen(mean: bool) -> None:
 
 
 def plot(curves: dict[str, dict[str, Curve]], file: str) -> None:
-    """Draw a panel for each shape, as SVG or what else the file's ending says. Needs matplotlib."""
+    """Draw a panel for each shape, as SVG or in another
+    format, by the file's ending. Needs matplotlib.
+    """
     import matplotlib as mpl
 
     mpl.use("Agg")

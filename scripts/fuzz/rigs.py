@@ -30,7 +30,7 @@ MODELS = ("IDEAL", "CROSSED", "HOLES", "RADIAL")
 
 
 class Dice:
-    """Draws what a rig is made of, and remembers what is wild about it."""
+    """Draws the parts of a rig, and remembers each wild choice."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
@@ -705,7 +705,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
 
 
 def make_rig(rng: np.random.Generator) -> Dice:
-    """Make a random rig in the scene, which is empty; what was drawn."""
+    """Make a random rig in the scene, which is empty; the choices that were drawn."""
     dice = Dice(rng)
     scene = bpy.context.scene
     units = scene.unit_settings

@@ -57,7 +57,7 @@ NONSENSE = re.compile(r"\b(nan|inf|Traceback)\b")
 SECOND_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
 NUMBER = re.compile(r"-?\d[\d.e+-]*")
 ROUNDING = 1e-6  # by which shares may miss 0, 1 or their sum
-# What of a scene says how it is shown, or is made when it is asked for
+# Properties of a scene that say how it is shown, or are made when they are asked for
 UNTOLD = {
     "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview",
     "session_uid", "tag",
@@ -76,12 +76,12 @@ GROUPS = (
 
 @dataclass
 class Outcome:
-    """What became of a rig.
+    """The outcome of a rig.
 
     verdict : solved, refused or failed
-    text : the sentence of a refusal, or what is wrong
-    told : what is wild about the rig
-    also : what further operators said, by name
+    text : the sentence of a refusal, or of a fault
+    told : the wild choices in the rig
+    also : the words of further operators, by name
     warnings : places in the code that numpy warned of
     judged : comparison with Cycles, None where there was none
     """
@@ -97,10 +97,10 @@ class Outcome:
 
 
 class WrongError(Exception):
-    """What an operator did is none of the things it may do."""
+    """An operator did none of the things it may do."""
 
 
-# What the scene holds
+# The scene's contents
 
 
 def told_of(value: Any, depth: int = 4) -> Any:
@@ -159,7 +159,7 @@ def inventory() -> dict[str, dict[str, Any]]:
 
 
 def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]]) -> list[str]:
-    """What is no longer as it was, as "kind name property"."""
+    """Properties that are no longer as they were, as "kind name property"."""
     gone = [f"{name} is gone" for name in before if name not in after]
     new = [f"{name} is new" for name in after if name not in before]
     return gone + new + [
@@ -182,17 +182,17 @@ SHOWS_RANGE = re.compile(
     r" (objects|collection)"
 )
 ADDS = re.compile(r".* is new|objects .* kiriko|scenes .*|collections .*")
-# the others what a solve does
+# the others the work of a solve
 MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
 
 
-# What an operator may do
+# Ends that an operator may come to
 
 
 def refusal(error: RuntimeError) -> str:
     """The sentence an operator was left with; WrongError when it is none."""
     text = str(error).strip().removeprefix("Error: ")
-    # what work.sentence says of what was not foreseen
+    # the words of work.sentence for an error that was not foreseen
     if "Traceback" in text or "please report this" in text:
         raise WrongError(text)
     text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
@@ -447,7 +447,7 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
     """Make the rig [seed, k] in a new file and try it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     package = bpy.types.KIRIKO_OT_solve.__module__.removesuffix(".solve")
-    # what was kept of the rig before is no part of this one
+    # parts kept of the rig before do not belong to this one
     importlib.import_module(f"{package}.work").forget()
     started = perf_counter()
     outcome = Outcome(k, "failed")
@@ -478,7 +478,7 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
 
 
 def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Path) -> None:
-    """Try rigs, and write what became of each to the log.
+    """Try rigs, and write the outcome of each to the log.
 
     Ends the process when one takes too long.
     """
@@ -556,7 +556,7 @@ def kind_of(text: str) -> str:
 
 
 def print_summary(found: list[Outcome], seconds: float) -> None:
-    """What became of all rigs."""
+    """The outcomes of all rigs."""
     counts = Counter(outcome.verdict for outcome in found)
     print(
         f"\n{len(found)} rigs in {seconds:.0f} s:"

@@ -32,7 +32,7 @@ def shown_points(thing: bpy.types.Object) -> np.ndarray:
 
 
 def fitting(thing: bpy.types.Object) -> Matrix:
-    """What takes an object to the origin and to a size of one unit; nothing where it is empty."""
+    """The matrix that takes an object to the origin and to a size of one unit, if it has any."""
     points = shown_points(thing)
     if not len(points):
         return Matrix()

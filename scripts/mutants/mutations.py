@@ -1,8 +1,8 @@
 """Small mutants of Python source: where they can be made,
-what they are, and which of them are taken.
+their kinds, and which of them are taken.
 
 A mutant is one node of the syntax tree in another form, put back into the text where the node
-stood. Its name is made of what it changes, not of line numbers, so that a mutant keeps its name,
+stood. Its name is made of its change, not of line numbers, so that a mutant keeps its name,
 and its place in the draw, while other code is edited.
 """
 
@@ -103,7 +103,7 @@ def draw(
     drawn = []
     for file in sorted(mutants):
         share = n * lines[file] / total
-        # what is left of a share after whole mutants is a chance, the same for the same seed
+        # the rest of a share after whole mutants is a chance, the same for the same seed
         many = int(share) + (_lot(seed, file) < share % 1)
         kinds: dict[str, list[Mutant]] = {}
         for mutant in sorted(mutants[file], key=lambda m: _lot(seed, m.name)):

@@ -35,6 +35,6 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish() -> None:
-    """Leave what was noted where run.py looks for it."""
+    """Leave the notes where run.py looks for them."""
     noted = {"seconds": SECONDS, "newest_only": sorted(NEWEST_ONLY)}
     Path(os.environ["KIRIKO_REACH"], "tests.json").write_text(json.dumps(noted), encoding="utf-8")

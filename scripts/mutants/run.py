@@ -42,13 +42,13 @@ PYTEST = ("-m", "pytest", "-q", "--color=no", "-p", "no:cacheprovider")
 KILLED = "killed"
 SURVIVED = "survived"
 HUNG = "hung"
-PATIENCE = 5.0  # times what the tests took without a mutant: longer is a hang
+PATIENCE = 5.0  # times the seconds of the tests without a mutant: longer is a hang
 AT_LEAST_S = 60.0
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of a mutant: killed by a test, hung in it, or survived.
+    """The fate of a mutant: killed by a test, hung in it, or survived.
 
     Core and tests as they were, as digests.
     """
@@ -63,7 +63,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Reach:
-    """Which tests run what: seconds by test, tests by file of core and line."""
+    """Which tests run which lines: seconds by test, tests by file of core and line."""
 
     seconds: dict[str, float]
     tests: dict[str, dict[int, list[str]]]
@@ -277,7 +277,7 @@ def read_verdicts() -> dict[str, Verdict]:
 
 def still_holds(kept: Verdict | None, source: str, everything: str) -> bool:
     """Need a mutant not be tried again? One that was
-    killed holds as long as its file is what it was.
+    killed holds as long as its file stays the same.
     """
     if kept is None:
         return False
@@ -291,7 +291,7 @@ def accepted() -> dict[str, str]:
 
 
 def report(drawn: Sequence[Mutant], verdicts: dict[str, Verdict], sources: dict[str, str]) -> bool:
-    """Print what came of the mutants; whether each that was tried was killed or may survive."""
+    """Print the fates of the mutants; whether each that was tried was killed or may survive."""
     reasons = accepted()
     tried = [mutant for mutant in drawn if mutant.name in verdicts]
     survivors = [mutant for mutant in tried if verdicts[mutant.name].verdict == SURVIVED]

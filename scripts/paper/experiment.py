@@ -63,7 +63,7 @@ class Experiment:
 
     Attributes
     ----------
-    planned : what it is when nothing is off
+    planned : the setup when nothing is off
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -116,7 +116,7 @@ class Experiment:
 
     def photographed(self, setup: Setup, pixels: int = PIXELS) -> Floats:
         """Displacement (3, 49, 2) of the dots' centroids in images
-        of what is seen, as `dev.py paper` measures it.
+        of the seen image, as `dev.py paper` measures it.
 
         The images are of so many pixels in width, and what is
         found counts in those of the photographs.

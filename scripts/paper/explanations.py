@@ -23,7 +23,7 @@ SHARP = 0.01  # px, against tolerances: how much a miss counts where amounts are
 FARTHEST = 50.0  # tolerances, by derivatives: more than that is not re-traced
 ITERATIONS = 8
 HALVINGS = 3  # of a step that would lose dots
-WITHIN = 0.02  # px: what a step changes when there is nothing more to find
+WITHIN = 0.02  # px: the change by a step when there is nothing more to find
 # combinations that are re-traced, of those that look best by derivatives
 TRIED = 6
 LOOKED_AT = 100
@@ -96,7 +96,7 @@ def _amount(suspect: Suspect, amount: float) -> str:
 
 def smallest(matrix: Floats, missing: Floats) -> Floats:
     """The smallest amounts (..., n), in tolerances, that move by
-    what is missing (3,) or as near to that as they can.
+    the missing px (3,) or as near to that as they can.
 
     matrix : (..., 3, n) px for a tolerance
     """

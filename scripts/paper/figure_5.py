@@ -35,7 +35,7 @@ Result = TypeVar("Result")
 
 def rmse(one: Floats, other: Floats | None = None) -> float:
     """Root of the mean product of two errors: of one error its
-    RMSE, of two with noise of their own what they share.
+    RMSE, of two with noise of their own their common part.
     """
     return float(np.sqrt(max(np.mean(one * (one if other is None else other)), 0.0)))
 
@@ -52,7 +52,7 @@ def holes(source: Floats, best: Solution) -> int:
 
 
 def timed(run: Callable[[], Result]) -> tuple[Result, list[str]]:
-    """What a run returns, with seconds that passed and the processor's as a table has them."""
+    """The result of a run, with seconds that passed and the processor's as a table has them."""
     started = perf_counter()
     busy = process_time()
     found = run()
@@ -73,7 +73,7 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
     shown = f"{error:.4f}", "0", f"{error:.4f}", str(holes(solution.source, best))
     rows = [["Kiriko", f"{solution.n_rays:,}", *seconds, *shown]]
 
-    # stray light weighs by what mirrors leave of it; with the ideal plate there is none
+    # stray light weighs by its throughput at the mirrors; with the ideal plate there is none
     plan = make_plan(rig, Settings(brightness=rig.plates[0].array is not None))
     image, seconds = timed(lambda: finish(splat(plan, spp, 1, "folded")))
     off, again = (

@@ -105,7 +105,7 @@ class Bench:
         return Condition(name, dot_centroids(ideal), lattice_shift(seen, ideal), in_cycles)
 
     def show(self, source: Floats, path: Path) -> None:
-        """A picture of what the viewer sees by Cycles, with the surroundings."""
+        """A picture of the viewer's sight by Cycles, with the surroundings."""
         import bpy
 
         from kiriko.core.blender.preview import render_preview

@@ -20,7 +20,7 @@ def half_before(mesh: Mesh, point: Floats, normal: Floats) -> Mesh:
 
     Parameters
     ----------
-    point, normal : (3,) of the plane, m and unit; what lies along the normal stays
+    point, normal : (3,) of the plane, m and unit; the part along the normal stays
     """
     height = (mesh.vertices - point) @ normal
     vertices = list(mesh.vertices)
@@ -73,7 +73,7 @@ def infloasion(rig: Rig) -> Rig:
 
     The aerial plane cuts the glass; its mirror image in the plate is the display. Light of a point
     of the display goes through the mirrored half as it does, by symmetry, through the half behind
-    the plate, and meets again in the point's mirror image: what is left is the bending by the half
+    the plate, and meets again in the point's mirror image. The bending that is left is by the half
     on the viewer's side.
     """
     plate = face_of(rig.plates[0].mesh)

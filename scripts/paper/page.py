@@ -21,7 +21,7 @@ img.plot { width: 720px }
 
 
 def figures(names: dict[str, str]) -> str:
-    """Pictures side by side: files and what they show."""
+    """Pictures side by side: files and their captions."""
     return "".join(
         f'<figure><img src="{file}" alt="{text}"><figcaption>{text}</figcaption></figure>'
         for file, text in names.items()
@@ -29,7 +29,7 @@ def figures(names: dict[str, str]) -> str:
 
 
 def page(times: Table, lattice: Table, bench: dict[str, dict[str, Table]], spp: int) -> str:
-    """index.html. bench : tables by what they are about, in sections."""
+    """index.html. bench : tables by their headings, in sections."""
     return "\n".join([
         f"<!doctype html><meta charset=utf-8><title>The paper's results beside"
         f" ours</title><style>{STYLE}</style>",

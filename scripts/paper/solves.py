@@ -10,7 +10,7 @@ from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 
-# of what is called converged: viewer pixels each way times as many, tolerance in display px
+# of a converged solve: viewer pixels each way times as many, tolerance in display px
 FINER = 2
 FINEST = 1e-3
 

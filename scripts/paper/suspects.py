@@ -1,4 +1,4 @@
-"""What may be off in the paper's three photographs of the cube's lattice.
+"""Suspects: errors of bench, half cube or program in the paper's three photographs.
 
 A photograph is a bench and the image on its display; a suspect changes one or both.
 """
@@ -33,7 +33,7 @@ TOUCHED = tuple(f"{condition} only" for condition in CONDITIONS)
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A bench, and the rig for which what its display shows was made."""
+    """A bench, and the rig for which the image on its display was made."""
 
     bench: Rig
     made_for: Rig
@@ -52,7 +52,7 @@ class Suspect:
     """Something that may be off.
 
     where : whom it concerns. `bench`: all three photographs; `half cube`: InFloasion's glass;
-        `program`: what the authors' program took for true when it made the source image;
+        `program`: the rig that the authors' program took for true when it made the source image;
         `published`: bench and program alike are not as the paper says; `photograph`: its
         measurement; `... only`: the bench, while one of the photographs was taken
     tolerance : amount to expect, in the unit

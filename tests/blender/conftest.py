@@ -60,7 +60,7 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
 
 @pytest.fixture
 def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
-    """Draws a panel by its module and name; returns what it drew."""
+    """Draws a panel by its module and name; returns the drawn layout."""
 
     def draw(
         module: str,

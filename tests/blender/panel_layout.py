@@ -1,4 +1,4 @@
-"""A layout that checks what panels draw on it, and keeps it."""
+"""A layout that checks the items panels draw on it, and keeps them."""
 
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ ICONS = {
 
 
 class Layout:
-    """Takes what a panel draws: properties have to be there,
+    """Takes the items of a panel: properties have to be there,
     and operators, with the properties of theirs.
     """
 
@@ -40,7 +40,7 @@ class Layout:
         assert icon in ICONS
         self.operators.append(name)
         self.labels.append(str(options.get("text", "")))
-        return SimpleNamespace()  # takes what is set of the operator's properties
+        return SimpleNamespace()  # takes values for the operator's properties
 
     def menu(self, name: str, text: str = "", icon: str = "NONE", **options: object) -> None:
         assert hasattr(bpy.types, name)

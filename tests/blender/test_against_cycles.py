@@ -11,7 +11,7 @@ import pytest
 
 from known import closed_forms
 
-ACROSS_AFTER = 0.25  # px, mean: what the viewer is promised
+ACROSS_AFTER = 0.25  # px, mean: the promise to the viewer
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def lattice(scene):
 
 
 def solved(kiriko, scene, **options):
-    """Solve what add_rig makes; returns reading, solution and the plain source image."""
+    """Solve the rig of add_rig; returns reading, solution and the plain source image."""
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.settings import Settings
     from kiriko.core.solve.session import Session

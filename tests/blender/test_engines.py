@@ -69,7 +69,7 @@ def _no_embree(monkeypatch):
 @pytest.mark.parametrize("name", ["ball 1280", "torus", "cylinder 8 x 1", "wavy slab"])
 def test_no_ray_is_lost_inside_curved_faces(name):
     """Rays aimed at vertices and edges of closed meshes, and
-    40 000 others, come out of what they go into.
+    40 000 others, come out of the solids they go into.
     """
     check_leaks(name, has_mean_normals=False, ior=1.49)
 
@@ -129,7 +129,7 @@ def test_rays_nearly_along_an_axis_meet_vertices_and_edges(axis, tilt):
 
 
 def test_a_solution_says_which_engine_it_is_of():
-    """What was used is told with the result."""
+    """The engine is told with the result."""
     a_rig = ball_rig(3, pixels=48, display_pixels=48)
     assert "ray engine (Blender's BVH)" in finish(Session().solve(a_rig)).used
 

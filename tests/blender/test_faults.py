@@ -85,7 +85,7 @@ STAGES = {
 
 
 def part(name: str) -> Any:
-    """A module of the extension, as Blender has it, or what is in one."""
+    """A module of the extension, as Blender has it, or a thing in one."""
     found = importlib.import_module(EXTENSION)
     names = name.split(".")
     for n, word in enumerate(names):
@@ -97,7 +97,7 @@ def part(name: str) -> Any:
 
 
 def errors() -> list[BaseException]:
-    """What may go wrong: what was foreseen and what nobody did, with texts of several lines."""
+    """Faults: foreseen ones and ones that nobody foresaw, with texts of several lines."""
     return [
         part("core.errors").RigError("Said in one sentence."),
         ValueError("an odd\nnumber"),
@@ -111,7 +111,9 @@ FEW = 2  # of them, where it is the stage that counts
 
 
 def everything() -> dict[str, list[tuple]]:
-    """All datablocks of the file, by what they keep as long as they live, and their users."""
+    """All datablocks of the file, by a mark that they keep as long as they live, and
+    their users.
+    """
     groups = (p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION")
     return {
         group: sorted(
@@ -159,13 +161,13 @@ def state() -> tuple:
 
 
 def files() -> dict[str, bytes]:
-    """What is in the folder of the report, by name."""
+    """The files in the folder of the report, by name."""
     folder = Path(bpy.context.scene.kiriko.report_folder)
     return {path.name: path.read_bytes() for path in folder.iterdir()} if folder.exists() else {}
 
 
 def product(name: str) -> object:
-    """What an operator has made, without the times it took."""
+    """The results of an operator, without the times it took."""
     result = bpy.context.scene.kiriko.result
     if name == "solve":
         return pixels(result.source).tobytes()
@@ -183,7 +185,7 @@ def product(name: str) -> object:
 class Asked:
     """An operator whose properties are given here.
 
-    What is reported is kept. Its work is the real one's.
+    Reports are kept. Its work is the real one's.
     """
 
     def __init__(self, name: str) -> None:
@@ -210,7 +212,7 @@ class Asked:
 
 
 class Window:
-    """What of Blender's interface long work touches: a
+    """The parts of Blender's interface that long work touches: a
     context with one window, in which nothing is seen.
     """
 
@@ -342,7 +344,7 @@ def refusal(call: Callable[[], object]) -> str:
 
 
 def whole(name: str) -> object:
-    """What the operator makes in a session that has never solved anything."""
+    """The operator's results in a session that has never solved anything."""
     part("operators.work").forget()
     assert run(name)() == {"FINISHED"}
     return product(name)
@@ -373,7 +375,7 @@ def full_disk(size: int = 100) -> Iterator[None]:
 def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str) -> None:
     """Wherever it is stopped all is as before.
 
-    What is made afterwards is, to the bit, what a fresh session makes.
+    A result made afterwards is, to the bit, that of a fresh session.
     """
     operator = pressed(name, window)
     n_steps = 0
@@ -383,7 +385,7 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
     rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
     before = state()
     for k in np.unique(np.linspace(0, n_steps, SAMPLES).astype(int)):
-        part("operators.work").forget()  # what is kept of a solve that was stopped saves steps
+        part("operators.work").forget()  # parts kept of a solve that was stopped save steps
         operator = pressed(name, window)
         for _ in range(k):
             assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
@@ -394,7 +396,7 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
     operator = pressed(name, window)
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         pass
-    is_of_the_old = name == "simulate"  # what is seen of a result that is out of date
+    is_of_the_old = name == "simulate"  # the sight of a result that is out of date
     assert operator.said[-1][0] == ("WARNING" if is_of_the_old else "INFO"), operator.said
     assert window.is_clean
     after = product(name)
@@ -559,7 +561,7 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
 def test_an_error_after_the_coarse_image_leaves_it(
     rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
-    """Marked as what it is, and told; what was there before is an undo away."""
+    """Marked as partial, and told; the earlier image is an undo away."""
     owner, attribute = stage.rsplit(".", 1)
     for error in errors():
         shown.clear()
@@ -760,13 +762,13 @@ LIVE_STAGES = (
 
 
 def settle() -> None:
-    """Do what Live's timer does until there is nothing left to do, or Live has ended."""
+    """Take the turns of Live's timer until there is nothing left to do, or Live has ended."""
     live = part("operators.live")
     assert any(live.tick() in {None, live.IDLE} for _ in range(MANY))
 
 
 def traces() -> list[str]:
-    """What of Live Blender would still call."""
+    """Functions of Live that Blender would still call."""
     live = part("operators.live")
     left = [name for name, handler in live.HANDLERS if handler in getattr(bpy.app.handlers, name)]
     return left + (["timer"] if bpy.app.timers.is_registered(live.tick) else [])
@@ -909,7 +911,7 @@ def test_a_report_on_a_full_disk_names_its_folder(rig: dict) -> None:
 def test_a_report_is_written_whole_or_not_at_all(
     rig: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the disk is full in its midst, what is there is the earlier one.
+    """Where the disk is full in its midst, the earlier one is still there.
 
     The ladder is the earlier one, too.
     """
@@ -969,7 +971,7 @@ def test_the_command_line_writes_all_files_or_none(
 def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
     rig: dict, tmp_path: Path, is_live: bool
 ) -> None:
-    """What cannot be compressed by way of a file is packed as it
+    """An image that cannot be compressed by way of a file is packed as it
     is: the same numbers after saving and loading.
     """
     with full_disk():

@@ -1,4 +1,4 @@
-"""Random rigs end in a result or in one sentence; and what does not is found."""
+"""Random rigs end in a result or in one sentence; and one that does not is found."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ SEED = 11  # of the rigs tried here; `dev.py fuzz` tries more
 RIGS = (0, 1, 2, 14, 28, 36, 40)  # that take little time
 SOLVED = 0  # one of them, tame, that is solved in little time
 ROOT = Path(__file__).resolve().parent.parent.parent
-# the inventory that tells what a rig changed reads everything;
+# the inventory that tells a rig's changes reads everything;
 # the same rigs are solved in the newer versions
 pytestmark = pytest.mark.skipif(
     bpy.app.version < (4, 5), reason="reading every property there is crashes Blender 4.2"
@@ -116,7 +116,7 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
 
 def test_a_rig_that_takes_too_long_is_named(tmp_path):
     """A rig that takes longer than it may is ended and told of,
-    with what repeats it, and the next one is tried.
+    with the command that repeats it, and the next one is tried.
     """
     command = [
         sys.executable,

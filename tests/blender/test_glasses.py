@@ -54,7 +54,7 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
 
 @pytest.mark.parametrize("name", glasses.GLASSES)
 def test_all_glasses_can_be_made(name):
-    """Smooth but for what is cut, about as large as the view,
+    """Smooth but for cuts, about as large as the view,
     closed but for Suzanne, whose eyes are shells.
     """
     mesh = glasses.made(name)

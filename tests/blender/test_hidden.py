@@ -1,4 +1,4 @@
-"""One rule for all ways to hide: what is not shown in the
+"""One rule for all ways to hide: a thing not shown in the
 viewport and in renders is no part of the rig.
 """
 
@@ -82,7 +82,7 @@ def test_a_part_the_rig_needs(
     role: str,
     way: Callable[[bpy.types.Object], None],
 ) -> None:
-    """Panel, buttons and error say by what it is hidden, and to show it."""
+    """Panel, buttons and error say how it is hidden, and to show it."""
     part = small_rig()[role]
     assert bpy.ops.kiriko.solve.poll()
     way(part)
@@ -103,7 +103,7 @@ def test_a_part_the_rig_needs(
 def test_a_part_it_can_do_without(
     drawn: Callable[..., Layout], scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
 ) -> None:
-    """The rig is solved without it, and a note says so and by what it is hidden."""
+    """The rig is solved without it, and a note says so and how it is hidden."""
     small_rig()
     bpy.ops.kiriko.solve()
     before = scene.kiriko.result.summary, scene.kiriko.result.notes

@@ -73,7 +73,7 @@ def test_the_view_turns_and_nothing_is_edited(passes: Callable[..., bool]) -> No
 
 
 def test_the_sidebar_scrolls_and_no_number_changes(passes: Callable[..., bool]) -> None:
-    """Over buttons the plain wheel scrolls; with a modifier it changes what is under it."""
+    """Over buttons the plain wheel scrolls; with a modifier it changes the button under it."""
     # keymaps of the viewport do not count there
     assert passes("WHEELDOWNMOUSE", x=60, found="transform.translate")
     assert passes("TRACKPADPAN", x=60)

@@ -82,7 +82,7 @@ def test_display_is_as_large_as_the_light_of_the_picture_needs(scene: bpy.types.
 
 def test_limit_of_the_display_is_kept_and_its_loss_reported(scene: bpy.types.Scene) -> None:
     """A display that may not be as large as needed is as large
-    as allowed, and the summary says what is lost.
+    as allowed, and the summary says how much is lost.
     """
     rig = small_rig(max_display_size=0.025)
     assert rig["DISPLAY"].dimensions.x == pytest.approx(0.025, rel=1e-5)
@@ -203,7 +203,7 @@ def test_a_viewer_without_pixels_of_its_own_has_those_of_the_render(scene: bpy.t
 def test_the_camera_that_blender_goes_on_showing_is_told(
     scene: bpy.types.Scene, capfd: pytest.CaptureFixture
 ) -> None:
-    """Where the scene has a camera the report names it, and what to do.
+    """Where the scene has a camera the report names it, and the remedy.
 
     Where it has none there is nothing to tell.
     """
@@ -239,7 +239,7 @@ def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
 
 
 def test_a_display_at_its_limit_says_so(scene: bpy.types.Scene) -> None:
-    """With what to do about it; a width that was given is the artist's own affair."""
+    """With a remedy; a width that was given is the artist's own affair."""
     small_rig(max_display_size=0.025)
     assert (
         "lands outside Display Limit, 0.025 m: make Picture smaller or raise Display Limit."
@@ -268,7 +268,7 @@ def in_collection(*things: bpy.types.Object) -> bpy.types.Object:
 
 
 def test_a_collection_instance_is_the_glass(scene: bpy.types.Scene) -> None:
-    """The rig stands around what the instance shows, which solves
+    """The rig stands around the instance's glass, which solves
     and is previewed as the same objects in the scene.
     """
     thing = cube()
@@ -309,7 +309,7 @@ def flat(kind: str) -> bpy.types.Object:
 
 @pytest.mark.parametrize("kind", ["plane", "text", "instance"])
 def test_what_is_flat_is_refused_as_glass(scene: bpy.types.Scene, kind: str) -> None:
-    """It is named, and what to do.
+    """It is named, and the remedy.
 
     Nothing is made, no role is set. With a thickness it is glass.
     """
@@ -358,7 +358,7 @@ def test_a_role_without_a_surface_is_refused_when_it_is_solved(scene: bpy.types.
 
 
 def test_opaque_glass_is_told_at_once(scene: bpy.types.Scene, capfd: pytest.CaptureFixture) -> None:
-    """A grey material is a warning with what to do; Make It Glass does it, and can be undone."""
+    """A grey material is a warning with a remedy; Make It Glass is that, and can be undone."""
     thing = cube()
     thing.data.materials.append(bpy.data.materials.new("Grey"))
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
@@ -378,7 +378,7 @@ def test_opaque_glass_is_told_at_once(scene: bpy.types.Scene, capfd: pytest.Capt
 
 
 def test_hidden_glass_is_refused(scene: bpy.types.Scene) -> None:
-    """What renders do not show would not be followed: nothing is made around it."""
+    """An object that renders do not show would not be followed: nothing is made around it."""
     thing = cube()
     thing.hide_render = True
     before = inventory()

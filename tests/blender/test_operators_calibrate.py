@@ -22,7 +22,7 @@ HIDDEN = {
 
 
 class Bench:
-    """A rig in the scene, and what is really there: parts that are off by HIDDEN."""
+    """A rig in the scene, and the real bench: parts that are off by HIDDEN."""
 
     def __init__(self, kiriko: ModuleType, scene: bpy.types.Scene) -> None:
         self.kiriko, self.scene = kiriko, scene
@@ -71,7 +71,7 @@ class Bench:
 
     def seen(self, rig) -> np.ndarray:
         """Where they are seen on the real bench (49, 2) while
-        the display shows what is right for a rig.
+        the display shows the source image of a rig.
         """
         settings = self.work.settings_of(self.scene)
         bench = self.misalignment.Bench
@@ -86,7 +86,7 @@ class Bench:
         return float(np.nanmean(np.linalg.norm(self.seen(rig) - self.wanted(), axis=1)))
 
     def photograph(self, path: Path, change=np.asarray) -> Path:
-        """What is seen of the source image on the real bench, changed somehow, as a file."""
+        """The sight of the source image on the real bench, changed somehow, as a file."""
         source = pixels(self.scene.kiriko.result.source)[..., :3]
         return self.image_io.write(path, change(self.source_of(self.real).seen(source)), "PNG8")
 
@@ -198,7 +198,7 @@ def test_a_border_that_is_missing_without_names_is_refused(bench: Bench, tmp_pat
 
 
 def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -> None:
-    """With the index known, as with other tolerances: what it told before does not count twice."""
+    """With the index known, as with other tolerances: an earlier fit does not count twice."""
     path = str(bench.csv(tmp_path / "points.csv"))
     bpy.ops.kiriko.calibrate(filepath=path)
     ours = bench.scene.kiriko.calibration
@@ -219,7 +219,7 @@ def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -
     reason="both fits and their sum are core's; that an offset is kept is told in each version"
 )
 def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
-    """A second photograph is of what the first calibration made: its amounts come on top."""
+    """A second photograph is of the calibrated picture: its amounts come on top."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))
     once = bench.off(bench.rig())
     bpy.ops.kiriko.calibrate(

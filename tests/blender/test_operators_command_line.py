@@ -91,7 +91,7 @@ def test_broken_rig_is_one_sentence(
     bpy.data.objects["Kiriko Plate"].kiriko.role = "NONE"
     assert run("solve", "--out", saved) == 1
     assert "The rig has no plate" in refusal(capsys)
-    assert not saved.exists()  # what was made for it is gone again
+    assert not saved.exists()  # things made for it are gone again
 
 
 def test_folder_that_cannot_be_written_is_one_sentence(
@@ -124,7 +124,7 @@ def test_solve_simulates_when_asked(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """One picture more, and its numbers: light by path, with
-    standard errors, is what the picture shows in the mean.
+    standard errors, is the picture's mean.
     """
     bpy.data.objects["Kiriko Plate"].kiriko.plate.model = "CROSSED"
     bpy.ops.wm.save_mainfile()

@@ -37,7 +37,7 @@ def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
 def test_file_holds_the_source_at_the_displays_resolution(
     solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str
 ) -> None:
-    """What is read back is the source image to half a step of
+    """A file read back is the source image to half a step of
     the format, as sRGB unless the format is linear.
     """
     solved.kiriko.export_format = form
@@ -176,7 +176,7 @@ def test_png_is_written_without_openimageio(
 def test_what_cannot_be_written_is_grey_with_the_reason(
     solved: bpy.types.Scene, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without OpenImageIO the button says what is missing before anything is done.
+    """Without OpenImageIO the button names the missing module before anything is done.
 
     With PNG it can be pressed.
     """

@@ -20,7 +20,7 @@ def live(scene: bpy.types.Scene, kiriko: ModuleType) -> Iterator[ModuleType]:
 
 
 def settle(live: ModuleType) -> int:
-    """Do what the timer does until there is nothing left to do; returns the number of turns."""
+    """Take the timer's turns until there is nothing left to do; returns their number."""
     for n in range(MANY):
         if live.tick() == live.IDLE:
             return n
@@ -50,7 +50,7 @@ def plain(live: ModuleType) -> np.ndarray:
 
 
 def traces(live: ModuleType) -> list[str]:
-    """What of Kiriko Blender would still call."""
+    """Functions of Kiriko that Blender would still call."""
     left = [name for name, handler in live.HANDLERS if handler in getattr(bpy.app.handlers, name)]
     return left + (["timer"] if bpy.app.timers.is_registered(live.tick) else [])
 
@@ -172,7 +172,7 @@ def test_a_coarse_picture_is_not_exported(
 
 def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[str]) -> None:
     """Once up to date nothing more is written, whatever Blender tells
-    of our own writing and of what does not count.
+    of our own writing and of properties that do not count.
     """
     rig = follow(live)
     turn(rig["GLASS"])
@@ -241,7 +241,7 @@ def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> N
 
 
 def test_frames_are_followed(live: ModuleType) -> None:
-    """What is animated is solved where it stands at the new frame."""
+    """An animated part is solved where it stands at the new frame."""
     rig = small_rig()
     for frame, angle in ((1, 0.0), (9, 0.2)):
         rig["GLASS"].rotation_euler.z = angle
@@ -542,7 +542,7 @@ def test_button_says_what_is_missing(live: ModuleType) -> None:
 def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
     """A mesh that stays is the same object.
 
-    Moved, mirrored or edited it is, to the bit, what a new reading finds.
+    Moved, mirrored or edited it is, to the bit, that of a new reading.
     """
     shapes = importlib.import_module(f"{EXTENSION}.core.blender.shapes")
     glass = small_rig()["GLASS"]

@@ -60,7 +60,7 @@ def test_assets_are_what_the_code_makes(scene: bpy.types.Scene, kiriko: object) 
 
 
 def described(tree: bpy.types.NodeTree) -> tuple[list[object], ...]:
-    """What a node group is made of: inputs with their
+    """The contents of a node group: inputs with their
     ranges and words, nodes with their numbers, links.
     """
     sockets = [
@@ -195,7 +195,7 @@ def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
 
 
 def test_linked_mesh_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """What belongs to another file is not changed here."""
+    """A material of another file is not changed here."""
     other = plane("Theirs")
     bpy.data.libraries.write(str(tmp_path / "theirs.blend"), {other})
     bpy.data.objects.remove(other)

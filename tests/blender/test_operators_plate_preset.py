@@ -7,7 +7,7 @@ from mathutils import Matrix
 
 from small_rigs import new_object, primitive, small_rig
 
-SINGLE = 1e-6  # of a metre: what float32 leaves of places and sizes
+SINGLE = 1e-6  # of a metre: float32's rounding of places and sizes
 
 
 def plane(size: float = 0.3, **options: object) -> bpy.types.Object:
@@ -52,7 +52,7 @@ def frame(thing: bpy.types.Object) -> np.ndarray:
 def test_a_plate_gets_the_size_of_the_product(
     scene: bpy.types.Scene, capfd: pytest.CaptureFixture, preset: str, side: float
 ) -> None:
-    """The plate of Add Rig is as large as what is bought, where it was; the report says so."""
+    """The plate of Add Rig is as large as the bought one, where it was; the report says so."""
     plate = activate(small_rig()["PLATE"])
     before = frame(plate)
     assert bpy.ops.kiriko.plate_preset(preset=preset) == {"FINISHED"}

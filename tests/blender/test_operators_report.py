@@ -25,7 +25,7 @@ def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
 
 @pytest.fixture(autouse=True)
 def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two runs on a short ladder: what is tested here is the way to the files."""
+    """Two runs on a short ladder: the tests here are of the way to the files."""
     module = importlib.import_module(f"{kiriko.__name__}.operators.report")
     whole = module.measure
 
@@ -154,7 +154,7 @@ def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path
 def test_stopped_halfway_nothing_is_left(
     kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
-    """What Esc does: the work is closed at any of its steps.
+    """As by Esc, the work is closed at any of its steps.
 
     No folder, no file, no change of the scene.
     """

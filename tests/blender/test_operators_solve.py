@@ -54,7 +54,7 @@ def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
 def test_the_kernel_has_as_many_threads_as_a_render(
     scene: bpy.types.Scene, kiriko: ModuleType
 ) -> None:
-    """What is set for renders holds for solves, whose source image is the same for any number."""
+    """The threads of renders hold for solves, whose source image is the same for any number."""
     small_rig()
     sources = []
     for number in (1, 3):

@@ -1,4 +1,4 @@
-"""The panels, drawn on a layout that checks what it is given and keeps it (fixture `drawn`)."""
+"""The panels, drawn on a layout that checks its items and keeps them (fixture `drawn`)."""
 
 import importlib
 import json
@@ -312,7 +312,7 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
 
 
 def test_an_instance_may_have_a_role(drawn: Callable[..., Layout]) -> None:
-    """An empty that shows a collection is as good as what it shows."""
+    """An empty that shows a collection is as good as the objects in it."""
     thing = new_object(None)
     thing.instance_type = "COLLECTION"
     thing.instance_collection = bpy.data.collections.new("glasses")

@@ -1,4 +1,4 @@
-"""The picture's plane: it shows what is solved, in the shape of its image."""
+"""The picture's plane: it shows the solved picture, in the shape of its image."""
 
 import importlib
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from mathutils import Matrix
 
 from small_rigs import new_object, primitive, small_rig
 
-SINGLE = 2e-6  # share: what float32 leaves of sides and areas
+SINGLE = 2e-6  # share: float32's rounding of sides and areas
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def texture_of(thing: bpy.types.Object) -> Any:
 
 
 def is_solved(read: Callable[[], Any], chosen: bpy.types.Image) -> bool:
-    """Is what is read the image of one colour?"""
+    """Is the reading's picture the image of one colour?"""
     found = read().rig.picture.image
     return found.shape[1::-1] == tuple(chosen.size) and bool(
         (found == np.array(chosen.pixels[:4], np.float32)).all()
@@ -163,7 +163,7 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(
     ],
 )
 def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
-    """However it came to its shape: of what it shows the
+    """However it came to its shape: of its image the
     proportions are the image's, its area and middle stay.
     """
     thing = picture_plane()
@@ -303,7 +303,7 @@ def test_the_shape_may_be_left_when_an_image_is_chosen(
 
 def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """It is chosen, shown and fitted; opened again it is the
-    same image; what is no image leaves nothing behind.
+    same image; a file that is no image leaves nothing behind.
     """
     picture = activate(small_rig()["PICTURE"])
     path = file(tmp_path, 90, 30)
@@ -510,7 +510,7 @@ def test_of_several_materials_the_one_on_most_faces_shows_it(read: Callable[[], 
 
 
 def test_only_pictures_change_their_material(scene: bpy.types.Scene) -> None:
-    """An image that is set on what is no picture leaves its material alone."""
+    """An image that is set on another role leaves its material alone."""
     glass = small_rig()["GLASS"]
     before = [slot.material for slot in glass.material_slots]
     glass.kiriko.image = image(8, 8)
@@ -519,7 +519,7 @@ def test_only_pictures_change_their_material(scene: bpy.types.Scene) -> None:
 
 def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
     """As in files of old, whose material shows another image
-    than is chosen: both are named, with what to do.
+    than is chosen: both are named, with the remedy.
     """
     picture = activate(small_rig()["PICTURE"])
     chosen = image(8, 8)
@@ -538,7 +538,7 @@ def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
 
 
 def test_a_linked_plane_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """What belongs to another file is chosen and fitted there."""
+    """A picture of another file is chosen and fitted there."""
     picture = picture_plane()
     bpy.data.libraries.write(str(tmp_path / "plane.blend"), {picture})
     bpy.data.objects.remove(picture)

@@ -189,7 +189,7 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, pose: str) -> None:
-    """Image, stray light and what goes through: class, landing and
+    """Image, stray light and light that goes through: class, landing and
     throughput, on both sides, wherever it stands.
     """
     plate = bench(pose)
@@ -198,7 +198,7 @@ def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, po
 
 @pytest.mark.parametrize("pose", POSES)
 def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
-    """What the face reflects comes from the face, half the
+    """Light that the face reflects comes from the face, half the
     thickness before the plane, with Fresnel's share.
     """
     plate = bench(pose, display_is_behind=False)

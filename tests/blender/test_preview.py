@@ -203,7 +203,7 @@ def test_cycles_agrees_on_full_creases(core: ModuleType) -> None:
 
 
 def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Glass and mirrors are shown in fine triangles, what is as drawn or flat in its own.
+    """Glass and mirrors are shown in fine triangles, faces as drawn or flat in their own.
 
     All in one material each.
     """
@@ -318,8 +318,8 @@ def test_touching_solids_are_said_to_be_not_comparable(
 
 
 def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> None:
-    """What Cycles shows of the source image is closer to the
-    ideal image than what it shows of the plain picture.
+    """The source image as Cycles shows it is closer to the
+    ideal image than the plain picture as it shows that.
     """
     small_rig(display_resolution=(256, 256), viewer_resolution=128)
     bpy.ops.kiriko.solve()
@@ -388,7 +388,7 @@ def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_pa
 def test_preview_cut_short_is_cleaned_up_by_the_next(
     scene: bpy.types.Scene, core: ModuleType
 ) -> None:
-    """What a preview left that never came to its end goes with the next one."""
+    """The leavings of a preview that never came to its end go with the next one."""
     small_rig()
     before = inventory()
     reading = core.blender.scene.read(bpy.context)

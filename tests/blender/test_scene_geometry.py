@@ -456,7 +456,7 @@ def test_vertices_that_are_no_numbers(read: Callable[[], Any], errors: ModuleTyp
 def test_hidden_parts_are_left_out(
     read: Callable[[], Any], scene: bpy.types.Scene, way: str
 ) -> None:
-    """What is hidden in viewport or render is no part of the rig, and a note says so."""
+    """An object hidden in viewport or render is no part of the rig, and a note says so."""
     thing = add(cube(), "BLOCKER", "screen")
     add(cube(), "GLASS", "stone")
     if way == "viewport":

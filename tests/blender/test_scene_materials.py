@@ -315,7 +315,7 @@ def test_animated_index(read: Callable[[], Any], scene: bpy.types.Scene) -> None
 def test_settings_have_words_for_the_user(scene: bpy.types.Scene) -> None:
     """Every setting has a label and one line without a full stop.
 
-    What is out of range is brought back into it.
+    A value out of range is brought back into it.
     """
     stone = add_glass()
     for settings in (stone.kiriko, scene.kiriko, scene.kiriko.result):

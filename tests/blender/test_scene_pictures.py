@@ -397,7 +397,7 @@ def test_pictures_without_pixels(
     read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, tmp_path: Path
 ) -> None:
     """A render result, an unknown colour space and numbers that
-    are not finite are refused with what to do.
+    are not finite are refused with a remedy.
     """
     plane = add_plane(None)
     render(scene, tmp_path)
@@ -457,7 +457,7 @@ def test_a_picture_that_would_not_fit_is_refused(
 ) -> None:
     """Before its pixels are read, which take 16 bytes each.
 
-    With what it takes, what is free, and what to do.
+    With its need, the free memory, and the remedy.
     """
     free_memory = importlib.import_module(f"{kiriko.__name__}.core.free_memory")
     add_plane(None).kiriko.image = generated()
@@ -475,7 +475,7 @@ def test_a_picture_that_would_not_fit_is_refused(
 
 @pytest.mark.parametrize("is_float", [False, True])
 def test_reading_takes_no_more_than_the_pixels(kiriko: ModuleType, is_float: bool) -> None:
-    """Their 16 bytes each, and what a few rows are decoded with."""
+    """Their 16 bytes each, and the buffers of a few rows."""
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
     image = bpy.data.images.new("large", 2048, 2048, float_buffer=is_float)
     tracemalloc.start()

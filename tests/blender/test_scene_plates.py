@@ -66,7 +66,7 @@ def test_only_a_plate_has_a_preset(scene):
 
 @pytest.mark.parametrize("metres", [1.0, 0.001])
 def test_a_preset_sets_everything_whatever_the_unit(read, scene, metres):
-    """Nothing of what was set before is left.
+    """No earlier setting is left.
 
     The pitch is in millimetres in a scene of any unit.
     """

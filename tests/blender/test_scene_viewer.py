@@ -99,7 +99,7 @@ def test_points_are_where_blender_sees_them(
 
 
 def render_positions(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
-    """World position of what Cycles sees at each pixel's centre (h,
+    """World position that Cycles sees at each pixel's centre (h,
     w, 3), row 0 at the top: emitted by a big plane.
     """
     material = bpy.data.materials.new("position")
@@ -166,7 +166,7 @@ def aim(camera: bpy.types.Object) -> None:
 def test_pixel_grid_of_cycles(
     read: Callable[[], Any], scene: bpy.types.Scene, case: str, tmp_path: Path
 ) -> None:
-    """What Cycles sees at the centre of pixel (i, j) projects to (i + 0.5, j + 0.5), to 0.01 px."""
+    """A place that Cycles sees at the centre of pixel (i, j) projects there, to 0.01 px."""
     camera = add_camera(scene, case if case in CAMERAS else "perspective")
     aim(camera)
     if case == "odd percentage":
@@ -259,7 +259,7 @@ def test_cameras_that_cannot_be_followed(
 ) -> None:
     """A panoramic, a sheared and a vanished camera are refused by name, with the reason.
 
-    So is what is no camera.
+    So is an object that is no camera.
     """
     camera = add_camera(scene)
     camera.data.type = "PANO"

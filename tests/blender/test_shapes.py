@@ -1,5 +1,5 @@
 """Glass that is neither ball nor cube: solved, and what
-Cycles shows is what core says the viewer sees.
+Cycles shows agrees with the seen image of core.
 """
 
 import bpy
@@ -95,7 +95,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
         apart = np.linalg.norm(cycles - landings.xy, axis=1)[both]
         assert np.median(apart) < 0.01
         assert (apart < 0.1).mean() > share
-        # what arrives in Cycles, which follows no total reflection there, arrives in core
+        # a ray that arrives in Cycles, which follows no total reflection there, arrives in core
         assert landings.has_arrived[found[:, 2] > 0.5].mean() > 0.99
 
 

@@ -1,4 +1,4 @@
-"""A result knows what it was solved for, and says when the scene is another one."""
+"""A result knows the scene it was solved for, and says when that is another one."""
 
 import importlib
 import json
@@ -43,7 +43,7 @@ def rig(watch: ModuleType, scene: bpy.types.Scene) -> dict[str, bpy.types.Object
 
 
 def is_stale(watch: ModuleType) -> bool:
-    """By a fresh look, and by what the timer finds, which have to agree."""
+    """By a fresh look, and by the timer, which have to agree."""
     found = watch.has_changed(bpy.context)
     watch.tick()
     assert watch.is_told_changed(bpy.context.scene) == found
@@ -303,7 +303,7 @@ def test_a_rig_that_cannot_be_read_any_more_has_changed(
 def test_a_result_of_an_earlier_version_is_taken_as_it_is(
     watch: ModuleType, rig: dict, tmp_path: Path
 ) -> None:
-    """It does not know what it was solved for: nothing is said, and nothing is read."""
+    """It does not know its scene: nothing is said, and nothing is read."""
     ours().result.solved_for = ""
     move(rig["GLASS"])
     assert not is_stale(watch)
@@ -311,7 +311,7 @@ def test_a_result_of_an_earlier_version_is_taken_as_it_is(
 
 
 def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) -> None:
-    """While it works nothing is said; what it made is current, also after it was turned off."""
+    """While it works nothing is said; its result is current, also after it was turned off."""
     live = kiriko.operators.live
     bpy.ops.kiriko.live()
     move(rig["GLASS"])

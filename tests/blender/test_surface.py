@@ -1,4 +1,4 @@
-"""What smooth shading stands for: settings, normals, creases and limit surfaces as they
+"""The surface meant by smooth shading: settings, normals, creases and limit surfaces as they
 are read.
 """
 
@@ -295,7 +295,7 @@ def test_vertices_of_a_subdivision_lie_on_its_limit(
 
 def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     """A subdivision modifier that does not use the limit
-    surface is named with its object, and what to do.
+    surface is named with its object, and the remedy.
     """
     thing = smooth(primitive("cube", size=2.0))
     thing.name = "stone"
@@ -328,7 +328,7 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     ],
 )
 def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) -> None:
-    """Remeshed and collapsed: followed as smooth they are further from what was meant.
+    """Remeshed and collapsed: followed as smooth they are further from the true surface.
 
     Else nothing is said of it.
     """

@@ -55,6 +55,6 @@ def test_imperial_lengths(text: Callable[..., str], metres: float, unit: str, wo
 
 
 def test_the_unit_scale_changes_no_length(text: Callable[..., str]) -> None:
-    """A length in metres is what it is; without units it is told in Blender's."""
+    """A length in metres stays that; without units it is told in Blender's."""
     assert text(0.05, "METRIC", "MILLIMETERS", 0.001) == "50 mm"
     assert text(0.05, "NONE", scale=0.001) == "0.05 units"

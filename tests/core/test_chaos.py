@@ -58,7 +58,7 @@ def brute_force(spp=200):
 
 
 def test_the_light_is_that_of_random_rays():
-    """On each part of the display, within what both know; and in all."""
+    """On each part of the display, within both uncertainties; and in all."""
     light, deviation = brute_force()
     found = on_blocks(solved().weight)
     assert solved().first.map_error.sampled > 0.2
@@ -147,7 +147,7 @@ def test_more_samples_than_memory_holds_are_refused(monkeypatch):
 
 
 def test_places_outside_of_the_view_are_not_on_the_map():
-    """Nor what is no place."""
+    """Nor a place that is not finite."""
     found = solved().first.view_map
     places = np.array([[np.nan, 1.0], [-1.0, 5.0], [np.inf, 5.0], [5.0, 1e300]])
     assert np.isnan(found.display_from_view(places)).all()

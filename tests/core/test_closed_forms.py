@@ -1,5 +1,5 @@
 """The judge judged: closed forms that need roots against
-mpmath and against what a path through a solid must keep.
+mpmath and against the invariants of a path through a solid.
 """
 
 import mpmath
@@ -78,7 +78,7 @@ def test_paths_are_those_of_forty_digits(solid):
     """Each point within 1e-15 m of mpmath's where it is first
     met, and all within 1e-13 at the end of the path.
 
-    A curved interface multiplies what it gets by less than 1 /
+    A curved interface multiplies an error by less than 1 /
     GRAZING = 10; roots are good to 1e-16 m at 0.3 m.
     """
     f = precise_torus if solid == "torus" else precise_slab

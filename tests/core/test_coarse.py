@@ -1,5 +1,5 @@
-"""First pictures: what they are, when they are made, and
-that they change nothing of what comes after them.
+"""First pictures: their contents, when they are made, and
+that they change no later result.
 """
 
 from dataclasses import replace
@@ -37,7 +37,7 @@ def in_sight(rig, session, shown, **settings):
 
 
 def test_a_coarse_image_is_enlarged():
-    """One of 2 x 2 fills 5 x 4 pixels, each with what lies at its place."""
+    """One of 2 x 2 fills 5 x 4 pixels, each with the value at its place."""
     small = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
     big = coarse.enlarged(small, 4, 5)
     assert big.shape == (5, 4, 3)
@@ -102,7 +102,7 @@ def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
 def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
     """Where nothing is traced nothing coarse is faster.
 
-    Nor is it for a small viewer, or for what is nearly done.
+    Nor is it for a small viewer, or for a solve that is nearly done.
     """
     session = Session()
     shown = []
@@ -129,7 +129,7 @@ def test_a_solve_that_is_given_up_leaves_what_was_known(impatient):
 
 
 def test_a_coarse_viewer_may_miss_what_the_fine_one_sees(impatient, monkeypatch):
-    """Then there is no coarse picture, and the result is what it is."""
+    """Then there is no coarse picture, and the result is the same."""
 
     def refuse(*_):
         yield 0.0

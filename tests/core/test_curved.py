@@ -427,7 +427,7 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
 
 def test_faces_of_fine_regular_meshes_keep_their_own_normals():
     """Where normals agree by themselves none is kept
-    beside the face: tracing pays for what it needs.
+    beside the face: tracing pays for its needs alone.
     """
     for mesh in (icosphere(RADIUS, 5), bottle()):
         curved = make_surface(mesh).curved
@@ -446,7 +446,7 @@ DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1
 @pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
     """To a tenth of a display pixel, which is a tenth of the
-    tolerance, against closed forms of what was meant.
+    tolerance, against closed forms of the meant surface.
     """
     mesh = disturbed(name, aside, noise)
     drawn, smooth, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
@@ -507,7 +507,7 @@ def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
 
 
 def test_automatic_follows_noise_as_drawn_and_a_regular_mesh_as_curved():
-    """What is told is what is done, and a face that is followed as drawn is the mesh's own."""
+    """The note tells the work as done, and a face that is followed as drawn is the mesh's own."""
     noisy = disturbed("ball, 1280", 0, 1e-3)
     for mesh, share in ((noisy, 0.0), (icosphere(RADIUS, 3), 1.0), (uv_ellipsoid(RADIUS), 1.0)):
         surface = make_surface(replace(mesh, surface="automatic"))
@@ -586,7 +586,7 @@ def aimed(mesh, n, seed=1):
 @normals_kinds
 @closed
 def test_no_ray_is_lost_inside(name, has_mean_normals, ior):
-    """What goes into a closed solid comes out: lost are only
+    """Light that goes into a closed solid comes out: lost are only
     rays still totally reflected after all events.
     """
     mesh = meshes(name, has_mean_normals)
@@ -1001,7 +1001,7 @@ def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
 @pytest.mark.parametrize("stretch", [10, 100])
 def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
     """Rings 1:10 and 1:100 of one another: off the cylinder by
-    less than a tenth of what the facets are.
+    less than a tenth of the facets' deviation.
     """
     vertices, sides, _ = frustum(32, 0.02, 0.02, 0.04, 8)
     level = np.array(
@@ -1038,7 +1038,7 @@ def test_noise_on_a_ball_is_not_blown_up(noise, has_mean_normals):
     assert off < 1.5 * noise * edge
 
 
-# What does not change
+# Invariants
 
 
 def test_flat_rigs_are_untouched():

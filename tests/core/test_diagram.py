@@ -34,7 +34,7 @@ def points_of(curve):
 
 
 def box(text):
-    """What a label covers, px: left, right, top, bottom."""
+    """The box of a label, px: left, right, top, bottom."""
     x = float(text.get("x"))
     y = float(text.get("y"))
     size = float(text.get("font-size"))

@@ -1,4 +1,4 @@
-"""What would turn the simulated displacements into the
+"""Errors of a bench that turn the simulated displacements into the
 paper's: closed forms, and explanations re-traced.
 """
 
@@ -64,7 +64,7 @@ def test_the_lattice_is_in_the_frame_of_the_photographs(experiment):
 
 
 def test_nothing_off_gives_what_dev_py_paper_finds(experiment):
-    """To what the mirrors' height leaves of it where the paper's script has an ideal plate."""
+    """But for the mirrors' height, where the paper's script has an ideal plate."""
     moves = experiment.moves(experiment.planned)
     np.testing.assert_allclose(means(moves), [184.8, 91.2, 0.0], atol=0.1)
     np.testing.assert_allclose(np.abs(moves).mean(axis=1)[:, 1], [5.6, 2.8, 0.0], atol=0.1)
@@ -86,7 +86,7 @@ def test_the_middle_dot_is_where_a_slab_of_what_is_off_shifts_it(
 ):
     """Of the real cube with no compensation.
 
-    With the source image what the planned one is short of that.
+    With the source image the planned one's difference from that.
     """
     px = experiment.rig.viewer.width / 0.05
     middle = off(experiment, named, name, amount)[:, MIDDLE, 0]
@@ -219,7 +219,7 @@ def test_three_amounts_on_one_bench_make_any_three_numbers(experiment, named):
 
 
 def test_smallest_amounts_are_the_smallest():
-    """Of equal columns each takes its share; what cannot be reached is left to least squares."""
+    """Of equal columns each takes its share; an amount out of reach is left to least squares."""
     equal = np.ones((3, 4))
     np.testing.assert_allclose(smallest(equal, np.array([2.0, 2.0, 2.0])), 0.5, rtol=1e-4)
     np.testing.assert_allclose(smallest(equal[:, :1], np.array([1.0, 2.0, 6.0])), 3.0, rtol=1e-4)

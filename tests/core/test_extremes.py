@@ -22,7 +22,7 @@ from known.extremes.cases import (
 def test_extreme_case(case):
     """Right within its bound, or refused with the reason.
 
-    And every known limit says what to avoid.
+    And every known limit names the case to avoid.
     """
     rows = list(case.rows(True))
     assert rows

@@ -22,7 +22,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def seen_twice(**options):
-    """A bottle, whose rims show again what its middle shows."""
+    """A bottle, whose rims show the view of its middle again."""
     return rig(
         bottle(),
         pixels=96,

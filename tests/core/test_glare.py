@@ -1,4 +1,4 @@
-"""Light beside the glass: how much of it there is, what is seen of it, and what suppresses it."""
+"""Light beside the glass: its amount, how it is seen, and how it is suppressed."""
 
 from dataclasses import replace
 
@@ -79,7 +79,7 @@ def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_what_is_seen_beside_is_what_is_seen_when_all_light_counts(name):
-    """Light beside the glass is added to what is seen through it,
+    """Light beside the glass is added to the view through it,
     whether or not it was followed while solving.
     """
     a_rig = RIGS[name]()
@@ -108,7 +108,7 @@ def test_suppressed_wholly_all_sight_lines_are_alike():
 
 
 def test_least_squares_with_weight():
-    """Each pixel is what minimises the squares, by sums of random rays.
+    """Each pixel has the value that minimises the squares, by sums of random rays.
 
     Light beside the glass is wanted to be 0.
     """
@@ -156,7 +156,7 @@ def test_more_weight_is_less_glare_and_a_darker_picture():
 
 
 def test_coverage_knows_the_glass_alone():
-    """What is covered, missed and painted is told as
+    """The covered, missed and painted shares are told as
     before: light beside the glass carries no picture.
     """
     wide = rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 0.06, 0.06)
@@ -227,7 +227,7 @@ def test_rays_of_the_sample_are_spread_over_the_image():
 
 
 def test_grown_margins_stay_dark_where_they_would_be_seen():
-    """Pixels beside what is covered that are seen beside the glass are not grown into."""
+    """Pixels beside covered ones that are seen beside the glass are not grown into."""
     a_rig = ball()
     plain = solve(a_rig, margin=6)
     held = solve(a_rig, margin=6, suppress_glare=1.0)
@@ -243,11 +243,11 @@ def test_grown_margins_stay_dark_where_they_would_be_seen():
     assert (held.source[grown & is_beside] == 0).all()
     assert (
         held.source[grown & ~is_beside].max(axis=1) > 0
-    ).mean() > 0.8  # but what would grow out of what is dark
+    ).mean() > 0.8  # but growth out of the dark
 
 
 def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
-    """Smooth light beside the glass does not dilute what is
+    """Smooth light beside the glass does not dilute the numbers
     told of the picture: errors, shares and warnings.
     """
     glass = icosphere(0.02, 2, smooth=False)

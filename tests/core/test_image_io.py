@@ -15,7 +15,7 @@ NAMES = ("a.csv", "b.json", "c.svg")
 
 
 def contents(folder: Path) -> dict[str, str | None]:
-    """What is in a folder, by name; None for folders."""
+    """The contents of a folder, by name; None for folders."""
     return {path.name: None if path.is_dir() else path.read_text() for path in folder.iterdir()}
 
 
@@ -115,7 +115,7 @@ def test_a_symbolic_link_stays_and_what_it_points_to_is_new(
 
 
 LINEAR = (0.0, 0.002, 0.0031308, 0.18, 0.5, 0.99, 1.0, 7.0, -1.0)
-ENCODED = {  # by the two branches of IEC 61966-2-1, in decimals, times what the type can count to
+ENCODED = {  # by the two branches of IEC 61966-2-1, in decimals, times the type's greatest number
     "uint8": (0, 7, 10, 118, 188, 254, 255, 255, 0),
     "uint16": (0, 1693, 2651, 30235, 48192, 65246, 65535, 65535, 0),
 }
@@ -182,7 +182,7 @@ def test_a_file_tells_how_large_its_image_is(tmp_path: Path) -> None:
     ],
 )
 def test_a_name_gets_the_suffix_of_its_format(given: str, form: str, name: str) -> None:
-    """In place of that of another image, else behind what is there."""
+    """In place of that of another image, else behind the text there."""
     assert (
         image_io.named_for(Path("some.where") / given, form, {".jpg"}) == Path("some.where") / name
     )

@@ -1,4 +1,4 @@
-"""The compiled kernel does what numpy's way does, one by one, and breaks on nothing."""
+"""The compiled kernel gives the results of numpy's way, one by one, and breaks on nothing."""
 
 import ctypes
 import re
@@ -223,7 +223,7 @@ def test_same_landings_by_other_settings(name, some):
 
 @pytest.mark.parametrize("light", ["imaged", "folded", "reflected"])
 def test_same_light_at_an_ideal_plate(light):
-    """Whichever light is followed: of light that comes past the plate it decides what becomes."""
+    """Whichever light is followed: it decides the fate of light that comes past the plate."""
     assert_same(*both_ways(ball_rig(3), Settings(only_through_glass=False), light=light))
 
 
@@ -237,7 +237,7 @@ def test_a_glass_that_was_only_moved():
 
 
 def test_same_ways_and_courses():
-    """What is written down at each event is the same; a ray leaves its course at the same event."""
+    """The record of each event is the same; a ray leaves its course at the same event."""
     a_rig = rig(torus(0.018, 0.007, 64, 32))
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig, 2000)
@@ -386,7 +386,7 @@ def test_random_rigs(seed):
 
 def test_where_ways_part_the_kernel_has_met_the_nearer_face():
     """Of a mesh that contradicts itself: where numpy's engine
-    lets a ray through, the kernel finds what it met.
+    lets a ray through, the kernel finds the face it met.
     """
     mesh = turned_vase(12)
     dice = np.random.default_rng(3)
@@ -541,7 +541,7 @@ def test_arrays_of_another_kind_are_not_written_to():
 
 
 def test_masks_of_other_clusters_are_left_alone():
-    """A far card makes what counts as one place large: a box a
+    """A far card makes the size of one place large: a box a
     micrometre beside others is another cluster's.
     """
     beside, *same = (box([0.02] * 3, (0, side * (0.01 + 5e-7), 0)) for side in [-1, *20 * [1]])
@@ -754,7 +754,7 @@ def test_cells_that_it_does_not_know_are_left_to_numpy():
         assert not kernel.can_divide(quads, quads)
 
 
-# --- what rays passed by ---
+# --- near misses of rays ---
 
 
 def some_parts(dice, n):
@@ -777,7 +777,8 @@ def some_bundles(dice, n, k, m, n_patches=15):
     met[other] = dice.integers(-1, n_patches, other.sum())
     ends = np.maximum.accumulate(met < 0, axis=2)
     met[ends] = -1
-    places[:, :, 2:][ends[:, :, :-1]] = np.nan  # what has left is nowhere from the next event on
+    # a ray that has left is nowhere from the next event on
+    places[:, :, 2:][ends[:, :, :-1]] = np.nan
     return places, met
 
 
@@ -995,7 +996,7 @@ MESHES = {
 def test_same_curved_faces(name):
     """Of the same triangles.
 
-    Points to 1e-10 of the mesh's size, normals to what is left when sweeps end, 1e-10.
+    Points to 1e-10 of the mesh's size, normals to the rest when sweeps end, 1e-10.
     """
     mesh = MESHES[name]()
     with kernel.off():
@@ -1031,7 +1032,7 @@ def test_the_fit_by_any_number_of_threads_gives_the_same():
 @settings(max_examples=100)
 @given(st.integers(0, 2**32), st.floats(), st.floats())
 def test_no_vertex_breaks_the_fit(seed, one, other):
-    """Whatever floats stand for places, normals and sizes: only what is wanted is written."""
+    """Whatever floats stand for places, normals and sizes: only the wanted results are written."""
     dice = np.random.default_rng(seed)
     n, n_pairs = 9, 40
     start = np.sort(dice.integers(0, n, n_pairs))

@@ -1,4 +1,4 @@
-"""What a lab would measure of a mirror array, in small: `dev.py lab` does the same at length."""
+"""A lab's measurements of a mirror array, in small: `dev.py lab` does the same at length."""
 
 from dataclasses import replace
 

@@ -24,7 +24,7 @@ N = np.arange(49)
 GRID = np.stack([N % 7 - 3, N // 7 - 3], axis=1) / 3.0  # of the photographs, -1..1
 
 
-# Photographs: a map from their pixels to the lattice says what is bright
+# Photographs: a map from their pixels to the lattice says which are bright
 
 
 def bent(size, turn=0.0, scale=1.0, perspective=0.0, bend=0.0, shift=(0, 0)):
@@ -292,7 +292,7 @@ def test_a_photograph_of_a_few_pixels_is_refused():
 @pytest.mark.parametrize("seed", range(25))
 def test_points_are_told_apart(seed):
     """Shuffled, shifted, scaled, turned and bent, some inner
-    ones missing, a few extra: each is what it was.
+    ones missing, a few extra: each keeps its number.
     """
     random = np.random.default_rng(seed)
     scale, turn, bend, perspective = random.uniform([0.5, -0.7, -0.1, -0.1], [2.0, 0.7, 0.1, 0.1])
@@ -382,7 +382,7 @@ def written(tmp_path, text, encoding="utf-8"):
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_a_file_says_which_point_is_which(tmp_path, delimiter):
     """In any order, columns too, with a byte order mark,
-    blank lines, blanks for what was not measured.
+    blank lines, blanks for points that were not measured.
     """
     lines = ["y,Row,x,column", "10.5,1,20,2", "", "1e2,3,7.25,7", ",2,,2"]
     path = written(tmp_path, "\r\n".join(lines).replace(",", delimiter), "utf-8-sig")

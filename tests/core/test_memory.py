@@ -1,4 +1,4 @@
-"""What a solve takes is told before it is taken."""
+"""The memory of a solve is told before it is taken."""
 
 import json
 import os
@@ -102,7 +102,7 @@ def test_the_estimate_is_what_is_taken(rig, tolerance, work):
     ],
 )
 def test_what_would_not_fit_is_refused(monkeypatch, change, words):
-    """Before anything is made, by what takes most of it; the session stays."""
+    """Before anything is made, by the largest part of it; the session stays."""
     session = Session()
     small = ball_rig(2, pixels=32, display_pixels=32)
     first = finish(session.solve(small))
@@ -118,7 +118,7 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
     with pytest.raises(RigError, match=words):
         finish(session.solve(large, Settings(tolerance=change.get("tolerance", 0.1))))
     again = finish(session.solve(replace(small)))
-    assert again.n_rays == 0  # nothing was lost of what was solved
+    assert again.n_rays == 0  # nothing solved was lost
     assert (again.source == first.source).all()
 
 

@@ -1,5 +1,5 @@
 """Benches whose parts are off: against closed forms,
-against re-tracing, and found again from what is seen.
+against re-tracing, and found again from the seen dots.
 """
 
 from dataclasses import replace
@@ -139,7 +139,7 @@ def tolerances_of(found):
 @pytest.mark.parametrize("seed", range(3))
 def test_hidden_errors_are_made_up_for(cube, seed):
     """0.3 px of noise, one point in ten missing: solved again
-    with the fit, what is left is below 1 px.
+    with the fit, the rest is below 1 px.
     """
     random = np.random.default_rng(seed)
     tolerances = tolerances_of(cube)
@@ -148,7 +148,7 @@ def test_hidden_errors_are_made_up_for(cube, seed):
     photograph[random.random(49) < 0.1] = np.nan
     found = finish(fit(cube, photograph, tolerances))
     assert found.before > 20
-    assert found.after < 0.55  # 0.3 sqrt 2, less what the fit follows of it
+    assert found.after < 0.55  # 0.3 sqrt 2, less the part that the fit follows
     assert (np.abs(found.amounts - hidden) < 4.5 * found.errors).all()
     assert found.condition > 1e6  # one photograph cannot tell all of them apart, and says so
     assert (found.errors <= tolerances * (1 + 1e-9)).all()
@@ -232,7 +232,7 @@ def test_what_is_known_is_not_fitted(cube):
 
 
 def test_amounts_by_name_take_the_picture_along(cube):
-    """Where the viewer's own place is off, what is wanted stays in the same pixels."""
+    """Where the viewer's own place is off, the wanted dots stay in the same pixels."""
     amounts = {
         "viewer: turn about up": 0.3,
         "viewer: shift away": 20.0,

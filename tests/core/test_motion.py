@@ -21,7 +21,7 @@ def moved(mesh, motion):
 
 @pytest.mark.parametrize("mesh", [SQUARE, box([0.05, 0.04, 0.03])], ids=["flat", "solid"])
 def test_a_motion_is_found_again(mesh):
-    """Of what is flat, too, of which the mirror image has the same vertices."""
+    """A flat mesh, too, of which the mirror image has the same vertices."""
     random = np.random.default_rng(0)
     for _ in range(50):
         axis = random.standard_normal(3)

@@ -1,4 +1,4 @@
-"""Glass with gaps: what light does there, how much of it
+"""Glass with gaps: the way of light there, how much of it
 is told, and no word where no light comes by.
 """
 

@@ -1,4 +1,4 @@
-"""The laws of core/light/optics.py against what physics keeps.
+"""The laws of core/light/optics.py against the invariants of physics.
 
 Test_judge.py holds them to fifty digits.
 """

@@ -76,7 +76,7 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     """Cut pieces have the area of the whole on both images and
     its throughput, and lie in the outline or beside it.
 
-    What was cut has no image any more.
+    A part that was cut has no image any more.
     """
     a_rig = ball_rig(2, pixels=32)
     place = replace(a_rig.picture_place, mesh=turned(0.021, 0.013, 20))

@@ -142,7 +142,7 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
     pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1).reshape(-1, 2)
     if (
         projection == "perspective" or ahead >= 0
-    ):  # an orthographic viewer sees what is behind it all the same
+    ):  # an orthographic viewer sees things behind it all the same
         assert picture_from_view(a_picture.place, v, pixels, of_square(1.0)).cover.sum() < 1e-6
     assert why_unseen(a_picture.place, v).startswith(why)
 
@@ -279,7 +279,7 @@ def level_by_level(image, points):
 
 
 def apart(covariance):
-    """What of a footprint's covariance the places of its reads make
+    """The share of a footprint's covariance that the places of its reads make
     up (2, 2), and the variance that each has left.
     """
     xx, xy, yy = covariance

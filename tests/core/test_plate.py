@@ -1,5 +1,5 @@
 """The mirror array in closed form: against marching, fifty
-digits, a mesh of its mirrors, and what a plate must do.
+digits, a mesh of its mirrors, and the symmetries of a plate.
 """
 
 from dataclasses import replace
@@ -296,7 +296,7 @@ def test_light_sent_back_comes_out_where_it_came_in(array, place, azimuth, cosin
 
 @pytest.mark.parametrize("layout", ["crossed", "holes"])
 def test_the_image_sent_back_is_the_object(layout):
-    """Sent back, what is imaged comes out where and as it came in, with the same throughput."""
+    """Sent back, imaged light comes out where and as it came in, with the same throughput."""
     array = MirrorArray(layout, crossing_error=0.03 if layout == "crossed" else 0.0)
     frame = frame_of(array, seed=2)
     positions, directions = light_on(frame, 2000, least=0.1)
@@ -327,7 +327,7 @@ def fresnel(cosine, n):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
-    """What is reflected lies on the ray that a mirror at the
+    """Reflected light lies on the ray that a mirror at the
     near face sends back; R is Fresnel's and R + T = 1.
     """
     frame = frame_of(MirrorArray(layout, reflectance=1.0), seed=6)
@@ -520,7 +520,7 @@ def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
     c = np.cos(error)
     s = np.sin(error)
     (x, y, z) = frame.axes
-    # what is now the first layer was the second, turned by
+    # the present first layer was the second, turned by
     # the error: from it sides and mirrors are told
     side = c * x + s * y
     other = ArrayFrame(turned_round, frame.centre, np.stack([side, np.cross(-z, side), -z]))
@@ -613,7 +613,7 @@ def with_array(array, **options):
 
 @pytest.mark.parametrize("words", BAD)
 def test_a_plate_that_cannot_be_made_is_refused_in_one_sentence(words):
-    """The sentence names the plate, what is wrong with it, and what to do."""
+    """The sentence names the plate, its fault, and the remedy."""
     with pytest.raises(RigError, match=words) as told:
         with_array(MirrorArray(**BAD[words])).check()
     sentence = str(told.value)
@@ -668,7 +668,7 @@ def test_light_in_the_plates_own_plane_passes_it_by(light):
 
 
 def test_a_viewer_in_the_plates_plane_is_told_so_in_one_sentence():
-    """A solve whose sight runs along the plate has no landing, and says what to do."""
+    """A solve whose sight runs along the plate has no landing, and names the remedy."""
     rig = with_array(MirrorArray(), projection="orthographic", field=1e-9)
     x, y, _ = np.eye(3)
     rig = replace(rig, plates=(replace(rig.plates[0], mesh=rectangle(0.15 * y, x, y, 0.1, 0.1)),))
@@ -744,7 +744,7 @@ def test_of_two_plates_the_first_that_did_not_image_decides():
 
 
 def test_light_is_reflected_by_the_first_plate_only():
-    """What the first's face sends onto the second goes
+    """Light that the first's face sends onto the second goes
     through that as light does that is not reflected.
     """
     plan = two_plates(np.array([0, 0.15, 0.3]), unit(np.array([0.0, 1, 1])))

@@ -1,4 +1,4 @@
-"""What holds for any rig and any ray, whatever shape the glass has: found out by hypothesis."""
+"""Laws for any rig and any ray, whatever shape the glass has: tried by hypothesis."""
 
 from dataclasses import replace
 from functools import cache
@@ -27,8 +27,8 @@ from known.reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellip
 
 EPS = np.finfo(float).eps
 RAYS = 300
-BESIDE = 1e-6  # m: so far behind an interface it is asked what the light is in
-# no state is kept between runs: what fails once fails again by the numbers that hypothesis prints
+BESIDE = 1e-6  # m: so far behind an interface the medium is asked
+# no state is kept between runs: a failure comes again by the numbers that hypothesis prints
 few, more = (
     settings(max_examples=n, deadline=None, database=None, derandomize=True) for n in (12, 40)
 )
@@ -95,10 +95,10 @@ def out_of_the_way(glasses):
 @more
 @given(seeds, indices, indices)
 def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
-    """|direction| = 1, n sin a is kept as a vector, and what is
-    transmitted and what is reflected are all the light.
+    """|direction| = 1, n sin a is kept as a vector, and the shares
+    transmitted and reflected are all the light.
 
-    What is transmitted goes by Fresnel's amplitudes behind the face, of which the code knows
+    The transmitted share goes by Fresnel's amplitudes behind the face, of which the code knows
     nothing. In cosines c of light, its part of the power is off by as much as they are, in parts of
     themselves.
     """
@@ -219,7 +219,7 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
     through the point it came from, against its way.
 
     Of rays that meet as many interfaces: one within rounding of an edge or of the critical angle
-    may not. The error is that of rounding, times what grazing interfaces make of it.
+    may not. The error is that of rounding, times the factor of grazing interfaces.
     """
     random = np.random.default_rng(seed)
     a_rig = rig(glasses, display=0.4)
@@ -479,7 +479,7 @@ def lossy_rigs(draw):
 @more
 @given(lossy_rigs(), st.integers(2, 12), st.booleans())
 def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_glass):
-    """What of the picture is shown, and what is not, by reason, are shares of it, and 1
+    """The shown part of the picture, and the missing ones, by reason, are shares of it, and 1
     together.
     """
     how = Settings(max_events=max_events, only_through_glass=only_through_glass, tolerance=0.5)
@@ -495,7 +495,7 @@ def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_gla
 @pytest.mark.parametrize("shape", ["facets", "gap", "ball", "cut"])
 def test_shares_by_reason_are_those_of_rays(shape):
     """Rays through random points of the viewer's image, each
-    weighed by what it sees of the picture, end as told.
+    weighed by its part of the picture, end as told.
 
     Within a hundredth: rays tell it to a few thousandths, and slivers along borders, narrower
     than a pixel, which are not shown, take half a hundredth of so many pixels.

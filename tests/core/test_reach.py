@@ -77,7 +77,8 @@ def test_rays_that_come_near_are_told():
         trace_all(plan, away, along)
     assert found.value.boxes == {0}
     assert not trace_all(plan, away[1:], along[1:]).has_arrived.any()
-    with pytest.raises(ReachedError):  # beside the cube, but within what a curved one may bulge
+    # beside the cube, but within the bulge that a curved one may have
+    with pytest.raises(ReachedError):
         trace_all(plan, np.array([[0.3069, -1.0, 0]]), along[:1])
 
 

@@ -1,4 +1,4 @@
-"""What is told of a solution: each note names the cause that was measured, and a remedy
+"""Notes on a solution: each names the cause that was measured, and a remedy
 that helps.
 """
 
@@ -144,7 +144,7 @@ def irregular_ball(levels=4, aside=0.0, noise=0.0, surface="smooth"):
 
 def true_and_told(mesh):
     """Error of landings against the closed form of the
-    ball, rms display px, and what is told of it.
+    ball, rms display px, and the note on it.
     """
     a_rig = rig(mesh, picture=0.015)
     plan = make_plan(a_rig, Settings())
@@ -160,7 +160,7 @@ def true_and_told(mesh):
 
 
 def notes_without_solving(mesh, error=NO_ERROR):
-    """What is told of a mesh by a sample of rays."""
+    """The note on a mesh by a sample of rays."""
     plan = make_plan(rig(mesh), Settings())
     return [remark.told() for remark in remarks_of(plan, drain(measure(plan)), error)]
 
@@ -366,7 +366,7 @@ def test_light_that_no_limit_sets_free_is_not_told_to_raise_it():
 def test_smooth_shading_is_advised_for_facets_that_stand_for_a_curve(mesh, is_so):
     """Many flat faces that meet at small angles.
 
-    Not what is smooth already, nor a solid of few faces.
+    Not glass that is smooth already, nor a solid of few faces.
     """
     assert is_facetted(mesh) == is_so
     if is_so:

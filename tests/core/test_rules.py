@@ -1,4 +1,4 @@
-"""Leaving out what a scene does not need changes landings by rounding at most."""
+"""Leaving out parts that a scene does not need changes landings by rounding at most."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the viewer sees, against pictures computed from closed forms."""
+"""The seen image, against pictures computed from closed forms."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is computed again and what is not.
+"""Which parts are computed again, and which are kept.
 
 And one clear sentence for each rig that cannot be solved.
 """
@@ -317,7 +317,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_rig_that_cannot_be_solved_is_told_in_one_sentence(name):
-    """The error is one of core's own, and one sentence that says what to do."""
+    """The error is one of core's own, and one sentence that names the remedy."""
     make, kind, words = BAD[name]
     with pytest.raises(kind, match=words) as caught:
         solve(make())
@@ -369,7 +369,7 @@ def test_a_picture_through_a_moved_viewer_fits_no_surface_again(monkeypatch):
 
 def test_normals_that_contradict_the_shape_are_told():
     """Two triangles whose normals were turned in are followed
-    flat, and the note says how many and of what.
+    flat, and the note says how many and of which glass.
     """
     a_rig = small()
     glass = a_rig.glasses[0]
@@ -460,7 +460,7 @@ ROUNDED = {
 @pytest.mark.parametrize("shape", ROUNDED)
 def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
     """Vertices rounded to float32 far from their object's origin:
-    not below half of what 99 % of the landings show.
+    not below half of the error of 99 % of the landings.
     """
     mesh = ROUNDED[shape]
     a_rig = rig(mesh)
@@ -591,7 +591,7 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
 
 def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
     """Live rests while Solve runs, which lets go of the shares of
-    before: what is kept then is of the right batches.
+    before: the kept parts are then of the right batches.
     """
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 1 << 9)
     monkeypatch.setattr(share_batches, "FEW_SHARES", 0)

@@ -517,7 +517,7 @@ def test_what_is_added_to_an_image_is_added_to_what_is_there():
 @pytest.mark.parametrize("dtype", [np.int16, np.int32, np.int64])
 @pytest.mark.parametrize("of_image", [np.float32, np.float64])
 def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
-    """What the kernel does not know is left to numpy."""
+    """A type that the kernel does not know is left to numpy."""
     image = np.zeros((3, 4), of_image)
     index = np.array([0, 11, 11, 5], dtype)
     add_at(image, index, np.array([1, 2, 3, 4], np.float32))

@@ -1,4 +1,4 @@
-"""What is seen by way of a plate's mirrors, against closed
+"""The sight by way of a plate's mirrors, against closed
 forms and against the seen image of an ideal plate.
 """
 
@@ -38,7 +38,7 @@ def plain_rig(**options):
 
 @STATISTICS
 def test_an_ideal_plate_shows_the_seen_image():
-    """Sample by sample what the shares give by area: no further
+    """Sample by sample the result of the shares by area: no further
     off than its own standard error, and unbiased.
     """
     a_rig = cube_rig(pixels=48, display_pixels=64, image=lattice_image(64))
@@ -82,7 +82,7 @@ def test_all_the_light_of_a_white_room_is_counted_once():
     )
     a_rig = replace(a_rig, displays=(Display("room", inward, 4, 4),))
     found = drain(simulate(make_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
-    # what the first face reflects is seen, what the second does is lost
+    # light that the first face reflects is seen, light of the second is lost
     (faces,) = make_plan(a_rig, Settings()).arrays.values()
     reflected = faces.reflected(np.zeros((1, 3)), np.array([[0.0, 1, 0]])).throughput[0]
     white = (1 - reflected) ** 2 + reflected
@@ -107,7 +107,7 @@ def test_brightness_and_blur_have_closed_forms():
         (found.brightness, found.brightness), rel=1e-9
     )
     # the two mirrors' shifts, each with a variance of (p P)^2 / 3; across the
-    # ray what lies in the plane of incidence is seen under 45 degrees
+    # ray the plane of incidence is seen under 45 degrees
     metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
     assert found.blur == pytest.approx(metres / (0.02 / 200), rel=0.03)
 
@@ -203,7 +203,7 @@ def test_brightness_is_the_share_that_each_direction_leaves():
 
 @STATISTICS
 def test_blur_does_not_mind_how_the_display_is_unwrapped():
-    """Two halves that have changed places in UV: what lands in the other one is not far away."""
+    """Two halves that have changed places in UV: a landing in the other one is not far away."""
     a_rig = with_mirrors(ball_rig(3, pixels=64))
     whole = a_rig.display.mesh
     x, y, z = np.eye(3)

@@ -1,4 +1,4 @@
-"""What tells a scene that was solved from others."""
+"""The mark that tells a scene that was solved from others."""
 
 import numpy as np
 import pytest

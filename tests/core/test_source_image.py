@@ -1,4 +1,4 @@
-"""What the display shows: exact where it can be computed by
+"""The source image: exact where it can be computed by
 hand, and the limit of the brute-force splat.
 """
 
@@ -171,7 +171,7 @@ def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
 
 @pytest.mark.parametrize("size", [(48, 24), (24, 48)])
 def test_brute_force_knows_wide_and_high_displays(size):
-    """What many samples give on display pixels that are not
+    """The limit of many samples on display pixels that are not
     square, too: the solved image, but for noise.
     """
     a_rig = ball_rig(3, pixels=96, display_pixels=48)

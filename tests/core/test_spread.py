@@ -17,7 +17,7 @@ BALL = np.array([[-0.025] * 3, [0.025] * 3])
 def rig_around(
     glass: Glass, wishes: Wishes, pixels: tuple[int, int] = (64, 64)
 ) -> tuple[Rig, Proposal]:
-    """A rig around one glass, and what was proposed."""
+    """A rig around one glass, and the proposal for it."""
     proposal = propose(glass.mesh.bounds, wishes)
     bench = Rig(viewers=(), glasses=(glass,), plates=(), displays=())
     return rig_of(proposal, bench, viewer_of(proposal, pixels), pixels), proposal

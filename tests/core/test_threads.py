@@ -19,7 +19,7 @@ LIMITS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "M
 # of the processor time, for Embree's threads; with BLAS it
 # was 0.05 to 0.17, by case and version of numpy
 MOST = 0.04
-TRIES = 4  # what else the machine does can only add to it
+TRIES = 4  # other work of the machine can only add to it
 RUN = """
 import json, time
 from dataclasses import replace

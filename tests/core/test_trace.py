@@ -418,7 +418,7 @@ ABOUT_AN_AXIS = np.linalg.qr([[0.3, 0.8, 0.5], [-0.7, 0.4, 0.2], [0.1, -0.6, 0.9
     ],
 )
 def test_glass_that_cuts_an_orthographic_viewers_plane_is_refused_however_thin(glass, is_cut, turn):
-    """The plane is 0.1 m wide, 1 m before the origin: what is cut is known, wherever it is."""
+    """The plane is 0.1 m wide, 1 m before the origin: the cut is known, wherever it is."""
     a_rig = rig(glass, projection="orthographic", field=0.1)
     viewer = replace(
         a_rig.viewer, position=a_rig.viewer.position @ turn.T, axes=a_rig.viewer.axes @ turn.T

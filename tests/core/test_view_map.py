@@ -1,4 +1,4 @@
-"""The view map's cells: what they cover, where they are cut."""
+"""The view map's cells: their cover, where they are cut."""
 
 from dataclasses import replace
 from functools import cache
@@ -178,7 +178,7 @@ SCENES = {
 
 @cache
 def judged(scene, n=None):
-    """A scene's rig, and what `dense` tells of it: the same rays for every tolerance."""
+    """A scene's rig, and its rays by `dense`: the same rays for every tolerance."""
     a_rig = SCENES[scene]()
     return a_rig, *dense(a_rig, n)
 
@@ -191,7 +191,7 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     the tolerance, the covered masks agree to 0.999.
 
     The few pixels that are sampled, where borders meet, are near
-    to what the nearest sample says, and no nearer.
+    to the nearest sample's value, and no nearer.
     """
     a_rig, at, exact = judged(scene)
     found = view_map(a_rig, tolerance=tolerance)
@@ -267,7 +267,7 @@ def test_things_one_pixel_wide_are_found(thing):
     """
     pixels = 256
     ball = Glass("ball", icosphere(0.025, 4), ConstantIndex(1.49))
-    # the ball magnifies what is in it by about 1.5
+    # the ball magnifies its contents by about 1.5
     width = 0.05 / pixels * (1.0 if thing == "needle before" else 1 / 1.5)
     a_rig = rig((ball, THIN[thing](width / 2)), pixels=pixels)
     at, exact = dense(a_rig)
@@ -290,7 +290,7 @@ def test_things_one_pixel_wide_are_found(thing):
 
 
 def agreement(a_rig, found, n=40_000):
-    """IoU of what the map and the trace take to the display, at random places."""
+    """IoU of the places that map and trace take to the display, at random."""
     at, exact = dense(a_rig, n)
     mine = on_display(found.display_from_view(at), a_rig)
     theirs = on_display(exact, a_rig)
@@ -300,7 +300,7 @@ def agreement(a_rig, found, n=40_000):
 
 @ORDER
 def test_what_is_lost_in_cut_pixels_is_told():
-    """A flat-shaded ball of 1280 facets: what no piece covers is little, and counted as
+    """A flat-shaded ball of 1280 facets: the part that no piece covers is small, and counted as
     unresolved.
     """
     a_rig = rig(icosphere(0.025, 3, smooth=False), pixels=128, display=0.2)

@@ -87,7 +87,7 @@ def test_bodies_that_touch_stay_bodies(other_way):
 
 
 def test_faces_wound_either_way_are_joined():
-    """The winding of faces does not matter where two edges meet: what is turned is told later."""
+    """The winding of faces does not matter where two edges meet: a turned face is told later."""
     vertices, triangles = apart(icosphere(0.025, 2))
     turned = np.random.default_rng(3).random(len(triangles)) < 0.5
     joined = welded(vertices, np.where(turned[:, None], triangles[:, ::-1], triangles), 0.0)

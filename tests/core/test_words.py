@@ -21,7 +21,7 @@ def test_a_share_reads_as_nothing_or_all_only_when_it_is(share: float, text: str
 
 
 def test_summary_names_the_losses_largest_first() -> None:
-    """One sentence: what is shown, then what is lost and why."""
+    """One sentence: the share that is shown, then the lost one and why."""
     text = summary(0.9, {"blocked": 0.02, "missed the plate": 0.08, "lost inside the glass": 0.0})
     assert text == "The display shows 90 % of the picture; 8 % missed the plate, 2 % blocked."
 

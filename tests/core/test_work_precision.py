@@ -1,4 +1,4 @@
-"""The report measures what is there: errors put in by hand, Monte Carlo's slope, closed forms.
+"""The report measures known errors: ones put in by hand, Monte Carlo's slope, closed forms.
 
 Its files agree.
 """
@@ -84,7 +84,7 @@ def test_the_maps_error_is_the_one_that_was_put_in(found):
 
 
 def test_image_errors_fall_along_the_ladder(found):
-    """A smaller shift is a smaller error of the source image and of what is seen.
+    """A smaller shift is a smaller error of the source image and of the seen one.
 
     The dots move by the shift.
     """
@@ -145,7 +145,7 @@ def test_the_splats_time_to_an_error_lies_on_its_curve(found):
 def test_times_are_kept_apart(found):
     """A rung's seconds are those of its parts without the engine's.
 
-    What was not timed is not known.
+    A way that was not timed has no time.
     """
     for rung in ladder(found):
         parts = dict(rung.parts)
@@ -184,8 +184,8 @@ def test_black_pixels_of_the_picture_are_holes():
     same = judge.image_errors(judge.source, judge.dots.source)
     assert (same.source_rmse, same.holes, same.seen_psnr) == (0, 0, None)
     assert same.lattice_shift < 0.1
-    # what brute force would take, by the rays of the reference: where
-    # there is no time for it that is what is told
+    # the time of brute force, by the rays of the reference: where
+    # there is no time for it that is told
     assert 0 < judge.seconds_a_ray * reference.N_CHECKED < taken
     n_rays = rig.viewer.width * rig.viewer.height
     for rung in drain(_splats(judge, (1, 10), runs=1, budget=0.0)):
@@ -240,7 +240,7 @@ def test_costs_follow_the_ladder_or_else_the_order_of_interpolation():
 def test_csv_and_json_agree_and_know_all_rungs(found):
     """The same numbers in both, to the last digit.
 
-    What is not known is empty in one and null in the other.
+    An unknown value is empty in one and null in the other.
     """
     whole = json.loads(as_json(found, {"blender": "none"}))
     lines = list(csv.DictReader(io.StringIO(as_csv(found))))

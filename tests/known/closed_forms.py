@@ -232,7 +232,7 @@ def crossing(parts, p, d, side, bound, least):
         before[live] = last[live]
         last[live] = value
         t[live] += np.maximum(value, least)
-    # a chord shorter than `least` has no bracket: what crosses back in the first step is not known
+    # a chord shorter than `least` has no bracket: a ray that crosses back in the first step is lost
     bracketed = np.flatnonzero(np.isfinite(high) & ((low > 0) | (side > 0)))
     a = low[bracketed]
     b = high[bracketed]

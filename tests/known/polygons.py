@@ -54,7 +54,7 @@ def clipped(polygon, width, height, exact=False):
 
 
 def pieces_of(polygon, width, height):
-    """What of a convex polygon lies in each pixel of a display: {pixel: points}."""
+    """The part of a convex polygon in each pixel of a display: {pixel: points}."""
     columns, rows = (
         [int(np.floor(f(point[i] for point in polygon))) for f in (min, max)] for i in (0, 1)
     )

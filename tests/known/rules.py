@@ -1,4 +1,4 @@
-"""What a scene does not need, with and without: the rules
+"""Scenes with and without the parts that they do not need: the rules
 of the plan, for their test and for the bench.
 """
 
@@ -50,7 +50,7 @@ def plan(a_rig: Rig) -> Plan:
 
 
 def traced_beyond(a_rig: Rig) -> Plan:
-    """A plan that traces what leaves the plate, whatever is there."""
+    """A plan that traces light that leaves the plate, whatever is there."""
     made = plan(a_rig)
     return replace(made, is_clear=np.zeros_like(made.is_clear))
 

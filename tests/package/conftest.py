@@ -38,7 +38,7 @@ class BundledOnly:
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find what is bundled in the profile.
+        """Find the bundled modules in the profile.
 
         Leave other modules to the finders after this one.
         """

@@ -33,7 +33,7 @@ def test_installed_extension_breaks_no_policy(installed: str) -> None:
 
 
 def solve() -> list[str]:
-    """Press Solve, look at the source image, which is not black, and return what was used."""
+    """Press Solve, look at the source image, which is not black, and return the engine used."""
     before = set(bpy.data.images)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     (source,) = set(bpy.data.images) - before

@@ -14,7 +14,7 @@ OWN = {"test": "--only", "lint": "--help", "build": "--help", "setup": "--help"}
 
 
 def told(verb: str) -> str:
-    """What dev.py says to --help after a verb, in a Python that has no package but its own."""
+    """The answer of dev.py to --help after a verb, in a Python that has no package but its own."""
     command = [sys.executable, "-S", "-E", str(DEV), verb, "--help"]
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert answer.returncode == 0, answer.stderr
@@ -44,6 +44,6 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
 
 @pytest.mark.parametrize("verb", OWN)
 def test_help_after_a_verb_of_dev_itself_is_its_own(verb: str) -> None:
-    """The verbs that hand nothing on say what they do, and which options they have."""
+    """The verbs that hand nothing on say their work, and which options they have."""
     assert OWN[verb] in told(verb)
     assert f"dev.py {verb}" in told(verb)

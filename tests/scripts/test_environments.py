@@ -56,7 +56,7 @@ def test_pins_include_those_of_included_files(checkout: Path) -> None:
 
 
 def test_a_machine_without_python_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where no Python fits there is one sentence that names what to install."""
+    """Where no Python fits there is one sentence that names the packages to install."""
     monkeypatch.setattr(environments, "BLENDERS", {"bpy-9.9": "9.9"})
     with pytest.raises(
         environments.ToolError, match=r"^[^.]+ 3\.13 or 3\.11 .* install one, .*\.$"

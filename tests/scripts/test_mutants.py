@@ -56,7 +56,7 @@ def test_each_kind_of_mutant_is_made_and_no_other() -> None:
 
 
 def test_a_mutant_changes_its_node_and_nothing_else() -> None:
-    """One line becomes another, by one occurrence of what the name says.
+    """One line becomes another, by one occurrence of the text in the name.
 
     Brackets, spaces and quotes do not count.
     """
@@ -154,7 +154,7 @@ def tried(monkeypatch: pytest.MonkeyPatch, *options: str) -> int:
 def test_survivors_are_listed_unless_there_is_a_reason(
     checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What the test tells is killed, what it does not is named;
+    """A mutant that the test tells is killed, one that it does not is named;
     the checkout stays as it was; a reason quiets it.
     """
     before = (checkout / "core" / "part.py").read_bytes()

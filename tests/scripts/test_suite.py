@@ -36,7 +36,7 @@ def test_a_step_that_stands_still_is_stopped_and_says_so(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A step that prints nothing more is stopped long before
-    it ends, fails, and shows what it had printed.
+    it ends, fails, and shows its output.
     """
     started = time.monotonic()
     result = run(HANGS)

@@ -107,7 +107,8 @@ def moved(quick: bool) -> Rows:
         if far <= 1e3:
             yield within(measured, off, 1e-6)
             yield within("its colours", colours, 1e-6, "")
-        # what doubles lose: half of spacing(far), some thousand times where the map stretches most
+        # the loss of doubles: half of spacing(far), some
+        # thousand times where the map stretches most
         else:
             yield limit(
                 measured, off, 3e-9 * far, "px", AT_ORIGIN, tells(there, "Blender rounds places")
@@ -815,7 +816,7 @@ def sizes(quick: bool) -> Rows:
     for viewer, display in (
         ((1, 64), (64, 1), (1, 1)) if quick else ((1, 64), (64, 1), (1, 1), (512, 8192))
     ):
-        # a display a little larger than what is seen; index 1: a ramp lies on it as it is
+        # a display a little larger than the field; index 1: a ramp lies on it as it is
         a_rig = slab_rig(
             pixels=viewer,
             display_pixels=display,

@@ -1,4 +1,4 @@
-"""What the extreme cases of light and bench are made of: rows
+"""The parts of the extreme cases of light and bench: rows
 with bounds, rigs, and judges that are not Kiriko's.
 """
 
@@ -42,7 +42,7 @@ WRONG = "WRONG"
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: what was measured, its error and the
+    """One line of the table: the measured quantity, its error and the
     bound it has to keep, and the verdict if it does.
     """
 

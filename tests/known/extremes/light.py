@@ -253,7 +253,7 @@ def critical(quick: bool) -> Rows:
         out, is_tir, _ = refract(
             d, np.tile(normal, (len(d), 1)), np.full(len(d), N), np.ones(len(d))
         )
-        # what the rounded direction and normal have to do, in extended precision
+        # the answer for the rounded direction and normal, in extended precision
         long_d = d.astype(Extended)
         long_n = closed_forms.unit(normal.astype(Extended))
         c = -(long_d * long_n).sum(1, keepdims=True)
@@ -302,7 +302,7 @@ def critical_traced(quick: bool) -> Rows:
 
 
 def _of_bound(found: Floats, expected: Floats, some: Floats, apart_by: Floats) -> float:
-    """Error of directions as a part of what the condition of
+    """Error of directions as a part of the error that the condition of
     the problem allows after two interfaces.
     """
     some = some & (np.abs(apart_by) > 5e-13)
@@ -429,7 +429,7 @@ def through_vertices(quick: bool) -> Rows:
 
 @dataclass(frozen=True)
 class Lens:
-    """A ball seen by parallel rays, and what it does to one at
+    """A ball seen by parallel rays, and its effect on one at
     a distance b from its axis, by the closed form.
 
     beyond : m, from its centre to the aerial plane; n : its index

@@ -27,7 +27,7 @@ def through_ball(
     out, k_out, _ = snell(inside, -last / radius[:, None], index, one)
     with np.errstate(
         invalid="ignore"
-    ):  # what is totally reflected has no place behind the ball: NaN
+    ):  # light that is totally reflected has no place behind the ball: NaN
         return first, last, inside, out, np.fmin(k.astype(float), k_out.astype(float)), beyond
 
 
@@ -71,8 +71,8 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
         is_tir = k < 0
         is_wrong = np.isnan(places[:, 0]) != is_tir
         error = np.maximum(far_from(places, last) / radius, far_from(directions, out)) / scale
-        # as a distance from the axis: what light from far away is off
-        # by there is the more in angle the more it grazes
+        # as a distance from the axis, which light from far away misses
+        # by the more in angle the more it grazes
         off = np.abs(beyond) * np.sqrt(1 - np.minimum(index, 1) ** 2) / scale
         closed = verdict("ball, closed form", error, k, describe, is_wrong, off)
         one = np.ones(len(o))

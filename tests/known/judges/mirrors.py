@@ -159,7 +159,7 @@ def through_one_array(random: np.random.Generator) -> Cases:
 
 def judge_arrays(n: int, seed: int = 0) -> list[Verdict]:
     """core.light.plate's fold of crossed and single layers: where
-    and in which direction light comes out, after what.
+    and in which direction light comes out, after which reflections.
 
     Light that passes a mirror's edge nearer than rounding, in parts of the way, may go either way.
     """

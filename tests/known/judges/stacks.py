@@ -67,7 +67,7 @@ def random_stack(random: np.random.Generator, least: float) -> Stack:
 
 
 class Path(NamedTuple):
-    """What becomes of light: place and direction (n, 3) of its end
+    """The fate of light: place and direction (n, 3) of its end
     in mpmath's numbers, n_events (n,) interfaces met.
 
     k (n,) least cos^2 before or behind an interface; off (n,) rad, by how much the

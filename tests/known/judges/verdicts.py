@@ -28,7 +28,7 @@ asin = np.frompyfunc(mpmath.asin, 1, 1)
 
 
 class Verdict(NamedTuple):
-    """What was judged in how many cases; worst error where the
+    """A verdict on so many cases: worst error where the
     problem is a good one, and worst part of a mark.
 
     error: relative, where k > STEEP; part: of its mark, of all cases; where: the case with that
@@ -81,7 +81,7 @@ def verdict(
 
 
 class Cases(NamedTuple):
-    """Errors (n,), k (n,), is_wrong and off (n,) as of `verdict`, and what the cases are."""
+    """Errors (n,), k (n,), is_wrong and off (n,) as of `verdict`, and the cases as text."""
 
     error: np.ndarray
     k: np.ndarray
@@ -119,10 +119,10 @@ def far_from(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Distance (n,) float64 between rows of numbers (n, 3), either of them mpmath's."""
     with np.errstate(
         invalid="ignore"
-    ):  # what is totally reflected has no place behind the face: NaN
+    ):  # light that is totally reflected has no place behind the face: NaN
         return np.linalg.norm((a - b).astype(float), axis=1)
 
 
 def named(glass: object, o: np.ndarray, d: np.ndarray) -> list[str]:
-    """What the cases are, for whoever wants to see one again."""
+    """The cases as text, for whoever wants to see one again."""
     return [f"{glass}, from {a.tolist()} along {b.tolist()}" for a, b in zip(o, d, strict=True)]
