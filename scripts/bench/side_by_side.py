@@ -10,8 +10,8 @@ An error is the RMSE of the source image, in linear values, over the display pix
 sees; pixels left as holes are black and count in full. It is judged by two independent halves A and
 B of a Mitsuba splat of many samples: the mean of (image - A)(image - B) is the squared error
 without the judges' own noise, which has mean 0. Mitsuba splats the triangles, and is judged by a
-splat of the triangles; Kiriko by one of the sphere that the triangles stand for. The deviation of the
-triangles from the sphere is given too, and is not held against the splats.
+splat of the triangles; Kiriko by one of the sphere that the triangles stand for. The distance
+of the triangles from the sphere is given, too, and is not held against the splats.
 """
 
 from __future__ import annotations
