@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from ..map.pieces import Piece
 from ..map.shares import Shares
-from ..map.view_map import Piece
 
 # an odd number: pixels and paths are mixed to one number, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)

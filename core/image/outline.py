@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..arrays import Floats, Ints, taken
-from ..map.view_map import Piece
+from ..map.pieces import Piece
 from ..products import turn
 from ..rig import PicturePlace, Viewer
 from .picture import outline_in_view

@@ -3,6 +3,7 @@ of cells, and the pieces that it cuts them into.
 """
 
 from collections.abc import Generator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +12,28 @@ from ..arrays import Floats, Ints, taken
 from ..light.landings import Words
 from ..light.plan import Plan
 from ..light.trace import courses
-from .points import CHUNK, Points, trace_points
+from .points import RAYS_AT_ONCE, Points, trace_points
 
-LEAST_DIGITS = 9  # binary: a border is known to 2^-9 of a viewer pixel
-OF_TOLERANCE = 0.1  # and, where that is less, to this part of the tolerance, in viewer pixels
-MOST_DIGITS = 4  # that are found in one step
-BATCH = 8192  # rays that numpy traces in not much more time than a few
-KERNEL_BATCH = 512  # and the kernel
+
+@dataclass(frozen=True)
+class Bisection:
+    """How borders are looked for.
+
+    least_digits : binary, a border is known to 2^-9 of a viewer pixel
+    of_tolerance : and, where that is less, to this part of the tolerance, in viewer pixels
+    most_digits : that are found in one step
+    batch_rays, kernel_batch_rays : that numpy traces in not much more time than a few; and
+        the kernel
+    """
+
+    least_digits: int = 9
+    of_tolerance: float = 0.1
+    most_digits: int = 4
+    batch_rays: int = 8192
+    kernel_batch_rays: int = 512
+
+
+BISECTION = Bisection()
 
 
 def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
@@ -26,8 +42,10 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     Yields the number of rays after each chunk of them.
     """
     parts = []
-    for first in range(0, len(view), CHUNK):
-        parts.append((yield from courses(plan, *plan.rig.viewer.rays(view[first : first + CHUNK]))))
+    for first in range(0, len(view), RAYS_AT_ONCE):
+        parts.append(
+            (yield from courses(plan, *plan.rig.viewer.rays(view[first : first + RAYS_AT_ONCE])))
+        )
         yield len(parts[-1])
     width = max((part.shape[1] for part in parts), default=1)
     return np.concatenate(
@@ -46,21 +64,23 @@ def cut_cells(
     on the corner's own branch and the first on the next corner's. The places on one branch, in
     order, are a convex piece.
     """
-    (m, k) = cells.shape
+    m, k = cells.shape
     n = len(points)
     if not m:
         return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
+
+    # each border is looked for once, from each of its two sides that has a landing
     cells = cells.astype(np.int64)
     branch = points.branch[cells]
     following = np.roll(cells, -1, axis=1)
     differs = branch != np.roll(branch, -1, axis=1)
-    # each border is looked for once, from each of its two sides that has a landing
     sides = np.concatenate([
         np.stack([cells, following], axis=2)[differs & (branch != 0)],
         np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
     ])  # fmt: skip
     key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
     border = yield from _both_ways(plan, points, key // n, key % n)
+
     # places: 0 where there is none, else 1 + index of the point
     places = np.zeros((m, k, 3), np.int64)
     places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
@@ -68,10 +88,11 @@ def cut_cells(
     number = inverse.ravel() + n + 1
     places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
     places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
+
+    # a leader that leads no corner gives no piece
     group = yield from _groups(plan, points, cells)
     place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 3 * k)
     places = places.reshape(m, 3 * k)
-    # a leader that leads no corner gives no piece
     pieces = [_fans(places, (places > 0) & (place_group == leader)) for leader in range(k)]
     triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return points.and_more(border), triangles - 1, owner
@@ -134,6 +155,8 @@ def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[i
     )
     if not len(second):
         return found
+
+    # the second side, where the first has told about where it ends
     rank = np.empty(len(key), np.int64)
     rank[first] = np.arange(len(first))
     end = np.minimum(1 - place[rank[at[second]]], 1.0)
@@ -151,17 +174,22 @@ def _last_on_branch(
     They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first
     unless it is `far`. Returned before the points is where (n,) the branch has ended.
     """
+    # as if there were nothing beyond the points themselves
     xy = taken(points.xy, near)
     throughput = points.throughput[near]
     a = taken(points.view, near)
     b = taken(points.view, far)
     low = np.zeros(len(near))
     width = end.copy()
+
     course = yield from _courses(plan, a)
     todo = np.arange(len(near))
-    digits = max(LEAST_DIGITS, int(np.ceil(-np.log2(OF_TOLERANCE * plan.settings.tolerance))))
+    digits = max(
+        BISECTION.least_digits,
+        int(np.ceil(-np.log2(BISECTION.of_tolerance * plan.settings.tolerance))),
+    )
     # where several borders cross one way the kernel and numpy may thus find different ones
-    batch = BATCH if kernel.left_out(plan.layers) else KERNEL_BATCH
+    batch = BISECTION.batch_rays if kernel.left_out(plan.layers) else BISECTION.kernel_batch_rays
     parts = 1
     while len(todo):
         # the first time the end alone is tried; then several places at once, the more the fewer
@@ -174,6 +202,8 @@ def _last_on_branch(
             holds = found.branch.reshape(at.shape) == points.branch[near[todo]]
             n_held = np.logical_and.accumulate(holds).sum(axis=0)
             held = np.flatnonzero(n_held)
+
+            # the last that holds, and the part beyond it
             last = (n_held[held] - 1) * len(todo) + held
             xy[todo[held]] = found.xy[last]
             throughput[todo[held]] = found.throughput[last]
@@ -181,10 +211,11 @@ def _last_on_branch(
             low[todo] += width[todo] * n_held
             if parts == 1:
                 width[todo[held]] = 0.0
+
         todo = todo[width[todo] > 2.0**-digits]
         left = digits + np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))
         parts = 2 ** int(
-            np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, MOST_DIGITS)))
+            np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, BISECTION.most_digits)))
         )
     landed = Points(
         a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput

@@ -4,39 +4,46 @@ branches is cut along the borders between them.
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, mean_at, taken
-from ..light.landings import Words
+from ..arrays import Bools, Ints, mean_at, taken
 from ..light.plan import Plan
 from .bisection import cut_cells
-from .points import Points, areas, in_triangles, is_seen, trace_points
+from .doubts import (
+    CUT,
+    Doubts,
+    has_gaps,
+    in_chaos,
+    is_dense,
+    missed_by_corners,
+    missed_by_pieces,
+    n_branches,
+)
+from .points import Points, trace_points
 
-# display px: an error that cannot get as small as this is left to the larger viewer that it takes
-SMALL = 0.1
-QUARTERINGS = 2  # of a pixel, at the most
 
-# of the middles of a square's mixed pixels: where more lie
-# on new branches its borders are not looked for
-NEW = 0.25
-FEW = 1  # pixels of a square that are in doubt: as where edges meet, which is no chaos
-GAP = 1 / 16  # of a cell: less that its pieces leave out is not looked into
-MANY = 4  # branches at five places of a cell: as good as at each its own
-# display px between samples, the median of pixels in doubt: further apart they would leave gaps
-APART = 1.25
-# samples along a pixel's side for that median: less
-# Effort is set to be faster, and never cuts instead
-LEAST_ALONG = 4
+@dataclass(frozen=True)
+class CutRays:
+    """Numbers of rays for the progress alone, by how often cells have been
+    quartered; medians of the glasses of `dev.py glasses`.
 
-# For the progress alone, by how often cells have been
-# quartered; medians of the glasses of `dev.py glasses`.
-RAYS_OF_EDGE = 11.5, 7.0, 4.0, 8.0  # that it takes to look for the border on an edge
-NEIGHBOURS = 1.8  # cells that share an edge, on average
-# all told, of a quarter or one of the triangles that are cut at the end
-RAYS_OF_QUARTER = 5.6, 3.2, 0.6, 0.0
-QUARTERS = 1.2, 0.95, 1.3  # of a cell, before anything is known of it
-MIXED_AGAIN = 0.35  # of mixed cells, which are quartered, where the glass is not flat
+    of_edge : that it takes to look for the border on an edge
+    neighbours : cells that share an edge, on average
+    of_quarter : all told, of a quarter or one of the triangles that are cut at the end
+    quarters : of a cell, before anything is known of it
+    mixed_again : share of mixed cells, which are quartered, where the glass is not flat
+    """
+
+    of_edge: tuple[float, ...] = (11.5, 7.0, 4.0, 8.0)
+    neighbours: float = 1.8
+    of_quarter: tuple[float, ...] = (5.6, 3.2, 0.6, 0.0)
+    quarters: tuple[float, ...] = (1.2, 0.95, 1.3)
+    mixed_again: float = 0.35
+
+
+CUT_RAYS = CutRays()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,83 +77,181 @@ def cut(
 
     `expect` is told about how many rays are still to come.
     """
-    quads = []
-    last = []
-    chaotic = []
-    triangles = []
-    is_calm = np.ones(len(cells), bool)
+    work = _Cutting(plan, points, expect)
+    some = yield from work.pixels(cells, square)
+    for depth in range(1, CUT.quarterings + 1):
+        some = yield from work.quarters(some, depth)
+    return (yield from work.finished())
 
-    for depth in range(QUARTERINGS + 1):
-        n_quarters = 0.0 if plan.is_flat else QUARTERS[depth] * len(cells)
-        expect(
-            len(cells)
-            + _rays_to_come(points, cells, chaotic, depth, n_quarters, plan.settings.effort)
-        )
-        middle = yield from trace_points(plan, mean_at(points.view, cells))
-        number = len(points) + np.arange(len(cells))
-        points = points.and_more(middle)
-        branch = points.branch[cells]
+
+class _Parts(NamedTuple):
+    """Pixels, or quarters of them, to be cut: indices of corners (m, 4) and middles (m,).
+
+    is_calm (m,) : they are cut to the end, however many branches there are
+    """
+
+    corners: Ints
+    middle: Ints
+    is_calm: Bools
+
+    def at(self, which: Ints) -> "_Parts":
+        return _Parts(*(values[which] for values in self))
+
+
+class _Cutting:
+    """The work of cutting: all points so far, and the pieces, `last` those to be cut at the end."""
+
+    def __init__(self, plan: Plan, points: Points, expect: Callable[[float], None]) -> None:
+        self.plan, self.points, self.expect = plan, points, expect
+        self.quads: list[Ints] = []
+        self.triangles: list[Ints] = []
+        self.chaotic: list[Ints] = []
+        self.last: list[Ints] = []
+
+    def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
+        """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
+        cells = yield from self._with_middles(corners, np.ones(len(corners), bool), 0)
+        branch = self.points.branch[corners]
         is_one = (branch == branch[:, :1]).all(axis=1)
 
-        if depth == 0:
-            is_dense = _is_dense(plan, points, cells[is_one])
-            is_given_up = is_dense & _in_chaos(branch, middle.branch, ~is_one, square)
-        else:
-            is_given_up = ~is_one & ~is_calm
-        chaotic.append(cells[is_given_up])
-        kept = np.flatnonzero(~is_given_up)
-        cells, number, branch, is_one, is_calm = (
-            of[kept] for of in (cells, number, branch, is_one, is_calm)
+        # squares that are chaotic by their middles alone are not cut at all
+        dense = is_dense(self.plan, self.points, corners[is_one])
+        of_middle = self.points.branch[cells.middle]
+        is_given_up = dense & in_chaos(branch, of_middle, ~is_one, square)
+        self.chaotic.append(corners[is_given_up])
+        cells = cells.at(np.flatnonzero(~is_given_up))
+        square = square[~is_given_up]
+
+        # calm where few are in doubt: not by cells that are only bent by more than the tolerance
+        found = yield from self._cut(cells, 0)
+        in_doubt = found.has_gaps | np.isinf(found.off)
+        n_in_doubt = np.bincount(square, in_doubt)
+        is_calm = (n_in_doubt <= CUT.n_doubtful)[square] | (not dense)
+        return self._settled(cells._replace(is_calm=is_calm), found, 0)
+
+    def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
+        """Cut the quarters of cells, quartered so often; their quarters that are looked into."""
+        self.points, corners = yield from _quartered(
+            self.plan, self.points, some.corners, some.middle
+        )
+        cells = yield from self._with_middles(corners, np.tile(some.is_calm, 4), depth)
+        branch = self.points.branch[corners]
+        is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
+        self.chaotic.append(corners[is_given_up])
+        cells = cells.at(np.flatnonzero(~is_given_up))
+
+        found = yield from self._cut(cells, depth)
+        return self._settled(cells, found, depth)
+
+    def finished(self) -> Generator[int, None, Pieces]:
+        """Cut what is not looked into any further."""
+        last = np.concatenate(self.last)
+        self._expect(last, CUT.quarterings + 1, 0)
+        self.points, of_last = yield from _cut_last(self.plan, self.points, last)
+        return Pieces(
+            self.points,
+            np.concatenate(self.quads),
+            np.concatenate([*self.triangles, of_last]),
+            np.concatenate(self.chaotic),
         )
 
+    def _with_middles(
+        self, corners: Ints, is_calm: Bools, depth: int
+    ) -> Generator[int, None, _Parts]:
+        """Trace the middles of cells with corners (m, 4), quartered so often."""
+        n_quarters = 0.0 if self.plan.is_flat else CUT_RAYS.quarters[depth] * len(corners)
+        self._expect(corners, depth, n_quarters, len(corners))
+        middle = yield from trace_points(self.plan, mean_at(self.points.view, corners))
+        number = len(self.points) + np.arange(len(corners))
+        self.points = self.points.and_more(middle)
+        return _Parts(corners, number, is_calm)
+
+    def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
+        """Cut cells on several branches, and compare all with their middles."""
+        plan = self.plan
+        tolerance = plan.settings.tolerance
+        branch = self.points.branch[cells.corners]
+        is_one = (branch == branch[:, :1]).all(axis=1)
         one = np.flatnonzero(is_one)
         mixed = np.flatnonzero(~is_one)
-        off = np.zeros(len(cells))
-        off[one] = _missed_by_corners(plan, points, cells[one], middle.at(kept[one]))
-        n_again = (off[one] > plan.settings.tolerance).sum() + (
-            0.0 if plan.is_flat else MIXED_AGAIN
+
+        # on one branch: no cut
+        off = np.zeros(len(is_one))
+        off[one] = missed_by_corners(
+            plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
+        )
+        n_again = (off[one] > tolerance).sum() + (
+            0.0 if plan.is_flat else CUT_RAYS.mixed_again
         ) * len(mixed)
-        expect(_rays_to_come(points, cells, chaotic, depth, 4 * n_again, plan.settings.effort))
+        self._expect(cells.corners, depth, 4 * n_again)
 
-        points, pieces, owner = yield from cut_cells(plan, points, cells[mixed])
-        off[mixed] = _missed_by_pieces(plan, points, pieces, owner, middle.at(kept[mixed]))
-        again = off > plan.settings.tolerance
-        n_met = _n_branches(points, np.column_stack([cells, number]))
-        has_gaps = np.zeros(len(cells), bool)
-        has_gaps[mixed] = _has_gaps(points, cells[mixed], pieces, owner)
+        # on several
+        self.points, pieces, owner = yield from cut_cells(plan, self.points, cells.corners[mixed])
+        off[mixed] = missed_by_pieces(
+            plan, self.points, pieces, owner, self.points.at(cells.middle[mixed])
+        )
+        gaps = np.zeros(len(is_one), bool)
+        gaps[mixed] = has_gaps(self.points, cells.corners[mixed], pieces, owner)
 
-        if depth == 0:
-            # not cells that are only bent by more than the tolerance
-            in_doubt = has_gaps | np.isinf(off)
-            n_in_doubt = np.bincount(square[kept], in_doubt)
-            is_calm = (n_in_doubt <= FEW)[square[kept]] | (not is_dense)
-        is_tangled = np.isinf(off) & ((n_met >= MANY) | (depth == QUARTERINGS)) | has_gaps
-        is_tangled &= ~is_calm
-        chaotic.append(cells[is_tangled])
+        n_met = n_branches(self.points, np.column_stack([cells.corners, cells.middle]))
+        return Doubts(
+            is_one=is_one,
+            off=off,
+            n_met=n_met,
+            has_gaps=gaps,
+            pieces=pieces,
+            owner=mixed[owner],
+        )
 
-        quads.append(cells[is_one & (branch[:, 0] != 0) & ~again])
-        triangles.append(pieces[~(again | is_tangled)[mixed[owner]]])
+    def _settled(self, cells: _Parts, found: Doubts, depth: int) -> _Parts:
+        """Take up the pieces, and hand on the cells that are quartered."""
+        tolerance = self.plan.settings.tolerance
+        is_last = depth == CUT.quarterings
+        again = found.off > tolerance
 
+        # sampled
+        is_tangled = (
+            np.isinf(found.off) & ((found.n_met >= CUT.many_branches) | is_last) | found.has_gaps
+        )
+        is_tangled &= ~cells.is_calm
+        self.chaotic.append(cells.corners[is_tangled])
+
+        # as they are
+        is_lit = self.points.branch[cells.corners[:, 0]] != 0
+        self.quads.append(cells.corners[found.is_one & is_lit & ~again])
+        self.triangles.append(found.pieces[~(again | is_tangled)[found.owner]])
+
+        # looked into
         again &= ~is_tangled
         # quarters of quarters are of no use where the error is too large to get small
-        simple = again & (n_met < MANY) & (depth < QUARTERINGS)
+        simple = again & (found.n_met < CUT.many_branches) & (not is_last)
         if depth > 0:
-            simple &= np.isinf(off) | (
-                off < 4.0 ** (QUARTERINGS - depth) * max(SMALL, plan.settings.tolerance)
-            )
-        last.append(_around(cells[again & ~simple], number[again & ~simple]))
-        points, cells = yield from _quartered(plan, points, cells[simple], number[simple])
-        is_calm = np.tile(is_calm[simple], 4)
+            most = 4.0 ** (CUT.quarterings - depth) * max(CUT.least_error_px, tolerance)
+            simple &= np.isinf(found.off) | (found.off < most)
+        rest = cells.at(np.flatnonzero(again & ~simple))
+        self.last.append(_around(rest.corners, rest.middle))
+        return cells.at(np.flatnonzero(simple))
 
-    last = np.concatenate(last)
-    expect(_rays_to_come(points, last, chaotic, QUARTERINGS + 1, 0, plan.settings.effort))
-    points, of_last = yield from _cut_last(plan, points, last)
-    return Pieces(
-        points,
-        np.concatenate(quads),
-        np.concatenate([*triangles, of_last]),
-        np.concatenate(chaotic),
-    )
+    def _expect(self, cells: Ints, depth: int, n_quarters: float, n_more: int = 0) -> None:
+        """Tell about how many rays it takes to find the borders in cells (m, k), quartered
+        so often, then to cut so many quarters, and to sample; and more rays besides.
+        """
+        points = self.points
+        branch = points.branch[cells]
+        n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / CUT_RAYS.neighbours
+        sides = [
+            points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0]
+            for corners in self.chaotic
+        ]
+        n_samples = self.plan.settings.effort * sum((side**2).sum() for side in sides)
+        self.expect(
+            n_more
+            + (
+                CUT_RAYS.of_edge[depth] * n_edges
+                + CUT_RAYS.of_quarter[depth] * n_quarters
+                + n_samples
+            )
+        )
 
 
 def _cut_last(
@@ -159,92 +264,6 @@ def _cut_last(
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from cut_cells(plan, points, triangles[~is_one])
     return points, np.concatenate([triangles[is_one & (branch[:, 0] != 0)], pieces])
-
-
-def _rays_to_come(
-    points: Points, cells: Ints, chaotic: list[Ints], depth: int, n_quarters: float, effort: int
-) -> float:
-    """About how many rays it takes to find the borders in cells (m,
-    k), then to cut so many quarters, and to sample.
-    """
-    branch = points.branch[cells]
-    n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / NEIGHBOURS
-    sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    n_samples = effort * sum((side**2).sum() for side in sides)
-    return RAYS_OF_EDGE[depth] * n_edges + RAYS_OF_QUARTER[depth] * n_quarters + n_samples
-
-
-def _is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
-    """Would samples of pixels like these (m, 4), each on one
-    branch, light all of the display, or leave gaps?
-    """
-    lit = pixels[points.branch[pixels[:, 0]] != 0]
-    if not len(lit):
-        return True
-    across = np.linalg.norm(points.xy[lit[:, 0]] - points.xy[lit[:, 2]], axis=1) / 2**0.5
-    return float(np.median(across)) <= APART * max(plan.settings.samples_along, LEAST_ALONG)
-
-
-def _in_chaos(branch: Words, of_middle: Words, is_mixed: Bools, square: Ints) -> Bools:
-    """Which mixed cells (m,) lie in squares (m,), by
-    number, whose borders are not worth looking for?
-
-    Their middles are on branches (m,) of which the corners (m,
-    4) know nothing, as often as the borders are many.
-    """
-    is_new = is_mixed & (branch != of_middle[:, None]).all(axis=1)
-    n_mixed, n_new = (np.bincount(square, some) for some in (is_mixed, is_new))
-    return is_mixed & ((n_new > 1) & (n_new > NEW * n_mixed))[square]
-
-
-def _has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
-    """Do the pieces (t, 3) of cells (m, 4) that own them (t,)
-    leave out a part of one with all corners lit?
-    """
-    covered = np.bincount(owner, areas(points.view, pieces), len(cells))
-    side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
-    return (points.branch[cells] != 0).all(axis=1) & (covered < (1 - GAP) * side**2)
-
-
-def _missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -> Floats:
-    """By how much (m,), display px, the corners of cells (m, 4) on
-    one branch each miss their middles, as `_missed`.
-    """
-    return _missed(plan, points.branch[cells[:, 0]], mean_at(points.xy, cells), middle)
-
-
-def _missed_by_pieces(
-    plan: Plan, points: Points, pieces: Ints, owner: Ints, middle: Points
-) -> Floats:
-    """By how much (m,), display px, pieces (t, 3) of cells that
-    own them (t,) miss their middles, as `_missed`.
-
-    A middle that no piece holds is expected to be dark.
-    """
-    branch = np.zeros(len(middle), np.uint64)
-    xy = np.full((len(middle), 2), np.nan)
-    holds, at = in_triangles(
-        *(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner)
-    )
-    branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
-    return _missed(plan, branch, xy, middle)
-
-
-def _missed(plan: Plan, branch: Words, xy: Floats, middle: Points) -> Floats:
-    """By how much (m,), display px, middles miss the places xy
-    (m, 2) where they are expected, on branches (m,).
-
-    inf on another branch, 0 beside the display.
-    """
-    seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
-    off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)
-    return np.where(branch == middle.branch, off, np.inf)
-
-
-def _n_branches(points: Points, cells: Ints) -> Ints:
-    """On how many different branches (m,), none being one, do points (m, k) lie?"""
-    branch = np.sort(points.branch[cells], axis=1)
-    return 1 + (branch[:, 1:] != branch[:, :-1]).sum(axis=1)
 
 
 def _around(cells: Ints, middle: Ints) -> Ints:
@@ -260,12 +279,15 @@ def _quartered(
     """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all points."""
     if not len(cells):
         return points, cells
+
+    # points between the corners, each once
     view = taken(points.view, cells)
     halfway = (view + np.roll(view, -1, axis=1)) / 2
     # they lie on a grid so fine: whole numbers are told apart faster than places
-    column, row = np.moveaxis(2**QUARTERINGS * halfway, 2, 0).astype(np.int64)
+    column, row = np.moveaxis(2**CUT.quarterings * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
     found = yield from trace_points(plan, taken(halfway.reshape(-1, 2), first))
+
     number = len(points) + number.reshape(cells.shape)
     quarters = [
         np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)

@@ -2,8 +2,7 @@
 
 A quad's image is bilinear in (s, t), both in -1/2..1/2: p = centre + s a + t b + s t c. With
 (s0, t0) the solution for c = 0, the product k = s t solves the quadratic equation
-k = (s0 - k cx) (t0 - k cy). Newton's method for (s, t) was left: it takes several rounds and finds
-no end in a quad that is nearly folded.
+k = (s0 - k cx) (t0 - k cy). Its root that is s0 t0 for c = 0 is the one within the quad.
 """
 
 from typing import NamedTuple

@@ -4,8 +4,7 @@ In each row of pixels every edge adds to the pixels it passes the area on its le
 pixels further left its height in full. Edges going up take away as much as edges going down have
 added, so the sum over the closed outline is the area inside, pixel by pixel, and no polygon is ever
 clipped: moment = sum over edges of x^(k+1) / (k+1) y^m dy, Green's theorem. Font rasterisers sum
-areas so, accumulated along rows. Clipping each cell to each pixel was left: it has a case for every
-corner that lies on a grid line.
+areas so, accumulated along rows. Clipping, in fractions, is the way that tests compare with.
 """
 
 from typing import NamedTuple

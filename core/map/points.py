@@ -11,11 +11,11 @@ from ..light.plan import Plan
 from ..light.trace import Step, tracing
 
 # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
-CHUNK = 1 << 14
-EDGE = 1e-9  # of a triangle: slack, so that its corners are in it
-OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
-MOST_EVENTS = 12  # of a path that are kept
-ROOM = 1.5  # times as many paths as before, when there is no more room for others
+RAYS_AT_ONCE = 1 << 14
+TRIANGLE_SLACK = 1e-9  # of a triangle: slack, so that its corners are in it
+BYTES_OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
+EVENTS_KEPT = 12  # of a path that are kept
+PATHS_GROWTH = 1.5  # times as many paths as before, when there is no more room for others
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,12 @@ class Paths:
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
         """Take up the paths of rays from origins (n, 3)."""
-        steps = steps[:MOST_EVENTS]
+        steps = steps[:EVENTS_KEPT]
         first = self._n
         self._n += len(origins)
         room, width = self._met.shape
         if self._n > room or len(steps) > width:
-            larger = max(self._n, int(ROOM * room))
+            larger = max(self._n, int(PATHS_GROWTH * room))
             self._make_room(larger if self._n > room else room, max(len(steps), width))
 
         places = self.places[first:]
@@ -114,8 +114,8 @@ def trace_points(
     points = Points(
         view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
     )
-    for first in range(0, n, CHUNK):
-        some = slice(first, first + CHUNK)
+    for first in range(0, n, RAYS_AT_ONCE):
+        some = slice(first, first + RAYS_AT_ONCE)
         origins, directions = plan.rig.viewer.rays(view[some])
         steps = None if paths is None else []
         found = yield from tracing(
@@ -147,7 +147,7 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
         det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
         u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
         v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
-        inside = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1 + EDGE)
+        inside = (u >= -TRIANGLE_SLACK) & (v >= -TRIANGLE_SLACK) & (u + v <= 1 + TRIANGLE_SLACK)
         return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (
             xy[:, 2] - xy[:, 0]
         )

@@ -8,9 +8,9 @@ from ..arrays import Floats
 from ..free_memory import check_free
 from ..light.plan import Plan
 from ..messages import Message
-from .points import OF_POINT, Points, trace_points
+from .points import BYTES_OF_POINT, Points, trace_points
 
-TILE = 64  # cells each way, after which the random places begin anew
+TILE_CELLS = 64  # cells each way, after which the random places begin anew
 MOST_JITTER = 1024  # random places each way, of all cells of a tile
 
 
@@ -35,7 +35,7 @@ def _check_memory(plan: Plan, corners: Floats) -> None:
     effort = plan.settings.effort
     area = float((_sides(corners) ** 2).sum())
     check_free(
-        OF_POINT * effort * area,
+        BYTES_OF_POINT * effort * area,
         "Sampling where light is chaotic",
         Message(
             "lower Effort ({effort}), or the resolution of the viewer '{viewer}'"
@@ -64,7 +64,7 @@ def strata(corners: Floats, along: int) -> tuple[Floats, Floats]:
         k = max(1, int(along * side))
         stratum = np.stack(np.meshgrid(np.arange(k), np.arange(k)), axis=-1).reshape(-1, 2)
 
-        tile = max(1, min(TILE, MOST_JITTER // k))
+        tile = max(1, min(TILE_CELLS, MOST_JITTER // k))
         jitter = np.random.default_rng(0).random((tile, tile, k * k, 2))
         column, row = (first / side).astype(np.int64).T % tile
 

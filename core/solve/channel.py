@@ -18,10 +18,11 @@ from ..image.ideal_image import ideal_image
 from ..image.seen_image import seen_image
 from ..image.simulation import PlateView
 from ..light.plan import Plan
+from ..map.pieces import Piece
 from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage
-from ..map.view_map import MapError, Piece, ViewMap
+from ..map.view_map import MapError, ViewMap
 from ..rig import Viewer
 from ..steps import finish
 from .accuracy import Accuracy

@@ -9,7 +9,7 @@ import numpy as np
 from ..free_memory import check_free
 from ..glass.meshes import SAME_NORMAL
 from ..kernel import library
-from ..map.points import OF_POINT
+from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..messages import Message
@@ -75,7 +75,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         "picture": OF_PICTURE * float(place.height) * place.width,
         "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
         "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
-        "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + OF_POINT * n_points,
+        "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + BYTES_OF_POINT * n_points,
         "always": ALWAYS + BY_NUMPY * (library() is None),
     }
 

@@ -13,9 +13,10 @@ from ..image.ghosts import Paths
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
 from ..image.source_image import Painting, Strokes, find_strokes
+from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
-from ..map.view_map import Piece, ViewMap
+from ..map.view_map import ViewMap
 from ..rig import PicturePlace, Viewer
 from ..settings import Settings
 from ..steps import Pauses, at, within

@@ -11,8 +11,8 @@ from kiriko.core.image.picture import picture_from_view
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.map.pieces import Piece
 from kiriko.core.map.shares import Shares
-from kiriko.core.map.view_map import Piece
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, bottle, cube_rig, lattice_image, rig

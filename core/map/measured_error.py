@@ -1,0 +1,144 @@
+"""Errors of a view map at random places, traced for this alone."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..light.landings import Reason
+from ..light.plan import Plan
+from .points import is_in_image, is_seen, trace_points
+from .squares import Squares
+from .view_map import MapError, ViewMap
+
+
+@dataclass(frozen=True)
+class Check:
+    """At how many places a map is checked.
+
+    n_places : of smooth squares and of pixels, each
+    n_places_each : of a square or a pixel, where they are few
+    quantile : of the error, that keeps to the tolerance
+    """
+
+    n_places: int = 1024
+    n_places_each: int = 16
+    quantile: float = 0.999
+
+
+CHECK = Check()
+TINY = 1e-300  # of an area that is divided by
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Random places: viewer px (n, 2), the area (n,), px^2, that each stands for.
+
+    is_one (n,) : in a pixel whose corners lie on one branch
+    is_in_glass (n,) : in no pixel whose corners are all beside the glass
+    """
+
+    at: Floats
+    area: Floats
+    is_one: Bools
+    is_in_glass: Bools
+
+
+def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None, MapError]:
+    """Errors at random places of smooth cells, and of the finest pixels with corners (n, 4)."""
+    places = _places(view_map, pixels)
+    found = yield from trace_points(plan, places.at)
+    display_size = view_map.display_size
+
+    # where the map has them
+    expected = view_map.lookup.by_cells(places.at)
+    is_sampled = np.zeros(len(places.at), bool)
+    is_sampled[view_map.lookup.nearest_samples(places.at, np.isnan(expected[:, 0]))[0]] = True
+
+    # places that show the display; light beside the glass carries no picture
+    seen = is_seen(expected, found.xy, display_size) & is_in_image(places.at, view_map.view_size)
+    seen &= places.is_in_glass | (found.reason != Reason.MISSED_GLASS)
+    whole = max(float(places.area[seen].sum()), TINY)
+    sampled = float(places.area[seen & is_sampled].sum() / whole)
+    seen &= ~is_sampled
+
+    off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
+    both = is_in_image(expected, display_size) & is_in_image(found.xy, display_size)
+    # seen by one account only, however far away by the other
+    off[~both[seen] & (off > view_map.tolerance)] = np.inf
+
+    area = places.area[seen]
+    is_one = places.is_one[seen]
+    is_cut_off = found.reason[seen] == Reason.CUT_OFF
+    noise = sampled / plan.settings.samples_along
+    limited, unresolved = (kind & (off > view_map.tolerance) for kind in (is_one, ~is_one))
+    return MapError(
+        rms=_rms(off, area),
+        percentile=_quantile(off, area, CHECK.quantile),
+        facet_limited=float(area[limited].sum() / whole),
+        facet_error=_rms(off[limited], area[limited]),
+        unresolved=float(area[unresolved].sum() / whole) + noise,
+        unresolved_error=_rms(off[unresolved], area[unresolved]),
+        cut_off=float(area[~is_one & is_cut_off].sum() / whole),
+        sampled=sampled,
+        noise=noise,
+        n_samples=len(view_map.samples),
+        n_checked=len(places.at),
+    )
+
+
+def _places(view_map: ViewMap, pixels: Ints) -> _Places:
+    """Random places of smooth cells, and of pixels with corners (n, 4), the same each time."""
+    random = np.random.default_rng(0)
+    points = view_map.points
+    # light beside the glass carries no picture
+    has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
+    smooth = Squares(view_map.corner, view_map.size).at(has_picture)
+    n_smooth, n_pixels = (
+        min(CHECK.n_places, CHECK.n_places_each * len(kind)) for kind in (smooth, pixels)
+    )
+
+    # squares by their area, pixels all alike
+    squares = smooth.at(
+        random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum())
+        if n_smooth
+        else []
+    )
+    some = pixels[random.integers(0, max(len(pixels), 1), n_pixels)]
+    at = np.concatenate([
+        squares.corner + squares.size[:, None] * random.random((n_smooth, 2)),
+        points.view[some[:, 0]] + random.random((n_pixels, 2)),
+    ])  # fmt: skip
+    area = np.repeat(
+        [(smooth.size**2.0).sum() / max(n_smooth, 1), len(pixels) / max(n_pixels, 1)],
+        [n_smooth, n_pixels],
+    )
+
+    branch = points.branch[some]
+    is_one = np.append(np.zeros(n_smooth, bool), (branch == branch[:, :1]).all(axis=1))
+    is_beside_glass = view_map.is_beside_glass(some).all(axis=1)
+    is_in_glass = np.append(np.ones(n_smooth, bool), ~is_beside_glass)
+    return _Places(at, area, is_one, is_in_glass)
+
+
+def _rms(off: Floats, area: Floats) -> float:
+    """Root mean square of errors (n,) over areas (n,), as far as they are known."""
+    known = np.isfinite(off)
+    return float(np.sqrt((area[known] * off[known] ** 2).sum() / max(area[known].sum(), TINY)))
+
+
+def _quantile(off: Floats, area: Floats, share: float) -> float:
+    """The error that this share of the area stays below, as far as errors are known; 0
+    without any.
+    """
+    known = np.isfinite(off)
+    off = off[known]
+    area = area[known]
+    order = np.argsort(off)
+    below = np.cumsum(area[order])
+    return (
+        float(off[order[np.searchsorted(below, share * below[-1])]])
+        if len(off) and below[-1] > 0
+        else 0.0
+    )

@@ -1,0 +1,83 @@
+"""Quads and triangles, of which a view map is made where shares are asked for."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Floats, Ints, mean_at, taken
+from . import interpolation
+from .points import Points
+
+UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # its corners
+
+
+class Piece(NamedTuple):
+    """Some pieces of a view map: quads or triangles.
+
+    view, display : (n, 4 or 3, 2) corners, viewer px and display px; throughput : (n,)
+    branch : (n,) uint64, the same for all that show the display by way of the same surfaces
+    """
+
+    view: Floats
+    display: Floats
+    throughput: Floats
+    branch: NDArray[np.uint64]
+
+    def at(self, which: Bools | Ints) -> "Piece":
+        """Some of these pieces."""
+        return Piece(*(taken(values, which) for values in self))
+
+
+def polygons(points: Points, corners: Ints) -> Piece:
+    """Pieces with these points (n, 4 or 3) as corners."""
+    return Piece(
+        view=taken(points.view, corners),
+        display=taken(points.xy, corners),
+        throughput=mean_at(points.throughput, corners),
+        branch=points.branch[corners[:, 0]],
+    )
+
+
+def squares_around(points: Points, samples: Ints, area: Floats) -> Piece:
+    """Squares around samples (n,), as large as their strata (n,), viewer px^2, and as
+    many display px, in the pixel that each lands in.
+    """
+    side = np.sqrt(area)[:, None]
+    pixel = np.floor(points.xy[samples])
+    low = pixel + np.clip(points.xy[samples] - pixel - side / 2, 0, 1 - side)
+    # or rounding would give the next pixel a share of nothing
+    high = np.minimum(low + side, pixel + 1)
+    return Piece(
+        view=points.view[samples, None] + side[..., None] * (UNIT_SQUARE - 0.5),
+        display=np.where(UNIT_SQUARE, high[:, None], low[:, None]),
+        throughput=points.throughput[samples],
+        branch=points.branch[samples],
+    )
+
+
+def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> Piece:
+    """Quads of smooth cells, as many as m a side.
+
+    corner, size, nodes : (n, 2), (n,) viewer px, (n, 25) indices of points
+    """
+    # landings and throughput on a grid of each cell
+    values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
+    grid = interpolation.on_grid(values, m)
+
+    side = np.arange(m + 1) / m
+    x, y = np.meshgrid(side, side)
+    place = np.stack([x, y], axis=2)
+    view = corner[:, None, None] + size[:, None, None, None] * place
+    return Piece(
+        view=_quads_between(view),
+        display=_quads_between(grid[..., :2]),
+        throughput=_quads_between(grid[..., 2:])[..., 0].mean(axis=1),
+        branch=np.repeat(points.branch[nodes[:, 0]], m * m),
+    )
+
+
+def _quads_between(grid: Floats) -> Floats:
+    """Quads (n m^2, 4, c) between the points of grids (n, m + 1, m + 1, c), corners in order."""
+    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    return np.stack(corners, axis=3).reshape(-1, 4, grid.shape[-1])
