@@ -1,6 +1,8 @@
 """Are the points of a lattice taken for the right ones?"""
 
+from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +12,9 @@ from ...errors import ImageError
 from ...messages import Message
 from .drawn import Lattice
 from .growth import (
-    ABOVE_ROUGHNESS,
-    FEWEST,
-    MOST_TURNED,
+    GROWTH,
+    Basis,
+    Site,
     mean_steps,
     neighbours_of,
     predicted,
@@ -20,11 +22,25 @@ from .growth import (
     without_strangers,
 )
 
-MISTAKEN = 0.3  # spacings off, from which on a point is pointed out to people
+
+@dataclass(frozen=True)
+class Doubt:
+    """When points are not believed; held by tests/core/test_lattice.py.
+
+    mistaken : spacings off, from which on a point is pointed out to people
+    mistaken_one_in : so many points; more are another lattice
+    n_compared : places each way, at which a photograph is compared with the picture
+    liker : by how much more another way has to be like the photograph
+    """
+
+    mistaken: float = 0.3
+    mistaken_one_in: int = 3
+    n_compared: int = 400
+    liker: float = 0.005
+
+
+DOUBT = Doubt()
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
-# places each way; by how much more another way has to be like the photograph
-COMPARED = 400
-LIKER = 0.005
 WAYS = {
     "mirrored": (True, False, 0, 0),
     "upside down and mirrored": (False, True, 0, 0),
@@ -34,6 +50,17 @@ WAYS = {
     "a row higher": (False, False, 0, -1),
     "a row lower": (False, False, 0, 1),
 }
+
+
+class _Misplaced(NamedTuple):
+    """Points that are not where their neighbours want them, by site.
+
+    at, wanted : px, x + iy; spacing : px, of the lattice there
+    """
+
+    at: dict[Site, complex]
+    wanted: dict[Site, complex]
+    spacing: dict[Site, float]
 
 
 def check(points: Floats, lattice: Lattice) -> None:
@@ -48,20 +75,14 @@ def check(points: Floats, lattice: Lattice) -> None:
         (k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))
     }
     bases = dict.fromkeys(sites, mean_steps(at, sites))
-    good = without_strangers(at, sites, bases, MISTAKEN)
+    good = without_strangers(at, sites, bases, DOUBT.mistaken)
     if not good:
         return
+
     rough = np.median(list(roughness(at, good, bases).values()) or [0.0])
-    most = max(MISTAKEN, ABOVE_ROUGHNESS * rough)
-    wanted, spacing = {}, {}
-    for site in sorted(sites.keys() - good.keys(), key=sites.get):
-        near = neighbours_of(site, good)
-        if len(near) > 3:
-            place, there = predicted(site, near, at[[good[s] for s in near]], bases[site])
-            if np.abs(at[sites[site]] - place) > most * np.abs(there).min():
-                wanted[site] = place
-                spacing[site] = np.abs(there).min()
-    if rough > MISTAKEN or len(wanted) > len(sites) / 3:
+    most = max(DOUBT.mistaken, GROWTH.above_roughness * rough)
+    found = _misplaced(at, sites, good, bases, most)
+    if rough > DOUBT.mistaken or len(found.wanted) > len(sites) / DOUBT.mistaken_one_in:
         raise ImageError(
             "The points do not go on from one to the next as those of a lattice of"
             " {columns} x {rows}: they may be numbered in another way, or those of another"
@@ -69,38 +90,61 @@ def check(points: Floats, lattice: Lattice) -> None:
             columns=lattice.columns,
             rows=lattice.rows,
         )
-    if not wanted:
-        return
+    if found.wanted:
+        names = {site: lattice.name(sites[site]) for site in found.wanted}
+        raise ImageError(
+            "{problems}: correct that, or leave them out.",
+            problems="; ".join(_told(found, names)).capitalize(),
+        )
+
+
+def _misplaced(
+    at: NDArray[np.complex128],
+    sites: dict[Site, int],
+    good: dict[Site, int],
+    bases: dict[Site, Basis],
+    most: float,
+) -> _Misplaced:
+    """Sites that are not good, and more than so many spacings off."""
+    found = _Misplaced({}, {}, {})
+    for site in sorted(sites.keys() - good.keys(), key=sites.get):
+        near = neighbours_of(site, good)
+        if len(near) > 3:
+            place, there = predicted(site, near, at[[good[s] for s in near]], bases[site])
+            if np.abs(at[sites[site]] - place) > most * np.abs(there).min():
+                found.at[site] = at[sites[site]]
+                found.wanted[site] = place
+                found.spacing[site] = np.abs(there).min()
+    return found
+
+
+def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
+    """Misplaced points, by names, in words: first those that stand in each other's place."""
+
+    def is_in_place_of(here: Site, there: Site) -> bool:
+        return np.abs(found.at[here] - found.wanted[there]) < DOUBT.mistaken * found.spacing[there]
+
     told = []
     swapped = set()
-    for one, other in product(wanted, repeat=2):
-        is_swap = one != other and not swapped & {one, other}
-        for here, there in ((one, other), (other, one)):
-            is_swap = (
-                is_swap and np.abs(at[sites[here]] - wanted[there]) < MISTAKEN * spacing[there]
-            )
-        if is_swap:
+    for one, other in product(names, repeat=2):
+        is_new = one != other and not swapped & {one, other}
+        if is_new and is_in_place_of(one, other) and is_in_place_of(other, one):
             told.append(
-                Message(
-                    "points {one} and {other} seem swapped",
-                    one=lattice.name(sites[one]),
-                    other=lattice.name(sites[other]),
-                )
+                Message("points {one} and {other} seem swapped", one=names[one], other=names[other])
             )
             swapped |= {one, other}
-    for site in wanted:
+
+    for site in names:
         if site not in swapped:
-            far = np.abs(at[sites[site]] - wanted[site])
+            far = np.abs(found.at[site] - found.wanted[site])
             told.append(
                 Message(
                     "point {point} stands {far:.0f} pixels from where its neighbours have it",
-                    point=lattice.name(sites[site]),
+                    point=names[site],
                     far=far,
                 )
             )
-    raise ImageError(
-        "{problems}: correct that, or leave them out.", problems="; ".join(told).capitalize()
-    )
+    return told
 
 
 def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
@@ -123,13 +167,14 @@ def check_way(points: Floats, expected: Floats) -> None:
     turned far against what is expected (m, 2) of them.
     """
     both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
-    if both.sum() < FEWEST:
+    if both.sum() < GROWTH.fewest:
         return
     from_middle = expected[both] - expected[both].mean(axis=0)
     linear = np.linalg.lstsq(from_middle, points[both] - points[both].mean(axis=0), rcond=None)[0].T
     if (
         np.linalg.det(linear) < 0
-        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear))) > MOST_TURNED
+        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear)))
+        > GROWTH.most_turned_rad
     ):
         raise ImageError(
             "The points are mirrored or turned against what is expected: count columns from the"
@@ -160,19 +205,24 @@ def check_picture(
 
     if is_known.sum() < 2 * terms(u, v).shape[1]:
         return
+
+    # where the picture's places are in the photograph
     fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
-    side = (np.arange(COMPARED) + 0.5) / COMPARED
+    side = (np.arange(DOUBT.n_compared) + 0.5) / DOUBT.n_compared
     u, v = (x.ravel() for x in np.meshgrid(side, side))
     at = terms(u, v) @ fit
     seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
-    steps = (1 - 2 * lattice.margin) / (np.array([lattice.columns, lattice.rows]) - 1)
+
     # only around points that were found: elsewhere the display may show nothing
+    steps = (1 - 2 * lattice.margin) / (np.array([lattice.columns, lattice.rows]) - 1)
     column, row = (
         np.rint((x - lattice.margin) / step).astype(int)
         for x, step in zip((u, 1 - v), steps, strict=True)
     )
     is_inside &= (column >= 0) & (column < lattice.columns) & (row >= 0) & (row < lattice.rows)
     is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
+
+    # which way is more like it than that which was found
     shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
     n = min(seen.shape[1], shown.shape[1])
     worst, way = -np.inf, ""
@@ -186,7 +236,7 @@ def check_picture(
         )
         if more > worst:
             worst, way = more, name
-    if worst > (-LIKER if is_unsure else LIKER):
+    if worst > (-DOUBT.liker if is_unsure else DOUBT.liker):
         raise ImageError(
             "The photograph seems to show the picture {way}, against how its points were"
             " told apart: hold the camera as the viewer looks, show all of the lattice, or"

@@ -76,6 +76,8 @@ class Lattice:
         pitch = (1 - 2 * self.margin) * size / (self.columns - 1, self.rows - 1)
         spacing = pitch.min()
         room = self.margin * size.min()
+
+        # as large as can be seen, and within the margin
         thin = LINE if style == "grid" else DOT
         if spacing * thin < LEAST_DRAWN:
             raise ImageError(
@@ -94,43 +96,55 @@ class Lattice:
                 margin=self.margin,
                 half=0.5 / min(self.columns, self.rows),
             )
-        cover = np.zeros((height, width))
+
         if style == "grid":
-            x = np.arange(width) + 0.5
-            y = np.arange(height) + 0.5
-            (left, top) = at[0] - 0.5 * pitch
-            (right, bottom) = at[-1] + 0.5 * pitch
-            long_x, long_y = (np.clip(np.minimum(a - lo, hi - a) + 0.5, 0, 1) for a, lo, hi in
-                              ((x, left, right), (y, top, bottom)))  # fmt: skip
-            for across in at[: self.columns, 0]:
-                np.maximum(
-                    cover,
-                    np.clip(LINE * spacing + 0.5 - np.abs(x - across), 0, 1) * long_y[:, None],
-                    out=cover,
-                )
-            for down in at[:: self.columns, 1]:
-                np.maximum(
-                    cover,
-                    np.clip(LINE * spacing + 0.5 - np.abs(y - down), 0, 1)[:, None] * long_x,
-                    out=cover,
-                )
+            cover = _lines(at, pitch, (width, height))
             n_marks = min(2, self.columns - 1)
             at = at[:n_marks] + pitch / 2
             radii = spacing * np.array([DOT, DOT / 2])[:n_marks]
         else:
+            cover = np.zeros((height, width))
             radii = spacing * np.r_[MARK, MARK, np.full(len(self) - 2, DOT)]
-        for centre, radius in zip(at, radii, strict=True):
-            (x0, y0) = np.floor(centre - radius - 1).astype(int).clip(0)
-            (x1, y1) = np.ceil(centre + radius + 1)
-            y, x = np.mgrid[y0 : min(int(y1), height), x0 : min(int(x1), width)] + 0.5
-            patch = cover[y0 : y0 + y.shape[0], x0 : x0 + y.shape[1]]
-            np.maximum(
-                patch,
-                np.clip(radius + 0.5 - np.hypot(x - centre[0], y - centre[1]), 0, 1),
-                out=patch,
-            )
+        _add_discs(cover, at, radii)
         return np.repeat(cover[..., None], 3, axis=2).astype(np.float32)
 
     def name(self, index: int) -> str:
         """A point as people call it: (column, row)."""
         return f"({index % self.columns + 1}, {index // self.columns + 1})"
+
+
+def _lines(at: Floats, pitch: Floats, size: tuple[int, int]) -> Floats:
+    """Cover (h, w) of lines through points (rows * columns, 2), px, that stand a pitch (2,)
+    apart, on an image of a size (w, h): they go on for half a pitch.
+    """
+    width, height = size
+    spacing = pitch.min()
+    cover = np.zeros((height, width))
+    x = np.arange(width) + 0.5
+    y = np.arange(height) + 0.5
+    left, top = at[0] - 0.5 * pitch
+    right, bottom = at[-1] + 0.5 * pitch
+    long_x, long_y = (
+        np.clip(np.minimum(a - lo, hi - a) + 0.5, 0, 1)
+        for a, lo, hi in ((x, left, right), (y, top, bottom))
+    )
+
+    for across in np.unique(at[:, 0]):
+        thin = np.clip(LINE * spacing + 0.5 - np.abs(x - across), 0, 1)
+        np.maximum(cover, thin * long_y[:, None], out=cover)
+    for down in np.unique(at[:, 1]):
+        thin = np.clip(LINE * spacing + 0.5 - np.abs(y - down), 0, 1)
+        np.maximum(cover, thin[:, None] * long_x, out=cover)
+    return cover
+
+
+def _add_discs(cover: Floats, centres: Floats, radii: Floats) -> None:
+    """Draw discs onto a cover (h, w), whose edges are one pixel wide."""
+    height, width = cover.shape
+    for centre, radius in zip(centres, radii, strict=True):
+        x0, y0 = np.floor(centre - radius - 1).astype(int).clip(0)
+        x1, y1 = np.ceil(centre + radius + 1)
+        y, x = np.mgrid[y0 : min(int(y1), height), x0 : min(int(x1), width)] + 0.5
+        patch = cover[y0 : y0 + y.shape[0], x0 : x0 + y.shape[1]]
+        disc = np.clip(radius + 0.5 - np.hypot(x - centre[0], y - centre[1]), 0, 1)
+        np.maximum(patch, disc, out=patch)

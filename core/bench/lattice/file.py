@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,50 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     ------
     ImageError : the file cannot be read, or has places that cannot be
     """
-    path = Path(path)
+    table = _table(Path(path))
+    measured = _measured(table, lattice)
+    if not (measured.loose or measured.lines):
+        raise ImageError("The file '{path}' has no points: choose another one.", path=table.path)
+    if not measured.loose:
+        return measured.named
+
+    found = match(np.unique(measured.loose, axis=0), expected, lattice)
+    missing = missing_borders(found, expected, lattice)
+    if missing:
+        raise ImageError(
+            "Of the points in '{path}' {missing} is missing, so that which is which cannot"
+            " be told: complete them, or name them (column, row, x, y).",
+            path=table.path,
+            missing=missing[0],
+        )
+    return found
+
+
+class _Table(NamedTuple):
+    """Lines of a file, by number, with their cells; the first has the names of n columns.
+
+    places : the columns of x and y, or of column, row, x and y
+    """
+
+    path: Path
+    lines: list[tuple[int, list[str]]]
+    n_columns: int
+    places: list[int]
+    has_decimal_commas: bool
+
+
+class _Measured(NamedTuple):
+    """Points of a file: named ones (m, 2), px, NaN where there are none, with the lines that
+    have them, by index; and places of others.
+    """
+
+    named: Floats
+    lines: dict[int, int]
+    loose: list[list[float]]
+
+
+def _text(path: Path) -> str:
+    """The text of a file, whatever its letters are."""
     data = read_bytes(path)
     try:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
@@ -37,8 +81,13 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
         text = data.decode("latin-1")  # notes in other letters do not matter
     if "\0" in text:
         raise ImageError("The file '{path}' is no text: choose a CSV file of points.", path=path)
-    if text.lower().startswith("sep="):
-        text = text.partition("\n")[2]  # spreadsheets begin so
+    # spreadsheets begin so
+    return text.partition("\n")[2] if text.lower().startswith("sep=") else text
+
+
+def _table(path: Path) -> _Table:
+    """The lines of a CSV file that are not empty."""
+    text = _text(path)
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = max(",;\t", key=first.count)
     try:
@@ -55,6 +104,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
             line=rows.line_num,
             why=reason,
         ) from None
+
     head = [name.lower() for name in lines[0][1]] if lines else []
     wanted = ["x", "y"] if {"column", "row"}.isdisjoint(head) else ["column", "row", "x", "y"]
     if any(head.count(name) != 1 for name in wanted):
@@ -63,63 +113,64 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
             " add that line.",
             path=path,
         )
-    places = [head.index(name) for name in wanted]
-    found = np.full((len(lattice), 2), np.nan)
-    loose = []
-    seen_in = {}
-    for number, cells in lines[1:]:
-        where = Message("Line {number} of '{path}'", number=number, path=path)
-        if len(cells) <= max(places):
+    return _Table(
+        path=path,
+        lines=lines[1:],
+        n_columns=len(head),
+        places=[head.index(name) for name in wanted],
+        has_decimal_commas=delimiter == ";",
+    )
+
+
+def _measured(table: _Table, lattice: Lattice) -> _Measured:
+    """The points of a table."""
+    found = _Measured(np.full((len(lattice), 2), np.nan), {}, [])
+    for number, cells in table.lines:
+        where = Message("Line {number} of '{path}'", number=number, path=table.path)
+        if len(cells) <= max(table.places):
             raise ImageError(
                 "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
                 where=where,
                 n_cells=len(cells),
-                n_columns=len(head),
+                n_columns=table.n_columns,
             )
-        values = [
-            cells[place].replace(",", ".") if delimiter == ";" else cells[place] for place in places
-        ]
+        values = [cells[place] for place in table.places]
+        if table.has_decimal_commas:
+            values = [value.replace(",", ".") for value in values]
         if values[-2:] == ["", ""] and len(values) == 4:
             continue  # a table of all points, with blanks for those not measured
+
         xy = [_number(value, where) for value in values[-2:]]
         if len(values) == 2:
-            loose.append(xy)
+            found.loose.append(xy)
             continue
-        column, row = (_number(value, where) for value in values[:2])
-        if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
-            raise ImageError(
-                "{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
-                " {columns} and rows from 1 to {rows}: correct it.",
-                where=where,
-                column=column,
-                row=row,
-                columns=lattice.columns,
-                rows=lattice.rows,
-            )
-        index = (int(row) - 1) * lattice.columns + int(column) - 1
-        if index in seen_in:
+        index = _index(values[:2], where, lattice)
+        if index in found.lines:
             raise ImageError(
                 "{where} has the point {point} of line {line} again: remove one.",
                 where=where,
                 point=lattice.name(index),
-                line=seen_in[index],
+                line=found.lines[index],
             )
-        seen_in[index] = number
-        found[index] = xy
-    if not (loose or seen_in):
-        raise ImageError("The file '{path}' has no points: choose another one.", path=path)
-    if not loose:
-        return found
-    found = match(np.unique(loose, axis=0), expected, lattice)
-    missing = missing_borders(found, expected, lattice)
-    if missing:
-        raise ImageError(
-            "Of the points in '{path}' {missing} is missing, so that which is which cannot"
-            " be told: complete them, or name them (column, row, x, y).",
-            path=path,
-            missing=missing[0],
-        )
+        found.lines[index] = number
+        found.named[index] = xy
     return found
+
+
+def _index(values: list[str], where: str, lattice: Lattice) -> int:
+    """The index of a point by its column and row, counted from 1."""
+    column, row = (_number(value, where) for value in values)
+    if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
+        raise ImageError(
+            "{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
+            " {columns} and rows from 1 to {rows}: correct it.",
+            where=where,
+            column=column,
+            row=row,
+            columns=lattice.columns,
+            rows=lattice.rows,
+        )
+    return (int(row) - 1) * lattice.columns + int(column) - 1
 
 
 def _number(text: str, where: str) -> float:

@@ -1,5 +1,6 @@
 """Which point of a photograph is which of the lattice?"""
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -8,9 +9,30 @@ from numpy.typing import NDArray
 from ...arrays import Floats, Ints
 from ...errors import ImageError
 from .drawn import Lattice
-from .growth import FEWEST, largest
+from .growth import GROWTH, largest
 
-TURNS = [
+
+@dataclass(frozen=True)
+class Clarity:
+    """When it is clear which points are which; held by tests/core/test_lattice.py.
+
+    turn_rad : how much more the second best way has to be turned
+    distance : times the distance of the best, that of the second best
+    n_extra, extra_of : points that may have no place in the lattice; or one in so many others
+    n_steps : of the expected lattice, that are taken for a seed
+    bent : rad, that a lattice bent by its whole size counts as being turned
+    """
+
+    turn_rad: float = np.radians(4.0)
+    distance: float = 1.5
+    n_extra: int = 3
+    extra_of: int = 4
+    n_steps: int = 9
+    bent: float = 2
+
+
+CLARITY = Clarity()
+QUARTER_TURNS = [
     np.array(turn)
     for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
 ]
@@ -24,9 +46,6 @@ SLANTS = [
         [[1, 0], [-1, 1]],
     )
 ]
-# how much the second best has to be worse: angle more, times the distance
-CLEAR_TURN = np.radians(4.0)
-CLEAR = 1.5
 
 
 def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
@@ -48,7 +67,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     """
     expected = np.asarray(expected, float)
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
-    if len(sites) < FEWEST:
+    if len(sites) < GROWTH.fewest:
         raise ImageError(
             "The {n_points} points do not form the lattice of {columns} x {rows}: choose"
             " another photograph, or say in a file which point is which.",
@@ -56,15 +75,18 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
             columns=lattice.columns,
             rows=lattice.rows,
         )
+
+    # the place of each in the lattice
     index = np.array(list(sites.values()))
     places = _placements(np.array(list(sites)), lattice)
     at = points[index]
     place = _nearest_placement(places, at, expected, lattice)
     found = np.full((len(lattice), 2), np.nan)
     found[place[place >= 0]] = at[place >= 0]
+
     n = int((place >= 0).sum())
-    extra = len(points) - int((place >= 0).sum())
-    if extra > max(3, n // 4):
+    extra = len(points) - n
+    if extra > max(CLARITY.n_extra, n // CLARITY.extra_of):
         raise ImageError(
             "{extra} of {n_points} points have no place in the lattice of {columns} x"
             " {rows}: remove what else is bright, or set the lattice that is shown.",
@@ -88,7 +110,7 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
         )
     right = right[is_known]
     down = down[is_known]
-    some = np.unique(np.linspace(0, len(right) - 1, 9).astype(int))
+    some = np.unique(np.linspace(0, len(right) - 1, CLARITY.n_steps).astype(int))
     return (down / right)[some], right[some]
 
 
@@ -100,18 +122,21 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     """
     size = np.array([lattice.columns, lattice.rows])
     ways = []
-    for turn, slant in product(TURNS, SLANTS):
+    for turn, slant in product(QUARTER_TURNS, SLANTS):
         turned = sites @ slant @ turn
         turned -= turned.min(axis=0)
+
         # how many sites lie in a window of the lattice's size that
         # begins at - (size - 1), ...: by sums from the corner
         total = np.zeros(turned.max(axis=0) + 2 * size, int)
         np.add.at(total, tuple((turned + size).T), 1)
         total = total.cumsum(axis=0).cumsum(axis=1)
-        (w, h) = size
-        (m, n) = np.array(total.shape) - size
+        w, h = size
+        m, n = np.array(total.shape) - size
         ways.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
-    fewest = max(max(count.max() for _, count in ways) - 1, FEWEST)
+
+    # all windows with nearly the most sites
+    fewest = max(max(count.max() for _, count in ways) - 1, GROWTH.fewest)
     places = []
     for number, (turned, count) in enumerate(ways):
         for start in np.argwhere(count >= fewest):
@@ -133,25 +158,29 @@ def _nearest_placement(
         wanted = np.where((place >= 0)[:, None], expected[place], np.nan)
         both = np.isfinite(wanted).all(axis=1)
         distance.append(np.linalg.norm((at - wanted)[both].mean(axis=0)) if both.any() else np.inf)
+
+        # turned and scaled as a whole, and bent
         p, e = (xy[both, 0] + 1j * xy[both, 1] for xy in (at, wanted))
         if both.sum() >= 2:
             p = p - p.mean()
             e = e - e.mean()
             grown = np.vdot(e, p) / np.vdot(e, e)
-            off = abs(np.angle(grown)) + 2 * np.linalg.norm(p - grown * e) / np.linalg.norm(
-                grown * e
-            )
+            off = abs(np.angle(grown)) + CLARITY.bent * np.linalg.norm(
+                p - grown * e
+            ) / np.linalg.norm(grown * e)
             turned[number] = min(off, turned.get(number, np.inf))
+
     if not turned:
         raise ImageError("No point is seen where one is expected, so they cannot be told apart.")
     least, *others = sorted(turned, key=turned.get)
-    if others and turned[others[0]] - turned[least] < CLEAR_TURN:
+    if others and turned[others[0]] - turned[least] < CLARITY.turn_rad:
         raise ImageError(
             "The photograph is turned by about 45 degrees, so left and upper cannot be told apart:"
             " turn it."
         )
+
     order = [k for k in np.argsort(distance) if places[k][0] == least]
-    if len(order) > 1 and not distance[order[1]] > CLEAR * distance[order[0]]:
+    if len(order) > 1 and not distance[order[1]] > CLARITY.distance * distance[order[0]]:
         raise ImageError(
             "Too few of the {columns} columns and {rows} rows are seen to tell which they"
             " are: show more of the lattice, or say in a file which point is which.",
