@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.arrays import Floats
 from ..core.bench.extra_photograph import Extra, extra_photographs
 from ..core.bench.fit import Fit, fit
@@ -75,7 +75,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     scene = context.scene
     ours = context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
-    digest = image_io.digest(path)
+    digest = disk.digest(path)
     found_before = Numbers.read(ours.found).by_name
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(

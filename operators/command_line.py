@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar
 import bpy
 import numpy as np
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
 from ..core.blender.result import write_solution
@@ -233,7 +233,7 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield f"calibrating '{Path(bpy.data.filepath).name}' by '{arguments.measured.name}'"
     yield (yield from _progress(calibrated(context, reading, arguments.measured)))
     yield from _solve(arguments)
-    image_io.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
+    disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
     except RuntimeError as reason:
@@ -295,12 +295,12 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
                 path.name.lower(): error for path, error in found.luminance_error.items()
             },
         }
-    with image_io.together(arguments.out) as scratch:
+    with disk.together(arguments.out) as scratch:
         for image, pixels, form, area in jobs:
             image_io.write(
                 scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
             )
-        image_io.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
+        disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
     yield f"wrote {len(files)} files to '{arguments.out}'"
 
 

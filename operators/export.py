@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.blender.image import pixels_from_image, save_png
 from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
@@ -33,7 +33,7 @@ def target(path: str, form: str) -> Path:
     if not path:
         raise ImageError("The export has no path: choose a file.")
     full = absolute(path)
-    if (image_io.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
+    if (disk.is_there(full) and full.is_dir()) or path.endswith(("/", "\\")):
         full = full / "source"
     return image_io.named_for(full, form, bpy.path.extensions_image)
 
@@ -107,7 +107,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 context.window_manager.fileselect_add(self)
                 return {"RUNNING_MODAL"}
             path = target(self.filepath or ours.export_path, self._form(context))
-            is_taken = image_io.is_there(path) and not (self.overwrite or ours.export_overwrite)
+            is_taken = disk.is_there(path) and not (self.overwrite or ours.export_overwrite)
             # only an answer of yes leads to execute
             self.overwrite |= is_taken
             self.allow_stale |= is_stale

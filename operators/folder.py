@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..core import image_io
+from ..core import disk
 from ..core.errors import ImageError
 
 
@@ -16,7 +16,7 @@ def made(folder: Path) -> Iterator[None]:
 
     Gone again if it stays empty.
     """
-    new = [path for path in (folder, *folder.parents) if not image_io.is_there(path)]
+    new = [path for path in (folder, *folder.parents) if not disk.is_there(path)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
@@ -26,7 +26,7 @@ def made(folder: Path) -> Iterator[None]:
             why=reason.strerror,
         ) from None
     try:
-        image_io.check_folder(folder)
+        disk.check_folder(folder)
         yield
     finally:
         for path in new:
@@ -39,7 +39,7 @@ def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
     """Raise ImageError when files of these names are in the
     folder already; `remedy` ends its sentence.
     """
-    there = [name for name in names if image_io.is_there(folder / name)]
+    there = [name for name in names if disk.is_there(folder / name)]
     if there:
         raise ImageError(
             "The folder '{folder}' has {files} already: choose another or {remedy}.",

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.blender.image import save_png
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
@@ -155,12 +155,12 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 file=self.filepath,
             )
         path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
-        if not self.overwrite and image_io.is_there(path):
+        if not self.overwrite and disk.is_there(path):
             raise ImageError(
                 "The file '{path}' exists already: choose another name or allow overwriting.",
                 path=path,
             )
-        image_io.check_folder(path.parent)
+        disk.check_folder(path.parent)
         return path
 
     def _finish(self, context: bpy.types.Context, preview: Preview) -> None:

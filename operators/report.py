@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_ladder
 from ..core.errors import ImageError
@@ -53,7 +53,7 @@ def measured(
     """
     use_bundled_modules()
     form = context.scene.kiriko.export_format
-    with image_io.scratch(target) as scratch:
+    with disk.scratch(target) as scratch:
 
         def save(image: np.ndarray) -> None:
             image_io.write(scratch / "source", image, form, overwrite=True)
@@ -98,9 +98,9 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
-    with image_io.together(target) as scratch:
+    with disk.together(target) as scratch:
         for name, text in zip(names(rig), texts, strict=True):
-            image_io.write_text(scratch / name, text)
+            disk.write_text(scratch / name, text)
 
 
 class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):

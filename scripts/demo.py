@@ -22,7 +22,7 @@ from paper.lattice import shift_in_cycles
 
 kiriko.register()
 
-from kiriko.core import image_io  # noqa: E402 - the operators have to be there first
+from kiriko.core import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.blender.kept import Numbers  # noqa: E402
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
 from kiriko.core.settings import Settings  # noqa: E402
@@ -146,7 +146,7 @@ def run(name: str, out: Path) -> list[str]:
         },
         "notes": scene.kiriko.result.notes.splitlines(),
     }
-    image_io.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
+    disk.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
     before = in_cycles["before"]
     after = in_cycles["after"]
     return [

@@ -70,7 +70,7 @@ STAGES = {
         "core.image_io.write",
         "operators.report.plate_view",
         "operators.report.as_svg",
-        "core.image_io.write_text",
+        "core.disk.write_text",
     ),
     "export": ("operators.export.pixels_from_image", "core.image_io._quantised"),
     "preview": (
@@ -844,7 +844,7 @@ def test_what_the_system_refuses_leaves_the_files_of_before(
     """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
     before = files()
     full = OSError(errno.ENOSPC, "No space left on device")
-    calls = ((part("core.image_io"), "_temporary"), (Path, "replace"), (Path, "write_text"))
+    calls = ((part("core.disk"), "_temporary"), (Path, "replace"), (Path, "write_text"))
     for (owner, call), name in zip(
         (*calls[:2], *calls[1:]), ("export", "export", "report", "report"), strict=True
     ):

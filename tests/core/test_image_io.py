@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kiriko.core import image_io
+from kiriko.core import disk, image_io
 from kiriko.core.errors import ImageError
 
 NAMES = ("a.csv", "b.json", "c.svg")
@@ -20,9 +20,9 @@ def contents(folder: Path) -> dict[str, str | None]:
 
 
 def write_all(folder: Path) -> None:
-    with image_io.together(folder) as new:
+    with disk.together(folder) as new:
         for name in NAMES:
-            image_io.write_text(new / name, "new")
+            disk.write_text(new / name, "new")
 
 
 @pytest.mark.parametrize("there", [(), NAMES, NAMES[:1], NAMES[1:]])
@@ -54,7 +54,7 @@ def test_a_set_is_all_as_before_whichever_move_fails(
 
         with monkeypatch.context() as broken, pytest.raises(ImageError, match="busy") as caught:  # noqa: PT012 - a set
             broken.setattr(Path, "replace", move)
-            with image_io.together(tmp_path) as new:
+            with disk.together(tmp_path) as new:
                 for name in NAMES:
                     (new / name).write_text("new")
         assert any(f"'{tmp_path / name}'" in str(caught.value) for name in NAMES)
@@ -82,7 +82,7 @@ def test_a_name_as_long_as_the_file_system_takes_can_be_written(
     path = tmp_path / ("x" * (longest - len(suffix)) + suffix)
     for _ in range(2):
         if suffix == ".csv":
-            image_io.write_text(path, "text")
+            disk.write_text(path, "text")
         else:
             image_io.write(path, np.zeros((2, 2, 3)), "PNG8", overwrite=True)
         assert [found.name for found in tmp_path.iterdir()] == [path.name]
@@ -108,7 +108,7 @@ def test_a_symbolic_link_stays_and_what_it_points_to_is_new(
     if is_set:
         write_all(near)
     else:
-        image_io.write_text(link, "new")
+        disk.write_text(link, "new")
     assert link.is_symlink()
     assert contents(far) == {"z": "new"}
     assert contents(near) == dict.fromkeys(NAMES if is_set else NAMES[1:2], "new")

@@ -1,0 +1,152 @@
+"""Files and folders on the disk: sets of files that are written as a whole, or not at all."""
+
+import errno
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from .errors import ImageError
+
+
+@contextmanager
+def scratch(folder: Path) -> Iterator[Path]:
+    """A folder within `folder` to write files to, gone at the
+    end; an ImageError names their place in `folder`.
+
+    Raises
+    ------
+    ImageError
+        `folder` cannot be written.
+    """
+    try:
+        place = _temporary(folder)
+    except OSError as reason:
+        raise ImageError(
+            "The folder '{folder}' cannot be written ({why}): choose another one.",
+            folder=folder,
+            why=reason.strerror,
+        ) from None
+    with place as name:
+        try:
+            yield Path(name)
+        except ImageError as error:
+            message = error.message
+            values = {
+                key: str(value).replace(str(Path(name)), str(folder))
+                for key, value in message.values.items()
+            }
+            raise ImageError(message.template, **values) from None
+
+
+def _temporary(folder: Path) -> Any:
+    """A temporary folder in another one: files moved from one
+    to the other are not copied, and needs no room.
+    """
+    return tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder, ignore_cleanup_errors=True)
+
+
+@contextmanager
+def together(folder: Path) -> Iterator[Path]:
+    """A folder to write files to, all of which take their place
+    in `folder` when all went well, else none.
+
+    Where `folder` has a symbolic link of a file's name, the file that it points to is replaced.
+
+    Raises
+    ------
+    ImageError
+        A file cannot be written; the sentence names its place in `folder`.
+    """
+    with scratch(folder) as new, ExitStack() as stack:
+        yield new
+        staged = {}
+        try:
+            for path in sorted(new.iterdir()):
+                target = Path(os.path.realpath(folder / path.name))
+                if target.is_dir():  # which could be moved aside like a file
+                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+                near = Path(stack.enter_context(_temporary(target.parent)))
+                shutil.move(path, near / "new")  # copied only where a link points to another disk
+                staged[path] = target, near / "new", near / "old"
+            for path in staged:
+                target, made, old = staged[path]
+                if len(staged) > 1 and target.exists():  # a single file is replaced at one stroke
+                    target.replace(old)
+                made.replace(target)
+        except BaseException as reason:
+            for target, made, old in reversed(staged.values()) if len(staged) > 1 else ():
+                if old.exists():
+                    old.replace(target)
+                elif not made.exists():
+                    target.unlink()
+            if isinstance(reason, OSError):
+                raise _unwritable(folder / path.name, reason) from None
+            raise
+
+
+def _unwritable(path: Path, reason: OSError) -> ImageError:
+    why = reason.strerror
+    return ImageError(
+        "The file '{path}' cannot be written ({why}): check the disk or choose another name.",
+        path=path,
+        why=why,
+    )
+
+
+def is_there(path: Path) -> bool:
+    """Does a file or folder exist? ImageError where there can be none of that name."""
+    try:
+        return path.exists()
+    except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
+        why = getattr(reason, "strerror", None) or reason
+        raise ImageError(
+            "The path '{folder}' has no room for such a name ({why}): choose another.",
+            folder=path.parent,
+            why=why,
+        ) from None
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ImageError when no file can be made in a folder."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as reason:
+        raise ImageError(
+            "The folder '{folder}' cannot be written ({why}): choose another one.",
+            folder=folder,
+            why=reason.strerror,
+        ) from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all.
+
+    An existing one is replaced. ImageError when it cannot be written.
+    """
+    with together(path.parent) as new:
+        try:
+            (new / path.name).write_text(text, encoding="utf-8")
+        except OSError as reason:
+            raise _unwritable(path, reason) from None
+
+
+def digest(path: Path | str) -> str:
+    """Tells a file's contents from others'; ImageError when it cannot be read."""
+    return hashlib.sha1(read_bytes(path), usedforsecurity=False).hexdigest()
+
+
+def read_bytes(path: Path | str) -> bytes:
+    """The image in a file; ImageError when it cannot be read."""
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as reason:
+        why = getattr(reason, "strerror", None) or reason
+        raise ImageError(
+            "The file '{path}' cannot be read ({why}): choose another one.", path=path, why=why
+        ) from None
