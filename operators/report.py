@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core import disk, image_io
 from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.blender.result import write_ladder
+from ..core.blender.result_numbers import write_ladder
 from ..core.errors import ImageError
 from ..core.image.simulation import plate_view
 from ..core.measure.report import (

@@ -10,9 +10,9 @@ from ..messages import Message
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
 from .material import read_refraction
-from .mesh import flat_size
 from .parts import Part
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
+from .rectangle import flat_size
 from .shapes import Kept
 
 # cosine between a plate's normal and its x axis above which that axis does not lie in it

@@ -17,9 +17,6 @@ from ..rig import Mesh, SurfaceChoice
 
 # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
 NO_AREA = 1e-12
-# a display is a flat rectangle when its UV map misses an
-# affine one by less than this share of its size
-AFFINE = 1e-4
 
 # of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
 COPIED = 4 * 2.0**-23
@@ -287,38 +284,3 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
         else:
             mesh.normals_split_custom_set_from_vertices(normals.tolist())
     return mesh, Matrix.Translation((middle / metres).tolist())
-
-
-def flat_size(mesh: Mesh) -> tuple[float, float] | None:
-    """Width and height in m of the UV square on a flat rectangle;
-    None where the UV map is bent, skewed or missing.
-    """
-    if mesh.uv is None or not len(mesh.triangles):
-        return None
-    axes = uv_axes(mesh.corners.reshape(-1, 3), mesh.uv.reshape(-1, 2))
-    return None if axes is None else sides(axes)
-
-
-def uv_axes(points: Floats, uv: Floats) -> Floats | None:
-    """Ways (2, 3) that points (n, 3) go for a whole u and a whole
-    v of theirs, uv (n, 2); None unless uv is affine.
-    """
-    if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
-        return None
-    origin = points.mean(axis=0)
-    place = uv.mean(axis=0)
-    axes, _, rank, _ = np.linalg.lstsq(uv - place, points - origin, rcond=None)
-    if rank < 2:
-        return None
-    missed = np.abs((uv - place) @ axes - (points - origin)).max()
-    return None if missed > AFFINE * np.linalg.norm(axes, axis=1).max() else axes
-
-
-def sides(axes: Floats) -> tuple[float, float] | None:
-    """Width and height of the rectangle that ways (2, 3)
-    span; None where they are not at right angles.
-    """
-    width, height = np.linalg.norm(axes, axis=1)
-    if abs(axes[0] @ axes[1]) > AFFINE * width * height:
-        return None
-    return float(width), float(height)

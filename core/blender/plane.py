@@ -11,8 +11,9 @@ from ..messages import Message
 from ..words import percent
 from . import shaders
 from .material import Texture, find_texture, read_texture
-from .mesh import column, sides, used_slots, uv_axes, uv_layer
+from .mesh import column, used_slots, uv_layer
 from .picture import UNREADABLE, check_readable
+from .rectangle import sides, uv_axes
 from .resize import NEAR, refuse_held, rescale
 
 MATERIAL = "Kiriko Picture"

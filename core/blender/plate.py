@@ -7,123 +7,11 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..rig import MOST_CROSSING_ERROR, MirrorArray
+from ..rig import MirrorArray
+from .node_values import Value
+from .plate_inputs import LIGHT_INPUTS, PLATE_INPUTS
 from .shaders import cleared
 
-
-class _Value:
-    """A number or a vector in a node tree: with these,
-    formulas made of nodes are written as formulas.
-    """
-
-    def __init__(self, socket: Any) -> None:
-        self.socket, self.tree = socket, socket.id_data
-
-    @property
-    def is_vector(self) -> bool:
-        return self.socket.type == "VECTOR"
-
-    def node(self, operation: str, *others: "_Value | float") -> "_Value":
-        """The result of a Math or Vector Math node for this value and others."""
-        values = (self, *others)
-        is_vector = any(isinstance(value, _Value) and value.is_vector for value in values)
-        node = self.tree.nodes.new("ShaderNodeVectorMath" if is_vector else "ShaderNodeMath")
-        node.operation = operation
-        sockets = [s for s in node.inputs if s.enabled]
-        # one or two of three are left where not asked for
-        for socket, value in zip(sockets, values, strict=False):
-            if isinstance(value, _Value):
-                self.tree.links.new(value.socket, socket)
-            else:
-                socket.default_value = value
-        return _Value(next(s for s in node.outputs if s.enabled))
-
-    def __add__(self, other: "_Value | float") -> "_Value":
-        return self.node("ADD", other)
-
-    def __sub__(self, other: "_Value | float") -> "_Value":
-        return self.node("SUBTRACT", other)
-
-    def __rsub__(self, other: float) -> "_Value":
-        return (self * -1.0).node("ADD", other)
-
-    def __mul__(self, other: "_Value | float") -> "_Value":
-        if isinstance(other, _Value) and other.is_vector:
-            return other.node("SCALE", self)
-        return self.node("SCALE" if self.is_vector else "MULTIPLY", other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: "_Value | float") -> "_Value":
-        return self.node("DIVIDE", other)
-
-    def dot(self, other: "_Value") -> "_Value":
-        return self.node("DOT_PRODUCT", other)
-
-    def cross(self, other: "_Value") -> "_Value":
-        return self.node("CROSS_PRODUCT", other)
-
-    def normalised(self) -> "_Value":
-        return self.node("NORMALIZE")
-
-
-class _Input(NamedTuple):
-    """An input of the plate's node group."""
-
-    name: str
-    subtype: str
-    default: float
-    lowest: float
-    highest: float
-    tooltip: str
-
-
-_MMAP = MirrorArray()
-_PLATE_INPUTS = (
-    _Input("Pitch", "DISTANCE", _MMAP.pitch, 1e-9, 1e3,
-    "From mirror to mirror; larger ones blur the image"),
-    _Input("Height", "DISTANCE", _MMAP.height, 0.0, 1e3,
-    "Of the mirrors in one layer; high ones image steep light"),
-    _Input("IOR", "NONE", _MMAP.ior, 1.0, 100.0,
-    "Index of refraction of the glass between the mirrors"),
-    _Input("Reflectance", "FACTOR", _MMAP.reflectance, 0.0, 1.0,
-    "Of a mirror; each reflection dims light by it"),
-    _Input(
-        "Crossing Error", "ANGLE", 0.0, -MOST_CROSSING_ERROR, MOST_CROSSING_ERROR,
-        "By which the layers are crossed at more than 90 degrees; it blurs the image",
-    ),
-    _Input("Phase 1", "NONE", 0.0, -1.0, 1.0,
-    "In pitches, by which the first mirrors stand beside the origin"),
-    _Input("Phase 2", "NONE", 0.0, -1.0, 1.0,
-    "In pitches, by which the second mirrors stand beside the origin"),
-    _Input("Fresnel", "FACTOR", 1.0, 0.0, 1.0,
-    "1: the plate's two faces reflect as glass does; 0: they do not"),
-)  # fmt: skip
-_LIGHT_INPUTS = (
-    _Input("Image", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the mid-air image"),
-    _Input(
-        "Stray 1",
-        "FACTOR",
-        1.0,
-        0.0,
-        1.0,
-        "How much is seen of the light that only the first mirrors turn round",
-    ),
-    _Input(
-        "Stray 2",
-        "FACTOR",
-        1.0,
-        0.0,
-        1.0,
-        "How much is seen of the light that only the second mirrors turn round",
-    ),
-    _Input(
-        "Through", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what is straight behind the plate"
-    ),
-    _Input(
-        "Reflected", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what the plate's face reflects"
-    ),
-)
 _PLATE_GROUPS = {
     "crossed": "Kiriko Mirror Array",
     "holes": "Kiriko Mirror Array DCRA",
@@ -138,9 +26,9 @@ class _Layer(NamedTuple):
     pitches, a length added to places along the normal.
     """
 
-    normal: _Value
-    phase: _Value
-    offset: _Value | float = 0.0
+    normal: Value
+    phase: Value
+    offset: Value | float = 0.0
 
 
 class _PlateNodes:
@@ -148,7 +36,7 @@ class _PlateNodes:
 
     def __init__(self, tree: Any, layout: str) -> None:
         self.tree, self.layout = tree, layout
-        self.input = {s.name: _Value(s) for s in tree.nodes.new("NodeGroupInput").outputs if s.name}
+        self.input = {s.name: Value(s) for s in tree.nodes.new("NodeGroupInput").outputs if s.name}
         geometry = self.outputs("ShaderNodeNewGeometry")
         self.position = geometry["Position"]
         self.facing = geometry["True Normal"]  # towards the viewer, on either side
@@ -167,11 +55,11 @@ class _PlateNodes:
         self.entry = self.along * (-1.0 * self.half / self.cosine)
         self.from_centre = self.position - self.outputs("ShaderNodeObjectInfo")["Location"]
 
-    def outputs(self, kind: str) -> dict[str, _Value]:
+    def outputs(self, kind: str) -> dict[str, Value]:
         """Outputs of a new node, by name."""
-        return {socket.name: _Value(socket) for socket in self.tree.nodes.new(kind).outputs}
+        return {socket.name: Value(socket) for socket in self.tree.nodes.new(kind).outputs}
 
-    def axes(self) -> tuple[_Value, _Value]:
+    def axes(self) -> tuple[Value, Value]:
         """The plate's own: the object's x axis in its plane (y
         where x stands on it), and one at a right angle.
         """
@@ -182,7 +70,7 @@ class _PlateNodes:
             turn.convert_from = "OBJECT"
             turn.convert_to = "WORLD"
             turn.inputs[0].default_value = axis
-            own.append(_Value(turn.outputs[0]).normalised())
+            own.append(Value(turn.outputs[0]).normalised())
         is_upright = own[0].dot(self.facing).node("ABSOLUTE").node("GREATER_THAN", 0.99)
         side = own[0] * (1.0 - is_upright) + own[1] * is_upright
         x = (side - self.facing * side.dot(self.facing)).normalised()
@@ -210,9 +98,7 @@ class _PlateNodes:
             second = second * error.node("COSINE") - first * error.node("SINE")
         return _Layer(first, phases[0], offset), _Layer(second, phases[1], offset)
 
-    def fold(
-        self, layer: _Layer, shift: _Value, along: _Value
-    ) -> tuple[_Value, _Value, _Value, _Value]:
+    def fold(self, layer: _Layer, shift: Value, along: Value) -> tuple[Value, Value, Value, Value]:
         """Through one layer: how far from the hit and which way
         light comes out, reflections, and are they odd?
         """
@@ -233,7 +119,7 @@ class _PlateNodes:
             shift = shift + (along - normal * speed) * self.way
         return shift, along - normal * (2.0 * speed * is_odd), n_reflections, is_odd
 
-    def crossed(self) -> tuple[_Value, _Value, _Value, _Value, _Value]:
+    def crossed(self) -> tuple[Value, Value, Value, Value, Value]:
         """Through both layers: shift, direction along the plate,
         reflections, and are those of layers 1 and 2 odd?
         """
@@ -254,7 +140,7 @@ class _PlateNodes:
         is_odd_2 = is_odd_far * ahead + is_odd_near * behind
         return shift, along, n_near + n_far, is_odd_1, is_odd_2
 
-    def reflected_share(self) -> _Value:
+    def reflected_share(self) -> Value:
         """Unpolarised Fresnel reflectance of a face."""
         ior = self.input["IOR"]
         bent = ior * self.depth
@@ -263,7 +149,7 @@ class _PlateNodes:
         p = (straight - self.depth) / (straight + self.depth)
         return (s * s + p * p) * 0.5 * self.input["Fresnel"]
 
-    def portal(self, shift: _Value, direction: _Value, colour: _Value) -> Any:
+    def portal(self, shift: Value, direction: Value, colour: Value) -> Any:
         """A shader through which light goes on from a place beside the hit."""
         values = {"Color": colour, "Position": self.position + shift, "Direction": direction}
         node = self.tree.nodes.new("ShaderNodeBsdfRayPortal")
@@ -316,8 +202,8 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
     panel = tree.interface.new_panel(
         "Light", description="Which light is seen: switch stray light off here"
     )
-    inputs = [i for i in _PLATE_INPUTS if layout == "crossed" or i.name != "Crossing Error"]
-    for wanted, parent in (*((i, None) for i in inputs), *((i, panel) for i in _LIGHT_INPUTS)):
+    inputs = [i for i in PLATE_INPUTS if layout == "crossed" or i.name != "Crossing Error"]
+    for wanted, parent in (*((i, None) for i in inputs), *((i, panel) for i in LIGHT_INPUTS)):
         socket = tree.interface.new_socket(
             wanted.name,
             description=wanted.tooltip,

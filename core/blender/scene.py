@@ -17,8 +17,8 @@ from ..messages import Message
 from ..rig import ROLES, Picture, Rig, Viewer
 from .elements import MaterialReading, read_picture_image
 from .kept import Offset
-from .mesh import flat_size
 from .parts import Part, is_placed, parts_by_role, read_parts
+from .rectangle import flat_size
 from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept

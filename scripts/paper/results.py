@@ -11,7 +11,7 @@ from pathlib import Path
 
 import kiriko
 from environments import machine
-from kiriko.core import image_io
+from kiriko.core import disk
 
 from .figure_5 import figure_5
 from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv
@@ -47,8 +47,8 @@ def main() -> None:
     print("cube: solving, rendering, measuring ...", flush=True)
     conditions = figures_7_and_8(out)
     lattice = lattice_table(conditions)
-    image_io.write_text(out / "lattice.csv", points_csv(conditions))
-    image_io.write_text(out / "figure_8.svg", figure_8(conditions))
+    disk.write_text(out / "lattice.csv", points_csv(conditions))
+    disk.write_text(out / "figure_8.svg", figure_8(conditions))
     print(f"\n{markdown(lattice)}\n", flush=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with quiet():
@@ -66,7 +66,7 @@ def main() -> None:
     }
     for tables in sections.values():
         misaligned.show(tables)
-    image_io.write_text(out / "index.html", page(times, lattice, sections, arguments.spp))
+    disk.write_text(out / "index.html", page(times, lattice, sections, arguments.spp))
     print(f"Files: {arguments.out}/")
     kiriko.unregister()
     sys.stdout.flush()

@@ -41,7 +41,7 @@ STAGES = {
         "core.solve.painting.Painting.finished",
         "core.solve.session.of_the_picture",
         "core.solve.session.remarks_on",
-        "core.blender.result.costs",
+        "core.blender.result_numbers.costs",
         "core.blender.result.image_from_pixels",
         "core.blender.image.set_pixels",
         "core.blender.result.pack",
@@ -757,7 +757,7 @@ LIVE_STAGES = (
     "core.solve.painting.find_strokes",
     "core.blender.result.set_pixels",
     "operators.live.update_solution",
-    "core.blender.result.asdict",
+    "core.blender.result_numbers.asdict",
 )
 
 

@@ -9,11 +9,7 @@ import numpy as np
 from ...arrays import Floats
 from ...disk import read_bytes
 from ...errors import ImageError
-<<<<<<< HEAD
-from ...image_io import read_bytes
 from ...messages import Message
-=======
->>>>>>> 364eb60 (Sets of files and folders have a file of their own beside that of images)
 from .check import missing_borders
 from .drawn import Lattice
 from .match import match
