@@ -26,7 +26,7 @@ from ..core.blender.kept import Numbers, Offset
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
-from ..core.image.picture import view_of_picture
+from ..core.image.flat_picture import view_of_picture
 from ..core.rig import Rig
 from ..core.steps import within
 from . import work

@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from ..bench.offset import along_with, part_motions, with_offset
 from ..errors import RigError
-from ..image.picture import view_of_picture
+from ..image.flat_picture import view_of_picture
 from ..light.display import display_pixel
 from ..rig import ROLES, WAVELENGTH, Rig
 from .kept import Offset

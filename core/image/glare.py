@@ -13,9 +13,9 @@ from ..steps import Pauses
 from ..vectors import dot
 from .simulation import LUMINANCE
 
-SIDE = 64  # rays along each side of the viewer's image: a share of a tenth is known to a hundredth
+N_RAYS_A_SIDE = 64  # of the viewer's image: a share of a tenth is known to a hundredth
 # times the spread of the light through the glass: so far off its middle light is to one side of it
-SIDES = 0.5
+OFF_MIDDLE = 0.5
 
 
 class Glare(NamedTuple):
@@ -53,13 +53,17 @@ class LightBeside:
         """On which side of the glass most of the light beside it is."""
         if not through.sum():
             return "all around it"
+
         middle, off = (np.average(self.view, axis=0, weights=light) for light in (through, beside))
         spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
         x, y = (off - middle) / max(spread, 1.0)
-        words = [word for word, is_there in (
-            ("above", y < -SIDES), ("below", y > SIDES), ("left of", x < -SIDES), ("right of",
-            x > SIDES)
-        ) if is_there]  # fmt: skip
+        sides = {
+            "above": y < -OFF_MIDDLE,
+            "below": y > OFF_MIDDLE,
+            "left of": x < -OFF_MIDDLE,
+            "right of": x > OFF_MIDDLE,
+        }
+        words = [word for word, is_there in sides.items() if is_there]
         return f"most of it {' and '.join(words)} it" if words else "all around it"
 
 
@@ -71,18 +75,15 @@ def looking_beside(plan: Plan) -> Plan:
 def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     """Follow a sample of the viewer's rays, spread evenly over its image."""
     viewer = plan.rig.viewer
-    display = plan.rig.display
-    place = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
-    view = (
-        (place + np.random.default_rng(seed).random(place.shape))
-        / SIDE
-        * (viewer.width, viewer.height)
-    )
+    along = np.arange(N_RAYS_A_SIDE)
+    cell = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    within = np.random.default_rng(seed).random(cell.shape)
+    view = (cell + within) / N_RAYS_A_SIDE * (viewer.width, viewer.height)
     landings = yield from tracing(looking_beside(plan), *viewer.rays(view))
 
-    size = display.width, display.height
-    (is_through, pixel) = landings.pixels(*size)
-    (is_beside, beside) = landings.pixels_beside(*size)
+    size = plan.rig.display.width, plan.rig.display.height
+    is_through, pixel = landings.pixels(*size)
+    is_beside, beside = landings.pixels_beside(*size)
     is_seen = is_through | is_beside
     return LightBeside(
         view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen]

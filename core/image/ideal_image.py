@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rig import Picture, Viewer
-from .picture import CHUNK, of_square, picture_from_view
+from .picture import POINTS_AT_ONCE, of_square, picture_from_view
 from .pyramid import Pyramid
 
 SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
@@ -17,15 +17,17 @@ def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
     w, h = viewer.width, viewer.height
     image = np.zeros((h * w, 3), np.float32)
     offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
-    for first in range(0, h * w, CHUNK):
-        pixels = np.arange(first, min(first + CHUNK, h * w))
+    footprint = of_square(1 / SUBPIXELS)
+
+    for first in range(0, h * w, POINTS_AT_ONCE):
+        pixels = np.arange(first, min(first + POINTS_AT_ONCE, h * w))
         corner = np.stack([pixels % w, pixels // w], axis=1)
         total = np.zeros((len(pixels), 3))
+
         for dx in offsets:
             for dy in offsets:
-                points = picture_from_view(
-                    place, viewer, corner + np.array([dx, dy]), of_square(1 / SUBPIXELS)
-                )
-                total += pyramid.sample(points)
+                at = corner + np.array([dx, dy])
+                total += pyramid.sample(picture_from_view(place, viewer, at, footprint))
         image[pixels] = total / SUBPIXELS**2
+
     return image.reshape(h, w, 3)

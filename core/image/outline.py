@@ -13,7 +13,7 @@ from ..arrays import Floats, Ints, taken
 from ..map.pieces import Piece
 from ..products import turn
 from ..rig import PicturePlace, Viewer
-from .picture import outline_in_view
+from .flat_picture import outline_in_view
 
 ON_LINE = 1e-6  # viewer px: a point nearer to the outline is on it, so that rounding does not cut
 

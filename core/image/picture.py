@@ -1,6 +1,4 @@
-"""The picture's place: picture_from_view, and the
-picture's colours at points of the viewer's image.
-"""
+"""The picture in its place: which of its pixels lie behind points of the viewer's image."""
 
 from dataclasses import dataclass
 
@@ -8,25 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats
-from ..errors import RigError
 from ..glass.meshes import interpolate
-from ..light.display import uv_area
 from ..light.hits import Hits
 from ..light.ray_engine import Layer
 from ..messages import Message
 from ..products import turn_covariance
-from ..rig import Mesh, PicturePlace, Viewer
+from ..rig import PicturePlace, Viewer
+from .flat_picture import LEAST, FlatWay, flat_way, outline_in_view
 
-CHUNK = 1 << 16  # points at once: their arrays stay in the cache
-STEP = 1e-3  # viewer px over which a mesh's map is differentiated
+POINTS_AT_ONCE = 1 << 16  # their arrays stay in the cache
+MESH_STEP_PX = 1e-3  # viewer px over which a mesh's map is differentiated
 EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
 BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
 # viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
-BLOCK = 16
-# of a picture's size: how well one affine map has to give its UV for the short way
-IS_AFFINE = 1e-6
-
-LEAST = 1e-100  # picture px: a footprint that is narrower is a point
+BLOCK_PX = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +50,6 @@ def of_square(side: float) -> Floats:
 
 POINT = of_square(0.0)
 
-# matrix (3, 3) to UV, w > 0 in front of the viewer; bounds in UV
-FlatWay = tuple[Floats, tuple[Floats, Floats]]
-
 
 def picture_from_view(
     place: PicturePlace, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT
@@ -71,16 +61,17 @@ def picture_from_view(
     view_xy : (n, 2) viewer pixels, middles of footprints
     covariance : (3, n) or (3, 1) xx, xy and yy of the footprints on the viewer's image, viewer px^2
     """
-    size = np.array([place.width, place.height], float)
     n = len(view_xy)
     covariance = np.broadcast_to(covariance, (3, n))
-    short_way = flat_way(place, viewer)
-    if short_way is None:
+    way = flat_way(place, viewer)
+    if way is None:
         return _by_tracing(place, viewer, view_xy, covariance)
+
+    size = np.array([place.width, place.height], float)
     points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((3, n)))
-    for first in range(0, n, CHUNK):
-        some = slice(first, first + CHUNK)
-        _place(points, some, view_xy[some], covariance[:, some], size, *short_way)
+    for first in range(0, n, POINTS_AT_ONCE):
+        some = slice(first, first + POINTS_AT_ONCE)
+        _set_flat(points, some, view_xy[some], covariance[:, some], size, way)
     return points
 
 
@@ -98,71 +89,31 @@ def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
     near = np.arange(h * w)
     lines = outline_in_view(place, viewer)
     if lines is not None:
-        # a flat picture is convex: blocks of pixels lie within all
-        # of its borders, beyond one, or near to one
-        (x, y) = (np.arange(0.5, -(-n // BLOCK)) * BLOCK for n in (w, h))
-        reach = BLOCK / 2**0.5 + 2
-        away = (
-            lines[:, 0, None, None] * x
-            + lines[:, 1, None, None] * y[:, None]
-            + lines[:, 2, None, None]
-        )
-        of_block = np.where(
-            (away > reach).all(axis=0), 1.0, np.where((away < -reach).any(axis=0), 0.0, np.nan)
-        )
-        cover = of_block.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[:h, :w].copy()
+        cover = _cover_of_blocks(lines, w, h)
         near = np.flatnonzero(np.isnan(cover))
 
-    for first in range(0, len(near), CHUNK):
-        some = near[first : first + CHUNK]
+    for first in range(0, len(near), POINTS_AT_ONCE):
+        some = near[first : first + POINTS_AT_ONCE]
         middles = np.stack([some % w, some // w], axis=1) + 0.5
         cover.flat[some] = picture_from_view(place, viewer, middles, of_square(1.0)).cover
     return cover
 
 
-def flat_way(place: PicturePlace, viewer: Viewer) -> FlatWay | None:
-    """The way from viewer pixels to the UV of a flat picture, or of
-    the viewer's own image, which has no borders.
+def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
+    """Cover (h, w) of viewer pixels in blocks that are all within lines (4, 3), or all beyond one
+    of them; NaN in blocks near to a line.
+
+    A flat picture is convex, so that no other block is partly covered.
     """
-    if place.mesh is None:
-        own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
-        return own, (np.full(2, -np.inf), np.full(2, np.inf))
-    return _homography(place.mesh, viewer)
-
-
-def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
-    """Viewer px (n, 2) at which places uv (n, 2; v upward) of
-    the picture are seen as if there were no glass.
-
-    Raises
-    ------
-    RigError : the picture is no flat rectangle
-    """
-    short_way = flat_way(place, viewer)
-    if short_way is None:
-        raise RigError(
-            "The picture '{picture}' is no flat rectangle: points of it are told for such only.",
-            picture=place.name,
-        )
-    xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(short_way[0]).T
-    return xyw[:, :2] / xyw[:, 2:]
-
-
-def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
-    """The borders of a flat picture as the viewer sees it, as if there were no glass.
-
-    Returns
-    -------
-    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line,
-    above 0 on the side of the picture. None where its outline is no rectangle, or that of the
-    viewer's image.
-    """
-    short_way = None if place.mesh is None else _homography(place.mesh, viewer)
-    if short_way is None:
-        return None
-    (u, v, w), (low, high) = short_way
-    lines = np.stack([u - low[0] * w, high[0] * w - u, v - low[1] * w, high[1] * w - v])
-    return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
+    x, y = (np.arange(0.5, -(-n // BLOCK_PX)) * BLOCK_PX for n in (width, height))
+    reach = BLOCK_PX / 2**0.5 + 2
+    away = (
+        lines[:, 0, None, None] * x + lines[:, 1, None, None] * y[:, None] + lines[:, 2, None, None]
+    )
+    is_within = (away > reach).all(axis=0)
+    is_beyond = (away < -reach).any(axis=0)
+    of_block = np.where(is_within, 1.0, np.where(is_beyond, 0.0, np.nan))
+    return of_block.repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)[:height, :width].copy()
 
 
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
@@ -176,6 +127,7 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
             " it{hint}",
             hint=BY_MIRROR,
         )
+
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
     low = seen.min(axis=0)
@@ -184,9 +136,9 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
         return Message(
             "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
         )
-    if np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)[1] < EDGE_ON * np.linalg.norm(
-        high - low
-    ):
+
+    _, across = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
+    if across < EDGE_ON * np.linalg.norm(high - low):
         return "which is seen edge-on: turn it to the viewer"
     if (high - low).max() < 1:
         return (
@@ -197,29 +149,28 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
     )
 
 
-def _place(
+def _set_flat(
     points: PicturePoints,
     some: slice,
     view_xy: Floats,
     covariance: Floats,
     size: Floats,
-    matrix: Floats,
-    bounds: tuple[Floats, Floats],
+    way: FlatWay,
 ) -> None:
-    """Set some points, by the matrix from viewer pixels to UV.
+    """Set some points of a flat picture of a size (2,), px.
 
     Column by column, rows of two are slow in numpy.
     """
-    x = view_xy[:, 0]
-    y = view_xy[:, 1]
-    u, v, w = (a * x + b * y + c for a, b, c in matrix)
+    x, y = view_xy.T
+    u, v, w = (a * x + b * y + c for a, b, c in way.matrix)
     is_seen = w > 0
     inverse = 1.0 / np.where(is_seen, w, 1.0)
     u *= inverse
     v *= inverse
+
+    # derivatives of the picture's pixels; v goes up, pixels go down
     width, height = size
-    (ux, uy, _), (vx, vy, _), (wx, wy, _) = matrix
-    # v goes up, pixels go down
+    (ux, uy, _), (vx, vy, _), (wx, wy, _) = way.matrix
     x_scale = width * inverse
     y_scale = -height * inverse
     spread = turn_covariance(
@@ -229,10 +180,13 @@ def _place(
         (vx - v * wx) * y_scale,
         (vy - v * wy) * y_scale,
     )
-    (low_u, low_v), (high_u, high_v) = bounds
+
+    low_u, low_v = way.low
+    high_u, high_v = way.high
     x, across = _within(u * width, low_u * width, high_u * width, spread[0])
     y, along = _within((1 - v) * height, (1 - high_v) * height, (1 - low_v) * height, spread[2])
-    points.xy[some, 0], points.xy[some, 1] = x, y
+    points.xy[some, 0] = x
+    points.xy[some, 1] = y
     points.cover[some] = across * along * is_seen
     points.covariance[:, some] = spread
 
@@ -246,63 +200,6 @@ def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Float
     after = np.maximum(x + half - high, 0)
     share = np.clip(1 - (before + after) / np.maximum(2 * half, LEAST), 0, 1)
     return np.where(share > 0, x + 0.5 * (before - after), x), share
-
-
-def _pixels(uv: Floats, size: Floats) -> Floats:
-    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * size
-
-
-def _homography(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
-    """Matrix (3, 3) from viewer pixels to UV of a flat rectangle, w
-    > 0 in front of the viewer, and its UV bounds.
-
-    None when the mesh is not flat, its UV is not one affine
-    map, or it is no rectangle along the UV axes.
-    """
-    corners = mesh.corners.reshape(-1, 3)
-    uv = mesh.uv.reshape(-1, 2)
-    middle = corners.mean(axis=0)
-    _, spread, axes = np.linalg.svd(corners - middle, full_matrices=False)
-    if spread[1] == 0 or spread[2] > IS_AFFINE * spread[0]:
-        return None
-    across = (corners - middle) @ axes[:2].T
-    system = np.column_stack([across, np.ones(len(across))])
-    fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
-    low = uv.min(axis=0)
-    high = uv.max(axis=0)
-    if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
-        return None
-    covered = uv_area(mesh.uv)
-    if abs(covered - np.prod(high - low)) > IS_AFFINE * covered:
-        return None
-    normal = axes[2]
-    left, right, bottom, top = viewer.window
-    x, y, forward = viewer.axes
-    # the ray through pixel (x, y): from `start @ (x, y, 1)` along `along @ (x, y, 1)`
-    plane = np.array(
-        [[(right - left) / viewer.width, 0, left], [0, (bottom - top) / viewer.height, top]]
-    )
-    sideways = np.outer(x, plane[0]) + np.outer(y, plane[1])
-    ahead = np.outer(forward, [0, 0, 1.0])
-    still = np.outer(viewer.position - middle, [0, 0, 1.0])
-    is_perspective = viewer.projection == "perspective"
-    along, start = (sideways + ahead, still) if is_perspective else (ahead, still + sideways)
-    # the point where it meets the plane, times (along . normal);
-    # one of the two factors is constant in (x, y)
-    if is_perspective:
-        depth = -(still[:, 2] @ normal)
-        point = np.outer(still[:, 2], normal @ along) + depth * along
-        w = normal @ along
-        sign = np.sign(depth)
-    else:
-        speed = forward @ normal
-        if speed == 0:
-            return None
-        point = speed * start - np.outer(forward, normal @ start)
-        w = np.array([0, 0, speed])
-        sign = np.sign(speed)
-    matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
-    return (sign or 1.0) * matrix, (low, high)
 
 
 def _by_tracing(
@@ -320,17 +217,21 @@ def _by_tracing(
     is_seen = hits.triangle >= 0
     seen = np.flatnonzero(is_seen)
     k = hits.triangle[is_seen]
-    xy = np.zeros((len(view_xy), 2))
-    spread = np.zeros((3, len(view_xy)))
 
     def xy_at(view_xy: Floats) -> Floats:
+        """Picture pixels on the plane of the triangle that was met."""
         o, d = viewer.rays(view_xy)
         t = layer.frames.distance(k, o, d)
-        return _pixels(
-            interpolate(place.mesh.uv[k], *layer.frames.barycentric(k, o + t[:, None] * d)), size
-        )
+        at = layer.frames.barycentric(k, o + t[:, None] * d)
+        uv = interpolate(place.mesh.uv[k], *at)
+        return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * size
 
+    xy = np.zeros((len(view_xy), 2))
     xy[seen] = xy_at(view_xy[seen])
-    (by_x, by_y) = (((xy_at(view_xy[seen] + STEP * d) - xy[seen]) / STEP).T for d in np.eye(2))
+
+    spread = np.zeros((3, len(view_xy)))
+    by_x, by_y = (
+        ((xy_at(view_xy[seen] + MESH_STEP_PX * d) - xy[seen]) / MESH_STEP_PX).T for d in np.eye(2)
+    )
     spread[:, seen] = turn_covariance(covariance[:, seen], by_x[0], by_y[0], by_x[1], by_y[1])
     return PicturePoints(xy, is_seen.astype(float), spread)

@@ -8,11 +8,37 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, is_frozen
 from ..errors import RigError
-from .picture import CHUNK, LEAST, PicturePoints
+from .flat_picture import LEAST
+from .picture import POINTS_AT_ONCE, PicturePoints
 
-ROUND = 0.05  # picture px^2: footprints whose two variances differ by less are read at one place
-UPRIGHT = 1e-3  # of the variance along y: less along x is none
-WIDE = 0.5  # picture px^2: from half of it on the lesser variance makes it two places each way
+
+@dataclass(frozen=True)
+class Reads:
+    """From what size on a footprint is read at several places.
+
+    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by
+    0.0009, and four where it is wide by 0.0007; more than that gains nothing.
+
+    Parameters
+    ----------
+    round : picture px^2; a footprint whose two variances differ by less is read at one place
+    upright : of the variance along y; less along x is none
+    wide : picture px^2; from half of it on the lesser variance makes it two places each way
+    """
+
+    round: float = 0.05
+    upright: float = 1e-3
+    wide: float = 0.5
+
+
+READS = Reads()
+
+# signs of the steps from a footprint's middle to its reads, by their number
+STEPS_BY_NUMBER = {
+    1: ((0, 0),),
+    2: ((-1, 0), (1, 0)),
+    4: ((-1, -1), (-1, 1), (1, -1), (1, 1)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,26 +74,25 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
     n_rows = 0
     levels: list[tuple[int, slice]] = []
     seen = np.flatnonzero(weight > 0).astype(np.int32)
-    for first in range(0, len(seen), CHUNK):
-        some, x, y, part, variance = _reads(points, seen[first : first + CHUNK], weight)
+
+    for first in range(0, len(seen), POINTS_AT_ONCE):
+        some, x, y, part, variance = _reads(points, seen[first : first + POINTS_AT_ONCE], weight)
         relative = 1 + 4 * variance
         lower = np.minimum((np.frexp(relative)[1] - 1) // 2, last)
         upper_part = np.clip((np.ldexp(relative, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
         of_upper = part * upper_part
         of_lower = part - of_upper
+
         for k in range(int(lower.min()), int(lower.max()) + 2):
             here = np.where(lower == k, of_lower, np.where(lower == k - 1, of_upper, 0.0))
             rows = np.flatnonzero(here > 0)
             if len(rows):
                 scale_x, scale_y = (new / old for new, old in zip(sizes[k], size, strict=True))
-                found.append(
-                    (
-                        some[rows],
-                        *_bilinear(sizes[k], x[rows] * scale_x, y[rows] * scale_y, here[rows]),
-                    )
-                )
+                at = x[rows] * scale_x, y[rows] * scale_y
+                found.append((some[rows], *_bilinear(sizes[k], *at, here[rows])))
                 levels.append((k, slice(n_rows, n_rows + len(rows))))
                 n_rows += len(rows)
+
     if not found:
         return Taps(np.empty(0, np.int32), (), np.empty(0, np.int32), np.empty((4, 0), np.float32))
     point, pixel, weights = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
@@ -79,21 +104,21 @@ def _reads(
 ) -> tuple[NDArray[np.int32], Floats, Floats, Floats, Floats]:
     """Where some points are read: number, x, y, weight and variance along each axis of every read.
 
-    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by
-    0.0009, and four where it is wide by 0.0007; more than that gains nothing. Reads come apart
-    gradually, so that a footprint that rounding changes is read at the same places but for
-    rounding.
+    Reads come apart gradually, so that a footprint that rounding changes is read at the same places
+    but for rounding.
     """
     x = points.xy[some, 0]
     y = points.xy[some, 1]
     part = weight[some]
     xx, xy, yy = points.covariance[:, some]
+
+    # how long the footprint is, and how wide
     mean = 0.5 * (xx + yy)
     slope = 0.5 * (xx - yy)
     unlike = np.sqrt(slope * slope + xy * xy)
-    length = np.clip(2 * unlike / ROUND - 1, 0, 1)
+    length = np.clip(2 * unlike / READS.round - 1, 0, 1)
     lesser = np.maximum(mean - length * unlike, 0)
-    width = np.clip(2 * lesser / WIDE - 1, 0, 1)
+    width = np.clip(2 * lesser / READS.wide - 1, 0, 1)
     left = (1 - 0.75 * width) * lesser
 
     # the places of the reads have to make up this covariance; its
@@ -101,22 +126,19 @@ def _reads(
     xx = mean + length * slope - left
     xy = length * xy
     yy = mean - length * slope - left
-    is_upright = xx < UPRIGHT * yy  # where rounding is as large as xx the root begins with y
+    is_upright = xx < READS.upright * yy  # where rounding is as large as xx the root begins with y
     xx, yy = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
     dx = np.sqrt(np.maximum(xx, 0))
     most = np.sqrt(np.maximum(yy, 0))
     # rounding may leave more than there can be
     along = np.clip(xy / np.maximum(dx, LEAST), -most, most)
     across = np.sqrt(np.maximum(yy - along * along, 0))
-    signs = np.where(width > 0, 4, np.where(length > 0, 2, 1))
+
+    number = np.where(width > 0, 4, np.where(length > 0, 2, 1))
     found = []
-    for n, shifts in (
-        (1, [(0, 0)]),
-        (2, [(-1, 0), (1, 0)]),
-        (4, [(-1, -1), (-1, 1), (1, -1), (1, 1)]),
-    ):
-        rows = np.flatnonzero(signs == n)
-        for i, j in shifts:
+    for n, steps in STEPS_BY_NUMBER.items():
+        rows = np.flatnonzero(number == n)
+        for i, j in steps:
             far = i * dx[rows]
             near = i * along[rows] + j * across[rows]
             turned = is_upright[rows]
@@ -145,14 +167,17 @@ def _bilinear(
     column = np.minimum(x.astype(np.int32), max(w - 2, 0))
     row = np.minimum(y.astype(np.int32), max(h - 2, 0))
     x -= column
+
     lower = weight * (y - row)
     upper = weight - lower
-    upper_right, lower_right = upper * x, lower * x
+    upper_right = upper * x
+    lower_right = lower * x
     weights = np.empty((4, len(x)), np.float32)
     weights[0] = upper - upper_right
     weights[1] = upper_right
     weights[2] = lower - lower_right
     weights[3] = lower_right
+
     return row * np.int32(w) + column, weights
 
 
@@ -192,11 +217,11 @@ class Pyramid:
             h, w = self.levels[k].shape[1:]
             right = int(w > 1)
             below = w * int(h > 1)
+            steps = (0, right, below, right + below)
             pixel = taps.pixel[rows].astype(np.intp)
+
             for plane, value in zip(self.levels[k].reshape(3, -1), values[:, rows], strict=True):
-                for step, weight in zip(
-                    (0, right, below, right + below), taps.weight[:, rows], strict=True
-                ):
+                for step, weight in zip(steps, taps.weight[:, rows], strict=True):
                     value += plane[step:].take(pixel) * weight
         return values
 
@@ -228,6 +253,8 @@ def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
     if n % 2 == 0:  # the same, many times as fast
         even, odd = (plane[k::2] if axis == 0 else plane[:, k::2] for k in (0, 1))
         return np.float32(0.5) * (even + odd)
+
+    # whole rows below an edge, and the part of the row across it
     m = (n + 1) // 2
     edges = np.linspace(0, n, m + 1)
     total = np.insert(np.cumsum(plane, axis=axis, dtype=float), 0, 0, axis=axis)

@@ -9,8 +9,31 @@ from ..arrays import Floats
 from ..map.share_batches import ShareBatches
 from ..map.shares import add_at
 
-# a dot whose rms radius exceeds that of a disc of its area by this much is seen in several pieces
-COMPACT = 1.3
+
+@dataclass(frozen=True)
+class DotKnobs:
+    """How the dots of a lattice are found in an image.
+
+    Parameters
+    ----------
+    dark : of the brightest red; a pixel with less is background
+    compact : a dot whose rms radius exceeds that of a disc of its area by this factor is seen in
+        several pieces
+    least_square : px^2; a dot is taken to be no smaller, mean square radius
+    heap : times the radius of its disc, sides of the cells whose heaviest is the largest piece
+    near : in such sides, how far a piece reaches from its heart
+    most_rounds : by which pieces are parted
+    """
+
+    dark: float = 0.02
+    compact: float = 1.3
+    least_square: float = 0.25
+    heap: float = 1.5
+    near: float = 1.5
+    most_rounds: int = 20
+
+
+DOTS = DotKnobs()
 
 
 def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -49,19 +72,11 @@ class LatticeShift:
 
     @property
     def mean(self) -> float:
-        return (
-            float(np.linalg.norm(self.shift[self.is_seen], axis=-1).mean())
-            if self.n_seen
-            else float("nan")
-        )
+        return float(self._lengths().mean()) if self.n_seen else float("nan")
 
     @property
     def largest(self) -> float:
-        return (
-            float(np.linalg.norm(self.shift[self.is_seen], axis=-1).max())
-            if self.n_seen
-            else float("nan")
-        )
+        return float(self._lengths().max()) if self.n_seen else float("nan")
 
     @property
     def mean_xy(self) -> tuple[float, float]:
@@ -69,6 +84,10 @@ class LatticeShift:
             return float("nan"), float("nan")
         dx, dy = np.abs(self.shift[self.is_seen]).mean(axis=0)
         return float(dx), float(dy)
+
+    def _lengths(self) -> Floats:
+        """Of the shifts (m,) of the dots that are seen, viewer px."""
+        return np.linalg.norm(self.shift[self.is_seen], axis=-1)
 
 
 def lattice_shift(seen: Floats, ideal: Floats, n: int = 7) -> LatticeShift:
@@ -87,35 +106,41 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
     counts where most of it is.
     """
     red, green, blue = (np.asarray(image[..., c], float) for c in range(3))
-    y, x = np.nonzero(red > 0.02 * max(red.max(), 1e-30))
+    y, x = np.nonzero(red > DOTS.dark * max(red.max(), 1e-30))
     weight = red[y, x]
+
+    # the column and the row that the colour says
     i = np.rint(green[y, x] / weight * (n + 1)).astype(int) - 1
     j = np.rint(blue[y, x] / weight * (n + 1)).astype(int) - 1
-    centroids = np.full((n, n, 2), np.nan)
     label = np.where((i >= 0) & (i < n) & (j >= 0) & (j < n), j * n + i, -1)
+
+    centroids = np.full((n, n, 2), np.nan)
     for k in np.unique(label[label >= 0]):
         mine = label == k
-        centroids[k // n, k % n] = _main_piece(
-            np.stack([x[mine], y[mine]], axis=1) + 0.5, weight[mine]
-        )
+        points = np.stack([x[mine], y[mine]], axis=1) + 0.5
+        centroids[k // n, k % n] = _main_piece(points, weight[mine])
     return centroids
 
 
 def _main_piece(points: Floats, weight: Floats) -> Floats:
     """Weighted centroid (2,) of points (m, 2), or of the largest heap when they lie in several."""
-    for _ in range(20):
+    for _ in range(DOTS.most_rounds):
         centre = np.average(points, axis=0, weights=weight)
         square = ((points - centre) ** 2).sum(axis=1)
         # mean square radius of a disc of this area
         disc = weight.sum() / weight.max() / (2 * np.pi)
-        if np.average(square, weights=weight) <= COMPACT**2 * max(disc, 0.25):
+        if np.average(square, weights=weight) <= DOTS.compact**2 * max(disc, DOTS.least_square):
             break
-        side = np.sqrt(2 * disc) * 1.5 + 1
+
+        # the heaviest of the cells of a grid
+        side = np.sqrt(2 * disc) * DOTS.heap + 1
         cell = np.floor((points - points.min(axis=0)) / side).astype(int)
         name = cell[:, 1] * (cell[:, 0].max() + 1) + cell[:, 0]
         heaviest = np.argmax(np.bincount(name, weight))
-        heart = np.average(points[name == heaviest], axis=0, weights=weight[name == heaviest])
-        near = ((points - heart) ** 2).sum(axis=1) <= (1.5 * side) ** 2
+        is_in = name == heaviest
+        heart = np.average(points[is_in], axis=0, weights=weight[is_in])
+
+        near = ((points - heart) ** 2).sum(axis=1) <= (DOTS.near * side) ** 2
         if near.all():
             break
         points = points[near]

@@ -17,10 +17,10 @@ from ..light.trace import CHUNK, trace
 from ..vectors import dot
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
-SAMPLED = 4096  # rays from which brightness and blur are told
-STEP = 0.05  # viewer px, for derivatives of the view map
+N_PLATE_RAYS = 4096  # rays from which brightness and blur are told
+DERIVATIVE_STEP_PX = 0.05  # viewer px, for derivatives of the view map
 # powers of the plastic number's inverse: even in a square
-SPREAD = np.array([0.7548776662466927, 0.5698402909980532])
+EVEN_STEP = np.array([0.7548776662466927, 0.5698402909980532])
 # one in so many rays is followed by the plate's faces where two for each pixel showed nothing
 SELDOM = 8
 
@@ -60,7 +60,6 @@ def simulate(
         halves is an image by itself, and their difference tells the error
     """
     viewer = plan.rig.viewer
-    display = plan.rig.display
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
     texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
@@ -70,42 +69,57 @@ def simulate(
     by_pass = np.zeros((passes, len(PlatePath)))
     random = np.random.default_rng(seed)
     start = random.random((2, n, 2))
+
     for k in range(passes):
         has_shown = by_pass[:, PlatePath.REFLECTED].any()
+        share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
+
         for first in range(0, n, CHUNK):
             pixels = np.arange(first, min(first + CHUNK, n))
-            inside = (start[k % 2, pixels] + (k // 2) * SPREAD) % 1.0
+            inside = (start[k % 2, pixels] + (k // 2) * EVEN_STEP) % 1.0
             xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
+
             ways: list[tuple[PlateLight, Ints, float]] = [("folded", np.arange(len(pixels)), 1.0)]
             if has_faces:
-                share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
-                ways.append(
-                    ("reflected", np.flatnonzero(random.random(len(pixels)) < share), 1.0 / share)
-                )
+                some = np.flatnonzero(random.random(len(pixels)) < share)
+                ways.append(("reflected", some, 1.0 / share))
             for light, some, weight in ways:
-                landings = trace(plan, *viewer.rays(xy[some]), light=light)
-                is_seen, index = landings.pixels(display.width, display.height)
-                if light == "reflected":  # by ideal plates nothing is
-                    is_seen &= landings.plate_path == PlatePath.REFLECTED
-                colours = weight * texels[index[is_seen]] * landings.throughput[is_seen, None]
+                is_seen, colours, path = _shown(plan, xy[some], light, texels)
+                colours *= weight
                 halves[k % 2][:, pixels[some[is_seen]]] += colours.T
-                bright = np.bincount(
-                    landings.plate_path[is_seen], dot(colours, LUMINANCE), len(PlatePath)
-                )
-                by_pass[k] += bright / n
+                by_pass[k] += np.bincount(path, dot(colours, LUMINANCE), len(PlatePath)) / n
             yield (k * n + first + len(pixels)) / (passes * n)
+
     halves *= 2.0 / passes
     image = halves.mean(axis=0).T.reshape(viewer.height, viewer.width, 3).astype(np.float32)
     apart = LUMINANCE @ (halves[0] - halves[1])
     # passes of one half keep clear of each other: as if they were independent is on the safe side
     spread = by_pass.std(axis=0, ddof=1) / np.sqrt(passes)
     return Simulation(
-        image,
-        float(np.sqrt((apart**2).mean()) / 2),
-        dict(zip(PlatePath, by_pass.mean(axis=0).tolist(), strict=True)),
-        dict(zip(PlatePath, spread.tolist(), strict=True)),
-        passes,
+        image=image,
+        error=float(np.sqrt((apart**2).mean()) / 2),
+        luminance=dict(zip(PlatePath, by_pass.mean(axis=0).tolist(), strict=True)),
+        luminance_error=dict(zip(PlatePath, spread.tolist(), strict=True)),
+        spp=passes,
     )
+
+
+def _shown(
+    plan: Plan, xy: Floats, light: PlateLight, texels: Floats
+) -> tuple[NDArray[np.bool_], Floats, Ints]:
+    """The display's light at viewer px (n, 2) by one way: where there is any (n,), and for these
+    places its colours (m, 3) and its PlatePath (m,).
+
+    texels : (H * W, 3) of the display, row by row
+    """
+    display = plan.rig.display
+    landings = trace(plan, *plan.rig.viewer.rays(xy), light=light)
+    is_seen, index = landings.pixels(display.width, display.height)
+    if light == "reflected":  # by ideal plates nothing is
+        is_seen &= landings.plate_path == PlatePath.REFLECTED
+
+    colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
+    return is_seen, colours, landings.plate_path[is_seen]
 
 
 @dataclass(frozen=True)
@@ -135,23 +149,24 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     """
     if not plan.arrays:
         return None
+
     viewer = plan.rig.viewer
-    size = (plan.rig.display.width, plan.rig.display.height)
+    size = (viewer.width, viewer.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
-    view = np.random.default_rng(seed).uniform(0, (viewer.width, viewer.height), (SAMPLED, 2))
+    view = np.random.default_rng(seed).uniform(0, size, (N_PLATE_RAYS, 2))
     here = trace(bright, *viewer.rays(view))
-    is_seen, _ = here.pixels(*size)
+    is_seen, _ = here.pixels(plan.rig.display.width, plan.rig.display.height)
     if not is_seen.any():
         return None
+
+    # the light that the plate leaves: all that is left, by the light left with an ideal plate
     yield 0.2
     view = view[is_seen]
-    xy = here.xy[is_seen]
-    branch = here.branch[is_seen]
-    # the light that the plate leaves: all that is left, by the light left with an ideal plate
     without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
+
     yield 0.3
-    back = yield from _moved(plan, view, xy, branch)
+    back = yield from _moved(plan, view, here.xy[is_seen], here.branch[is_seen])
     square = (back**2).sum(axis=1)
     blur = float(np.sqrt(square.mean())) if len(square) else None
     return PlateView(
@@ -174,21 +189,24 @@ def _moved(
     where these are known. Yields progress 0.3..1.
     """
     viewer = plan.rig.viewer
-    steps = STEP * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
+    steps = DERIVATIVE_STEP_PX * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
     around = []
     for step in steps:
         around.append(trace(plan, *viewer.rays(view + step)))
         yield 0.3 + 0.15 * len(around)
+
+    right, left, below, above = (landings.xy for landings in around)
+    j = np.stack([right - left, below - above], axis=2) / DERIVATIVE_STEP_PX
+    determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+
     real = trace(plan, *viewer.rays(view), light="folded")
-    j = np.stack([around[0].xy - around[1].xy, around[2].xy - around[3].xy], axis=2) / STEP
     is_known = real.plate_path == PlatePath.IMAGED
     for other in (real, *around):
         is_known &= other.branch == branch
-    determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
     is_known &= np.abs(determinant) > 0
 
     # the inverse of j times the way on the display
     j = j[is_known]
-    (dx, dy) = (real.xy - xy)[is_known].T
+    dx, dy = (real.xy - xy)[is_known].T
     back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)
     return back / determinant[is_known, None]

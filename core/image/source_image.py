@@ -15,7 +15,8 @@ from ..light.rays import PlateLight
 from ..light.trace import CHUNK, trace
 from ..map.shares import Shares, add_at
 from ..rig import PicturePlace, Viewer
-from .picture import flat_way, picture_from_view
+from .flat_picture import flat_way
+from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps
 
 Strokes = Taps | kernel.FlatStrokes
@@ -76,6 +77,7 @@ def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes
     way = flat_way(place, viewer) if kernel.library() is not None else None
     if way is not None:
         return kernel.FlatStrokes(shares, way, (place.width, place.height))
+
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
@@ -94,9 +96,11 @@ def grow(
         padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
         mask = np.pad(covered.astype(np.float32), 1)
         h, w = covered.shape
+
         around = [(dy, dx) for dy in range(3) for dx in range(3)]
         count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
         total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
+
         new = (count > 0) & ~covered & is_free
         image = image.copy()
         image[new] = total[new] / count[new, None]
@@ -117,29 +121,31 @@ def splat(
     """
     viewer = plan.rig.viewer
     display = plan.rig.display
-    pyramid = Pyramid(plan.rig.picture.image)
     place = plan.rig.picture_place
+    pyramid = Pyramid(plan.rig.picture.image)
     random = np.random.default_rng(seed)
     shape = display.height, display.width
     n = shape[0] * shape[1]
     total = np.zeros((3, n))
     norm = np.zeros(n)
     pixels = np.arange(viewer.width * viewer.height)
-    starts = range(0, len(pixels), CHUNK)
+
     for k in range(spp):
-        for first in starts:
+        for first in range(0, len(pixels), CHUNK):
             some = pixels[first : first + CHUNK]
-            xy = np.stack([some % viewer.width, some // viewer.width], axis=1) + random.random(
-                (len(some), 2)
-            )
+            corner = np.stack([some % viewer.width, some // viewer.width], axis=1)
+            xy = corner + random.random((len(some), 2))
+
             landings = trace(plan, *viewer.rays(xy), light=light)
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]
             colours = pyramid.sample(picture_from_view(place, viewer, xy[inside]))
             weight = landings.throughput[inside]
+
             norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
             for channel in range(3):
                 total[channel] += np.bincount(index, weight * colours[:, channel], n)
             yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))
+
     image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
     return image.reshape(*shape, 3).astype(np.float32)

@@ -2,7 +2,7 @@
 
 #include "kiriko.h"
 
-#define LEAST 1e-100 /* as in picture.py; the next three as in pyramid.py */
+#define LEAST 1e-100 /* as in flat_picture.py; the next three as in pyramid.py, READS */
 #define ROUND 0.05
 #define UPRIGHT 1e-3
 #define WIDE 0.5

@@ -14,7 +14,7 @@ from .loading import loaded, n_threads
 from .structures import LevelStructure, Made, StrokesStructure
 
 if TYPE_CHECKING:
-    from ..image.picture import FlatWay
+    from ..image.flat_picture import FlatWay
     from ..map.shares import Shares
 
 
@@ -29,7 +29,6 @@ class FlatStrokes:
     """
 
     def __init__(self, shares: "Shares", way: "FlatWay", size: tuple[int, int]) -> None:
-        matrix, (low, high) = way
         self.made = made = Made(StrokesStructure)
         is_wide = shares.display_index.dtype == np.int64
         made.point(
@@ -41,7 +40,13 @@ class FlatStrokes:
         made.point("covariance", shares.covariance, np.float32)
         made.point("area", shares.area, float)
         made.point("throughput", shares.throughput, float)
-        made.set(n=len(shares), matrix=matrix, low=low, high=high, size=np.array(size, float))
+        made.set(
+            n=len(shares),
+            matrix=way.matrix,
+            low=way.low,
+            high=way.high,
+            size=np.array(size, float),
+        )
 
 
 def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStrokes) -> None:

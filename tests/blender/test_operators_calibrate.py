@@ -42,7 +42,7 @@ class Bench:
                 "core.bench.misalignment",
                 "core.bench.offset",
                 "core.bench.lattice.drawn",
-                "core.image.picture",
+                "core.image.flat_picture",
                 "core.solve.session",
                 "core.steps",
                 "core.image_io",

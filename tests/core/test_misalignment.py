@@ -12,7 +12,7 @@ from kiriko.core.bench.fit import fit
 from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import parameters, part_motions, with_amounts
 from kiriko.core.errors import RigError
-from kiriko.core.image.picture import view_of_picture
+from kiriko.core.image.flat_picture import view_of_picture
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.image.flat_picture import outline_in_view, view_of_picture
 from kiriko.core.image.outline import cut_along_outline
-from kiriko.core.image.picture import outline_in_view, view_of_picture
 from kiriko.core.map.pieces import Piece
 from kiriko.core.rig import Picture
 from known.polygons import area_and_centroid, clipped

@@ -7,6 +7,7 @@ import pytest
 
 from kiriko.core.arrays import frozen, is_frozen
 from kiriko.core.errors import RigError
+from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
 from kiriko.core.image import pyramid as pyramid_module
 from kiriko.core.image.ideal_image import ideal_image
@@ -52,7 +53,7 @@ def test_the_short_way_equals_tracing(projection, monkeypatch):
     a, b = random.normal(scale=1e-3, size=(2, 2, len(xy)))
     covariance = np.stack([a[0] ** 2 + b[0] ** 2, a[0] * a[1] + b[0] * b[1], a[1] ** 2 + b[1] ** 2])
     short = picture_from_view(a_picture.place, v, xy, covariance)
-    monkeypatch.setattr(picture_module, "_homography", lambda *_: None)
+    monkeypatch.setattr(flat_picture, "way_to_mesh", lambda *_: None)
     long = picture_from_view(a_picture.place, v, xy, covariance)
     inside = (long.cover > 0) & (short.cover == 1)
     assert inside.sum() > 200
@@ -264,7 +265,7 @@ def level_by_level(image, points):
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
         spread, left = apart(points.covariance[:, i])
-        order = [1, 0] if spread[0, 0] < pyramid_module.UPRIGHT * spread[1, 1] else [0, 1]
+        order = [1, 0] if spread[0, 0] < pyramid_module.READS.upright * spread[1, 1] else [0, 1]
         turned = spread[np.ix_(order, order)]
         steps = (
             np.linalg.cholesky(turned + 1e-15 * np.trace(turned) * np.eye(2))[order]
@@ -284,10 +285,10 @@ def apart(covariance):
     """
     xx, xy, yy = covariance
     (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
-    length = np.clip((greater - lesser) / pyramid_module.ROUND - 1, 0, 1)
+    length = np.clip((greater - lesser) / pyramid_module.READS.round - 1, 0, 1)
     middle = (lesser + greater) / 2
     half = (greater - lesser) / 2 * length
-    width = np.clip(2 * (middle - half) / pyramid_module.WIDE - 1, 0, 1)
+    width = np.clip(2 * (middle - half) / pyramid_module.READS.wide - 1, 0, 1)
     left = (middle - half) * (1 - 0.75 * width)
     return axes @ np.diag([middle - half - left, middle + half - left]) @ axes.T, left
 
@@ -352,7 +353,7 @@ def test_reads_reach_as_far_as_the_footprint():
             found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15
         )
         xx, xy, yy = covariance
-        if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.ROUND:
+        if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.READS.round:
             np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
         assert np.trace(found) == pytest.approx(size, rel=1e-9, abs=1e-15)
     assert (counts[[1, 2, 4]] > 50).all()

@@ -1,0 +1,152 @@
+"""The way from the viewer's pixels to a flat picture, as one matrix.
+
+Straight lines from a viewer meet a plane by a projective map, and the UV of a rectangle is an
+affine map of the plane. So the two together are one 3 x 3 matrix, and pictures that are flat
+rectangles need no rays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..light.display import uv_area
+from ..rig import Mesh, PicturePlace, Viewer
+
+# of a picture's size: how well one affine map has to give its UV for the short way
+IS_AFFINE = 1e-6
+LEAST = 1e-100  # picture px: a footprint that is narrower is a point
+
+
+@dataclass(frozen=True, eq=False)
+class FlatWay:
+    """From the viewer's pixels to the UV of a flat picture.
+
+    Parameters
+    ----------
+    matrix : (3, 3) from (x, y, 1) in viewer px to (u w, v w, w), with w > 0 in front of the viewer
+    low, high : (2,) bounds of the picture in UV
+    """
+
+    matrix: Floats
+    low: Floats
+    high: Floats
+
+
+def flat_way(place: PicturePlace, viewer: Viewer) -> FlatWay | None:
+    """The way from viewer pixels to the UV of a flat picture, or of
+    the viewer's own image, which has no borders.
+    """
+    if place.mesh is None:
+        own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
+        return FlatWay(own, np.full(2, -np.inf), np.full(2, np.inf))
+    return way_to_mesh(place.mesh, viewer)
+
+
+def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
+    """Viewer px (n, 2) at which places uv (n, 2; v upward) of
+    the picture are seen as if there were no glass.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle
+    """
+    way = flat_way(place, viewer)
+    if way is None:
+        raise RigError(
+            "The picture '{picture}' is no flat rectangle: points of it are told for such only.",
+            picture=place.name,
+        )
+    xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(way.matrix).T
+    return xyw[:, :2] / xyw[:, 2:]
+
+
+def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
+    """The borders of a flat picture as the viewer sees it, as if there were no glass.
+
+    Returns
+    -------
+    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line,
+    above 0 on the side of the picture. None where its outline is no rectangle, or that of the
+    viewer's image.
+    """
+    way = None if place.mesh is None else way_to_mesh(place.mesh, viewer)
+    if way is None:
+        return None
+
+    u, v, w = way.matrix
+    low_u, low_v = way.low
+    high_u, high_v = way.high
+    lines = np.stack([u - low_u * w, high_u * w - u, v - low_v * w, high_v * w - v])
+    return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
+
+
+def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
+    """The way from viewer pixels to the UV of a flat rectangle.
+
+    None when the mesh is not flat, its UV is not one affine
+    map, or it is no rectangle along the UV axes.
+    """
+    corners = mesh.corners.reshape(-1, 3)
+    uv = mesh.uv.reshape(-1, 2)
+    middle = corners.mean(axis=0)
+    _, spread, axes = np.linalg.svd(corners - middle, full_matrices=False)
+    if spread[1] == 0 or spread[2] > IS_AFFINE * spread[0]:
+        return None
+
+    # one affine map from the plane to the UV
+    across = (corners - middle) @ axes[:2].T
+    system = np.column_stack([across, np.ones(len(across))])
+    fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
+    low = uv.min(axis=0)
+    high = uv.max(axis=0)
+    if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
+        return None
+
+    # a rectangle covers all of its bounds
+    covered = uv_area(mesh.uv)
+    if abs(covered - np.prod(high - low)) > IS_AFFINE * covered:
+        return None
+
+    seen = _points_seen(viewer, middle, axes[2])
+    if seen is None:
+        return None
+    point, w, sign = seen
+    matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
+    return FlatWay((sign or 1.0) * matrix, low, high)
+
+
+def _points_seen(
+    viewer: Viewer, middle: Floats, normal: Floats
+) -> tuple[Floats, Floats, float] | None:
+    """Where rays meet a plane: a matrix (3, 3) from (x, y, 1) to the point, from the plane's
+    middle, times w; w (3,) of (x, y, 1); the sign of w in front of the viewer.
+
+    None where all rays run along the plane.
+    """
+    left, right, bottom, top = viewer.window
+    x, y, forward = viewer.axes
+
+    # the ray through pixel (x, y): from `start @ (x, y, 1)` along `along @ (x, y, 1)`
+    plane = np.array(
+        [[(right - left) / viewer.width, 0, left], [0, (bottom - top) / viewer.height, top]]
+    )
+    sideways = np.outer(x, plane[0]) + np.outer(y, plane[1])
+    ahead = np.outer(forward, [0, 0, 1.0])
+    still = np.outer(viewer.position - middle, [0, 0, 1.0])
+
+    # the point where it meets the plane, times (along . normal);
+    # one of the two factors is constant in (x, y)
+    if viewer.projection == "perspective":
+        along = sideways + ahead
+        depth = -(still[:, 2] @ normal)
+        w = normal @ along
+        return np.outer(still[:, 2], w) + depth * along, w, np.sign(depth)
+
+    speed = forward @ normal
+    if speed == 0:
+        return None
+    start = still + sideways
+    point = speed * start - np.outer(forward, normal @ start)
+    return point, np.array([0, 0, speed]), np.sign(speed)
