@@ -52,8 +52,13 @@ STRAY = (PlatePath.STRAY_1, PlatePath.STRAY_2)
 CLASSES = {"mid-air": (PlatePath.IMAGED,), "stray": STRAY, "through": (PlatePath.THROUGH,)}
 # shares by geometry alone, of a plate with h / p = 2.5 and n =
 # 1.52, as they are told in the plate's description
-TOLD = {10.0: (0.041, 0.324, 0.635), 30.0: (0.379, 0.473, 0.148), 45.0: (0.863, 0.132, 0.005),
-        48.4: (0.998, 0.002, 0.0), 65.0: (0.472, 0.430, 0.098)}  # fmt: skip
+TOLD = {
+    10.0: (0.041, 0.324, 0.635),
+    30.0: (0.379, 0.473, 0.148),
+    45.0: (0.863, 0.132, 0.005),
+    48.4: (0.998, 0.002, 0.0),
+    65.0: (0.472, 0.430, 0.098),
+}
 
 
 def with_mirrors(rig: Rig, array: MirrorArray) -> Rig:

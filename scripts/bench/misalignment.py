@@ -82,13 +82,15 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
             else "cannot"
         )
         expected = f"{tolerances[k]:.3g} {parameter.unit}".strip()
-        rows.append([
-            parameter.name,
-            *(f"{x:.3f}" for x in (dx, dy, length)),
-            expected,
-            f"{length * tolerances[k]:.2f}",
-            alone.strip(),
-        ])  # fmt: skip
+        rows.append(
+            [
+                parameter.name,
+                *(f"{x:.3f}" for x in (dx, dy, length)),
+                expected,
+                f"{length * tolerances[k]:.2f}",
+                alone.strip(),
+            ]
+        )
     low, middle, high = np.quantile(spread(d, tolerances, N_SPREAD), [0.05, 0.5, 0.95])
     about = (
         f"How far the lattice moves. On {N_SPREAD} random benches with the deviations to expect"

@@ -159,19 +159,21 @@ def arrays_of(mesh: bpy.types.Mesh) -> tuple[Floats, list[list[int]]]:
     ]
 
 
+# faults of a mesh of any shape
+FLAWS = (
+    "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge", "tiny",
+    "inverted", "some inverted", "crumpled", "no faces", "no vertices", "loose edges",
+    "single triangle", "one point", "doubled", "split", "flat", "denormal",
+)  # fmt: skip
+
+
 def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     """The mesh with one flaw."""
     points, faces = arrays_of(mesh)
     rng = dice.rng
     edges = []
     n = len(points)
-    flaw = dice.pick((
-        "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge",
-        "tiny", "inverted",
-        "some inverted", "crumpled", "no faces", "no vertices", "loose edges", "single triangle",
-        "one point",
-        "doubled", "split", "flat", "denormal",
-    ))  # fmt: skip
+    flaw = dice.pick(FLAWS)
     dice.told.append(f"mesh: {flaw}")
     some = [k for k in range(len(faces)) if rng.random() < 0.2] or [0]
     at = int(rng.integers(n))

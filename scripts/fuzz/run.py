@@ -60,17 +60,13 @@ ROUNDING = 1e-6  # by which shares may miss 0, 1 or their sum
 # Properties of a scene that say how it is shown, or are made when they are asked for
 UNTOLD = {
     "rna_type", "users", "is_updated", "is_updated_data", "is_evaluated", "original", "preview",
-    "session_uid", "tag",
-    "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode", "packed_files",
-    "packed_file",
-    "frame_float", "is_library_indirect", "id_data", "is_runtime_data", "is_missing",
-    "view_layers", "keying_sets_all",
-    "all_objects",
+    "session_uid", "tag", "is_dirty", "has_data", "bindcode", "pixels", "depsgraph", "is_editmode",
+    "packed_files", "packed_file", "frame_float", "is_library_indirect", "id_data",
+    "is_runtime_data", "is_missing", "view_layers", "keying_sets_all", "all_objects",
 }  # fmt: skip
 GROUPS = (
     "scenes", "collections", "objects", "meshes", "cameras", "materials", "images", "node_groups",
-    "worlds", "curves",
-    "metaballs", "lattices", "lights", "textures", "texts",
+    "worlds", "curves", "metaballs", "lattices", "lights", "textures", "texts",
 )  # fmt: skip
 
 
@@ -162,13 +158,14 @@ def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, An
     """Properties that are no longer as they were, as "kind name property"."""
     gone = [f"{name} is gone" for name in before if name not in after]
     new = [f"{name} is new" for name in after if name not in before]
-    return gone + new + [
+    changed = [
         f"{name} {key}"
         for name in before
         if name in after
         for key in {*before[name], *after[name]}
         if before[name].get(key) != after[name].get(key)
-    ]  # fmt: skip
+    ]
+    return gone + new + changed
 
 
 SOLVES = re.compile(

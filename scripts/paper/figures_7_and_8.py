@@ -154,22 +154,33 @@ def figures_7_and_8(out: Path) -> list[Condition]:
 
 def lattice_table(conditions: Sequence[Condition]) -> Table:
     """Mean displacement of the 49 points, and how far core and Cycles are apart."""
-    head = ["condition", "mean dx", "mean abs dx", "mean abs dy", "Cycles: mean abs dx",
-    "mean abs dy", "dots",
-            "apart, mean", "largest", "the paper's mean dx"]  # fmt: skip
+    head = [
+        "condition",
+        "mean dx",
+        "mean abs dx",
+        "mean abs dy",
+        "Cycles: mean abs dx",
+        "mean abs dy",
+        "dots",
+        "apart, mean",
+        "largest",
+        "the paper's mean dx",
+    ]
     table = [head]
     for condition in conditions:
         core = condition.in_core
         cycles = condition.in_cycles
         apart = condition.apart
         numbers = np.nanmean(core.shift[..., 0]), *core.mean_xy, *cycles.mean_xy
-        table.append([
-            condition.name,
-            *(f"{value:z.2f}" for value in numbers),
-            f"{core.n_seen}, {cycles.n_seen}",
-            *(f"{value:.3f}" for value in (np.nanmean(apart), np.nanmax(apart))),
-            f"{PAPER_DX[condition.name]:.1f}",
-        ])  # fmt: skip
+        table.append(
+            [
+                condition.name,
+                *(f"{value:z.2f}" for value in numbers),
+                f"{core.n_seen}, {cycles.n_seen}",
+                *(f"{value:.3f}" for value in (np.nanmean(apart), np.nanmax(apart))),
+                f"{PAPER_DX[condition.name]:.1f}",
+            ]
+        )
     return table
 
 

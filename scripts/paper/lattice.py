@@ -72,8 +72,9 @@ def shift_in_cycles(
     )
     # Blender rounds a border to pixels from fractions of the
     # frame: the middle of the last pixel is safe
-    border = ((crop[0] + 0.01) / width, (crop[2] + 0.01) / width, 1 - (crop[3] - 0.01) / height,
-              1 - (crop[1] - 0.01) / height)  # fmt: skip
+    left, right = ((x + 0.01) / width for x in (crop[0], crop[2]))
+    low, high = (1 - (y - 0.01) / height for y in (crop[3], crop[1]))
+    border = left, right, low, high
     render = render_preview(
         scene, reading, source, size=(width, height), border=border, samples=samples, fresnel=False
     )[..., :3]

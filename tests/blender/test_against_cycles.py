@@ -139,9 +139,17 @@ def test_slab(kiriko, scene, lattice):
     a = math.radians(25)
     normal = np.array([-math.sin(a), math.cos(a), 0])
     exact = closed_form_shift(
-        lattice, reading, plain, solution.ideal(), solution.seen(plain), closed_forms.through_slab,
-        normal=normal, near=-0.015 * normal, thickness=0.03, n=1.49,
-    )  # fmt: skip
+        lattice,
+        reading,
+        plain,
+        solution.ideal(),
+        solution.seen(plain),
+        closed_forms.through_slab,
+        normal=normal,
+        near=-0.015 * normal,
+        thickness=0.03,
+        n=1.49,
+    )
     seen = np.isfinite(before.shift) & np.isfinite(exact)
     assert seen.sum() >= 2 * 40
     assert np.abs((before.shift - exact)[seen]).max() < 1

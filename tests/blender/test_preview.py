@@ -354,13 +354,20 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
     def state() -> tuple:
         render, cycles = scene.render, scene.cycles
         return (
-            render.engine, render.filepath, render.use_border, render.image_settings.file_format,
+            render.engine,
+            render.filepath,
+            render.use_border,
+            render.image_settings.file_format,
             cycles.samples,
-            cycles.max_bounces, cycles.transparent_max_bounces, scene.view_settings.view_transform,
+            cycles.max_bounces,
+            cycles.transparent_max_bounces,
+            scene.view_settings.view_transform,
             scene.camera,
-            bpy.context.scene, bpy.context.window.scene, display.material_slots[0].material,
+            bpy.context.scene,
+            bpy.context.window.scene,
+            display.material_slots[0].material,
             display.users,
-        )  # fmt: skip
+        )
 
     before = state()
     held = inventory()

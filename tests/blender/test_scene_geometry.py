@@ -540,8 +540,12 @@ def test_roles_in_their_places(read: Callable[[], Any]) -> None:
     rig = read().rig
     groups = (rig.glasses, rig.plates, rig.mirrors, rig.displays, rig.blockers)
     assert [[part.name for part in group] for group in groups] == [
-        ["glass"], ["plate"], ["mirror"], ["display"], ["blocker"],
-    ]  # fmt: skip
+        ["glass"],
+        ["plate"],
+        ["mirror"],
+        ["display"],
+        ["blocker"],
+    ]
     assert [group[0].mesh.corner_normals is not None for group in groups] == [
         True,
         False,

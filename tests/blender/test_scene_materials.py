@@ -186,10 +186,15 @@ def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     add_glass(material)
     assert set(read().materials[0].ignored) == {
-        "roughness 0.2", "transmission weight 0.75", "thin film thickness 300",
+        "roughness 0.2",
+        "transmission weight 0.75",
+        "thin film thickness 300",
         "coat weight from nodes",
-        "colour tint", "normal map", "volume", "displacement",
-    }  # fmt: skip
+        "colour tint",
+        "normal map",
+        "volume",
+        "displacement",
+    }
 
 
 def test_override_wins(read: Callable[[], Any]) -> None:

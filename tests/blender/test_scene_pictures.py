@@ -123,9 +123,13 @@ def load(path: Path, space: str, alpha: str) -> bpy.types.Image:
 
 
 FILES = [
-    (".png", "sRGB"), (".png", "Non-Color"), (".png", "Linear Rec.709"),
-    (".tif", "sRGB"), (".tif", "Non-Color"), (".exr", "Linear Rec.709"),
-]  # fmt: skip
+    (".png", "sRGB"),
+    (".png", "Non-Color"),
+    (".png", "Linear Rec.709"),
+    (".tif", "sRGB"),
+    (".tif", "Non-Color"),
+    (".exr", "Linear Rec.709"),
+]
 
 
 @pytest.mark.parametrize(
@@ -174,10 +178,14 @@ def test_opaque_pixels_are_the_light_that_cycles_sends(
     ],
 )
 def test_transparent_pixels_are_the_light_that_cycles_sends(
-    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, ending: str, space: str,
+    read: Callable[[], Any],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    ending: str,
+    space: str,
     alpha: str,
     tolerance: float,
-) -> None:  # fmt: skip
+) -> None:
     """Premultiplied colours are those that Cycles renders over
     black where alpha makes the plane transparent.
     """

@@ -3,6 +3,7 @@ and no leaks, and where they give way to the facet.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -101,9 +102,9 @@ def frustum(segments, bottom, top, height, rings=1):
     angle = 2 * np.pi * np.arange(segments) / segments
     circle = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
     levels = np.linspace(0, 1, rings + 1)
-    vertices = np.concatenate([
-        circle * (bottom + s * (top - bottom)) + [0, (s - 0.5) * height, 0] for s in levels
-    ])  # fmt: skip
+    vertices = np.concatenate(
+        [circle * (bottom + s * (top - bottom)) + [0, (s - 0.5) * height, 0] for s in levels]
+    )
     index = np.pad(
         np.arange(len(vertices)).reshape(rings + 1, segments), ((0, 0), (0, 1)), mode="wrap"
     )
@@ -115,10 +116,9 @@ def frustum(segments, bottom, top, height, rings=1):
 def cylinder(segments=32, rings=4, radius=0.02, height=0.04):
     """Smooth sides with the cylinder's own normals, flat caps: sharp rims."""
     vertices, sides, caps = frustum(segments, radius, radius, height, rings)
-    normals = np.concatenate([
-        unit(vertices[sides] * [1, 0, 1]), np.repeat(own_normals(vertices, caps)[:, None], 3,
-        axis=1)
-    ])  # fmt: skip
+    of_sides = unit(vertices[sides] * [1, 0, 1])
+    of_caps = np.repeat(own_normals(vertices, caps)[:, None], 3, axis=1)
+    normals = np.concatenate([of_sides, of_caps])
     return Mesh(
         vertices, np.concatenate([sides, caps]), normals, np.arange(len(normals)) < len(sides)
     )
@@ -347,9 +347,10 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     )
     np.testing.assert_allclose(ends, exact, rtol=0, atol=1e-15 * size)
     is_curved = (curved.row[edges.first] >= 0) & (curved.row[edges.second] >= 0)
-    normals = [mesh.corner_normals[t, c] for t, c in
-               ((edges.first, edges.corner_first), (edges.second,
-               (edges.corner_second + 1) % 3))]  # fmt: skip
+    normals = [
+        mesh.corner_normals[edges.first, edges.corner_first],
+        mesh.corner_normals[edges.second, (edges.corner_second + 1) % 3],
+    ]
     is_sharp = np.abs(normals[0] - normals[1]).max(axis=1) > 1e-3
     straight = ~is_curved | is_sharp
     chords = exact[:, :1] * (1 - s)[:, None] + exact[:, 1:] * s[:, None]
@@ -922,17 +923,24 @@ def in_extreme_planes(mesh):
     )
 
 
-FLAT_SIDED = {
-    **{f"bevel {b}": (lambda b=b: bevelled_cube(0.5, b)) for b in (0.02, 0.1)},
-    **{f"rounded {r} x {2 * n}": (lambda r=r, n=n: rounded_box(0.5, r, n)) for r in (0.02,
-    0.1) for n in (1, 2, 3)},
-    **{
-        f"frustum {n}, {top}": (lambda n=n, top=top: all_smooth(
-            *(lambda v, sides, caps: (v, np.concatenate([sides, caps])))(*frustum(n, 0.5, top, 1.0))
-        ))
-        for n in (8, 12, 32) for top in (0.5, 0.2)
-    },
-}  # fmt: skip
+def smooth_frustum(n, top):
+    """A frustum with n sides, smooth all over."""
+    vertices, sides, caps = frustum(n, 0.5, top, 1.0)
+    return all_smooth(vertices, np.concatenate([sides, caps]))
+
+
+BEVELS = {f"bevel {b}": partial(bevelled_cube, 0.5, b) for b in (0.02, 0.1)}
+ROUNDED = {
+    f"rounded {r} x {2 * n}": partial(rounded_box, 0.5, r, n)
+    for r in (0.02, 0.1)
+    for n in (1, 2, 3)
+}
+FRUSTA = {
+    f"frustum {n}, {top}": partial(smooth_frustum, n, top)
+    for n in (8, 12, 32)
+    for top in (0.5, 0.2)
+}
+FLAT_SIDED = {**BEVELS, **ROUNDED, **FRUSTA}
 
 
 @normals_kinds

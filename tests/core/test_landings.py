@@ -217,12 +217,14 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
         monkeypatch.setattr(spread, "tracing", traced_as(change))
         bench = Bench(a_rig, Settings(), view)
         off = np.full(len(bench.parameters), 1e-3)
-        found.append([
-            bench.seen(off),
-            bench.sensitivity()[0],
-            drain(visible_range.visible_range(plan)).share,
-            drain(spread.spread_of(plan, np.eye(4))).across,
-        ])  # fmt: skip
+        found.append(
+            [
+                bench.seen(off),
+                bench.sensitivity()[0],
+                drain(visible_range.visible_range(plan)).share,
+                drain(spread.spread_of(plan, np.eye(4))).across,
+            ]
+        )
     for one, other in zip(*found, strict=True):
         assert np.isfinite(one).any()
         assert np.array_equal(one, other, equal_nan=True)

@@ -269,10 +269,11 @@ def test_light_that_max_events_cuts_off_is_told_by_its_name():
     a = 2 * np.pi * np.arange(7) / 7
     rim = np.stack([0.02 * np.cos(a), 0.02 * np.sin(a), 0 * a], axis=1)
     k = np.arange(7)
-    triangles = np.concatenate([
-        np.stack([0 * k, 2 + (k + 1) % 7, 2 + k], axis=1), np.stack([0 * k + 1, 2 + k,
-        2 + (k + 1) % 7], axis=1)
-    ])  # fmt: skip
+    this = 2 + k
+    following = 2 + (k + 1) % 7
+    low = np.stack([0 * k, following, this], axis=1)
+    high = np.stack([0 * k + 1, this, following], axis=1)
+    triangles = np.concatenate([low, high])
     a_rig = rig(
         Mesh(np.concatenate([point, rim]), triangles), ior=2.42, pixels=32, plate=5.0, display=0.5
     )

@@ -34,9 +34,16 @@ def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels
     """Index 1, a picture as large as the display: each display
     pixel shows the ramp's value at its own centre.
     """
-    a_rig = rig(box([0.3, 0.01, 0.3]), ior=1.0, pixels=pixels, display_pixels=display_pixels,
-    display=0.03,
-                image=ramp(), projection="orthographic", field=0.036)  # fmt: skip
+    a_rig = rig(
+        box([0.3, 0.01, 0.3]),
+        ior=1.0,
+        pixels=pixels,
+        display_pixels=display_pixels,
+        display=0.03,
+        image=ramp(),
+        projection="orthographic",
+        field=0.036,
+    )
     solution = solve(a_rig)
     # the mirror image of the picture's top is the display's bottom
     y, x = (np.mgrid[:display_pixels, :display_pixels] + 0.5) / display_pixels

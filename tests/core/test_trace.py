@@ -261,9 +261,8 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
     A limit of fewer events cuts it off.
     """
     half = 0.03
-    v = np.array([[-half, -half, z] for z in (-half, half)] + [[half, -half, z] for z in (-half,
-    half)]
-                 + [[-half, half, z] for z in (-half, half)])  # fmt: skip
+    corners = (-half, -half), (half, -half), (-half, half)
+    v = np.array([[*corner, z] for corner in corners for z in (-half, half)])
     t = np.array(
         [[0, 2, 4], [1, 5, 3], [0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1], [2, 3, 5], [2, 5, 4]]
     )

@@ -197,10 +197,17 @@ def test_times_of_reading_and_writing_are_those_of_the_calls_given():
     """Both are called as often as there are runs; the image written is the display's."""
     calls = []
     result = drain(
-        measure(small_rig(), Settings(), None, (0.1,), (), runs=3,
-        read=lambda: calls.append("read"),
-                write=lambda image: calls.append(image.shape))
-    )  # fmt: skip
+        measure(
+            small_rig(),
+            Settings(),
+            None,
+            (0.1,),
+            (),
+            runs=3,
+            read=lambda: calls.append("read"),
+            write=lambda image: calls.append(image.shape),
+        )
+    )
     assert calls == ["read"] * 3 + [(48, 48, 3)] * 3
     assert result.read_seconds >= 0
     assert result.write_seconds >= 0
@@ -263,10 +270,8 @@ def ticks(root, axis):
     ]
     texts = [text for text in root.iter(f"{SVG}text") if text.get("class") == f"{axis} tick"]
     assert len({text.get(other) for text in texts}) == 1
-    return np.array([
-        [float(line.get(f"{axis}1")), float(text.text)] for line, text in zip(lines, texts,
-        strict=True)
-    ])  # fmt: skip
+    pairs = zip(lines, texts, strict=True)
+    return np.array([[float(line.get(f"{axis}1")), float(text.text)] for line, text in pairs])
 
 
 def drawn(root, group):

@@ -173,12 +173,22 @@ def wavy_slab(size, thickness, amplitude):
         one = np.ones_like(x)
         w, wx, wz = front(x, z)
         v, vx, vz = back(x, z)
-        values = [(w - thickness / 2 - y) / steep, (y - thickness / 2 - v) / steep,
-                  x - size / 2, -x - size / 2, z - size / 2, -z - size / 2]  # fmt: skip
-        gradients = [(wx / steep, -one / steep, wz / steep), (-vx / steep, one / steep,
-        -vz / steep),
-                     (one, zero, zero), (-one, zero, zero), (zero, zero, one), (zero, zero,
-                     -one)]  # fmt: skip
+        values = [
+            (w - thickness / 2 - y) / steep,
+            (y - thickness / 2 - v) / steep,
+            x - size / 2,
+            -x - size / 2,
+            z - size / 2,
+            -z - size / 2,
+        ]
+        gradients = [
+            (wx / steep, -one / steep, wz / steep),
+            (-vx / steep, one / steep, -vz / steep),
+            (one, zero, zero),
+            (-one, zero, zero),
+            (zero, zero, one),
+            (zero, zero, -one),
+        ]
         return np.stack(values, axis=1), np.stack([np.stack(g, axis=1) for g in gradients], axis=1)
 
     return parts

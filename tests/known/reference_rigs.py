@@ -38,14 +38,21 @@ def box(size, centre=(0, 0, 0), degrees_about_z=0.0):
 def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
     """Ellipsoid of 20 * 4^levels triangles with the surface's own normals at the corners."""
     g = (1 + 5**0.5) / 2
-    v = np.array([[-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0], [0, -1, g], [0, 1, g], [0, -1,
-    -g], [0, 1, -g],
-                  [g, 0, -1], [g, 0, 1], [-g, 0, -1], [-g, 0, 1]])  # fmt: skip
-    f = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4],
-    [11, 10, 2],
-                  [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4,
-                  9, 5],
-                  [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]])  # fmt: skip
+
+    # three golden rectangles, each at right angles to the others
+    v = np.array([
+        [-1, g, 0], [1, g, 0], [-1, -g, 0], [1, -g, 0],
+        [0, -1, g], [0, 1, g], [0, -1, -g], [0, 1, -g],
+        [g, 0, -1], [g, 0, 1], [-g, 0, -1], [-g, 0, 1],
+    ])  # fmt: skip
+    f = np.array([
+        [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11],
+        [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6], [7, 1, 8],
+        [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9],
+        [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1],
+    ])  # fmt: skip
+
+    # each triangle into four, new vertices moved out to the unit sphere
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
     for _ in range(levels):
         pairs = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), axis=1)
@@ -54,9 +61,8 @@ def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
         m = (inverse.ravel() + len(v)).reshape(3, -1)
         v = np.concatenate([v, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
         a, b, c = f.T
-        f = np.concatenate([np.stack(t, axis=1) for t in
-                            ((a, m[0], m[2]), (b, m[1], m[0]), (c, m[2], m[1]), (m[0], m[1],
-                            m[2]))])  # fmt: skip
+        quarters = (a, m[0], m[2]), (b, m[1], m[0]), (c, m[2], m[1]), (m[0], m[1], m[2])
+        f = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
     radii = np.broadcast_to(np.asarray(radii, float), 3)
     normals = v / radii
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -138,10 +144,9 @@ def barrel(radius, height, bulge, segments=128, rings=64):
         v, split_quads(index)[:, ::-1], np.stack([np.cos(a), np.sin(a), -slope], axis=1)
     )
     low, high = (np.full(segments, len(v) + k) for k in (0, 1))
-    ends = np.concatenate([
-        np.stack([low, index[0, 1:], index[0, :-1]], axis=1), np.stack([high, index[-1, :-1],
-        index[-1, 1:]], axis=1)
-    ])  # fmt: skip
+    bottom = np.stack([low, index[0, 1:], index[0, :-1]], axis=1)
+    top = np.stack([high, index[-1, :-1], index[-1, 1:]], axis=1)
+    ends = np.concatenate([bottom, top])
     own = np.repeat([[0, 0, -1.0], [0, 0, 1.0]], segments, axis=0)
     return Mesh(
         np.concatenate([v, [[0, 0, -height / 2], [0, 0, height / 2]]]),
@@ -280,9 +285,21 @@ def lattice_image(size=512):
     return np.concatenate([lattice(size), np.ones((size, size, 1), np.float32)], axis=2)
 
 
-def rig(glass, *, distance=0.15, pixels=512, field=0.05, picture=0.03, display=0.05,
-display_pixels=512, image=None,
-        projection="perspective", ior=1.49, viewer_distance=1.0, plate=0.488):  # fmt: skip
+def rig(
+    glass,
+    *,
+    distance=0.15,
+    pixels=512,
+    field=0.05,
+    picture=0.03,
+    display=0.05,
+    display_pixels=512,
+    image=None,
+    projection="perspective",
+    ior=1.49,
+    viewer_distance=1.0,
+    plate=0.488,
+):
     """The bench of docs/optics.md around the origin: viewer on
     -y, plate at 45 degrees on +y, display below it.
     """

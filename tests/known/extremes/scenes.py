@@ -88,9 +88,13 @@ def read(
     viewer = a_rig.viewer
     scene.unit_settings.system, scene.unit_settings.scale_length = system, metres
     aside = far * np.array([0.3137, -0.7091, 0.4173])
-    for part, role in ((a_rig.glasses[0], "GLASS"), (a_rig.plates[0], "PLATE"), (a_rig.displays[0],
-    "DISPLAY"),
-                       (a_rig.picture, "PICTURE")):  # fmt: skip
+    parts = {
+        "GLASS": a_rig.glasses[0],
+        "PLATE": a_rig.plates[0],
+        "DISPLAY": a_rig.displays[0],
+        "PICTURE": a_rig.picture,
+    }
+    for role, part in parts.items():
         mesh = replace(part.mesh, vertices=part.mesh.vertices + aside)
         centre = np.zeros(3) if turn is None else mesh.vertices.mean(axis=0)
         thing = draw(mesh, role, metres, centre, np.eye(3) if turn is None else turn)

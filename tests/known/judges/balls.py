@@ -39,12 +39,13 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
     radius = 10 ** random.uniform(-3, 0, n)
     index = random_indices(random, n)
     index = index[0] / index[1]
-    beside = np.choose(random.integers(0, 4, n), [
-        np.sqrt(random.random(n)), 1 - 10 ** random.uniform(-12, -1, n), 10 ** random.uniform(-16,
-        -3, n),
-        np.clip(index * (1 + 10 ** random.uniform(-15, -3, n) * random.choice([-1, 1], n)), 0,
-        1 - 1e-12),
-    ])  # fmt: skip
+    # anywhere, near the rim, near the middle, near total reflection
+    which = random.integers(0, 4, n)
+    anywhere = np.sqrt(random.random(n))
+    grazing = 1 - 10 ** random.uniform(-12, -1, n)
+    central = 10 ** random.uniform(-16, -3, n)
+    critical = index * (1 + 10 ** random.uniform(-15, -3, n) * random.choice([-1, 1], n))
+    beside = np.choose(which, [anywhere, grazing, central, np.clip(critical, 0, 1 - 1e-12)])
     d, across = random_frames(random, n)
     far = radius * np.maximum(1.001, 10 ** random.uniform(-3, 4, n) / radius)
     o = (beside * radius)[:, None] * across - far[:, None] * d

@@ -123,10 +123,14 @@ def random_array(random: np.random.Generator) -> MirrorArray:
 def through_one_array(random: np.random.Generator) -> Cases:
     array = random_array(random)
     n = PER_RIG // 4
-    cosine = np.choose(random.integers(0, 3, n), [
-        random.random(n), np.sin(np.radians(10 ** random.uniform(-6, -1, n))),
-        1 - 10 ** random.uniform(-16, -3, n),
-    ])  # fmt: skip
+    cosine = np.choose(
+        random.integers(0, 3, n),
+        [
+            random.random(n),
+            np.sin(np.radians(10 ** random.uniform(-6, -1, n))),
+            1 - 10 ** random.uniform(-16, -3, n),
+        ],
+    )
     azimuth = random.uniform(0, 2 * np.pi, n)
     sine = np.sqrt((1 - cosine) * (1 + cosine))
     along = sine * np.stack([np.cos(azimuth), np.sin(azimuth)])

@@ -59,10 +59,14 @@ def random_prism(random: np.random.Generator) -> Prism:
         if np.diff([*at, at[0] + 2 * np.pi]).min() > np.radians(40):
             break
     radius = random.uniform(0.005, 0.06)
-    index = random.choice([
-        random.uniform(1.3, 2), random.uniform(2, 4), random.uniform(0.5, 0.95),
-        1 + random.choice([-1, 1]) * 10 ** random.uniform(-12, -3),
-    ])  # fmt: skip
+    index = random.choice(
+        [
+            random.uniform(1.3, 2),
+            random.uniform(2, 4),
+            random.uniform(0.5, 0.95),
+            1 + random.choice([-1, 1]) * 10 ** random.uniform(-12, -3),
+        ]
+    )
     return Prism(
         radius * np.stack([np.cos(at), np.sin(at)], axis=1), random.uniform(0.02, 0.1), float(index)
     )
@@ -81,9 +85,12 @@ def random_light_into(
     normals = np.stack([ahead[:, 1], -ahead[:, 0], 0 * ahead[:, 0]], axis=1)
     side = random.integers(0, 3, n)
     t = random.uniform(0.02, 0.98, (n, 1))
-    place = np.hstack([
-        (1 - t) * a[side] + t * a[(side + 1) % 3], random.uniform(-0.4, 0.4, (n, 1)) * prism.height
-    ])  # fmt: skip
+    place = np.hstack(
+        [
+            (1 - t) * a[side] + t * a[(side + 1) % 3],
+            random.uniform(-0.4, 0.4, (n, 1)) * prism.height,
+        ]
+    )
     is_inside = random.random(n) < 0.5
     n1 = np.where(is_inside, index, 1.0)
     angle = random_angles(random, n1, np.where(is_inside, 1.0, index))
