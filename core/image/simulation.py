@@ -13,7 +13,7 @@ from ..arrays import Floats, Ints
 from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight
-from ..light.trace import CHUNK, trace
+from ..light.trace import TRACED_AT_ONCE, trace
 from ..vectors import dot
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
@@ -74,8 +74,8 @@ def simulate(
         has_shown = by_pass[:, PlatePath.REFLECTED].any()
         share = 1.0 if has_shown or k < 2 else 1.0 / SELDOM
 
-        for first in range(0, n, CHUNK):
-            pixels = np.arange(first, min(first + CHUNK, n))
+        for first in range(0, n, TRACED_AT_ONCE):
+            pixels = np.arange(first, min(first + TRACED_AT_ONCE, n))
             inside = (start[k % 2, pixels] + (k // 2) * EVEN_STEP) % 1.0
             xy = np.stack([pixels % viewer.width, pixels // viewer.width], axis=1) + inside
 

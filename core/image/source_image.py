@@ -12,7 +12,7 @@ from .. import kernel
 from ..arrays import Bools, Floats
 from ..light.plan import Plan
 from ..light.rays import PlateLight
-from ..light.trace import CHUNK, trace
+from ..light.trace import TRACED_AT_ONCE, trace
 from ..map.shares import Shares, add_at
 from ..rig import PicturePlace, Viewer
 from .flat_picture import flat_way
@@ -131,8 +131,8 @@ def splat(
     pixels = np.arange(viewer.width * viewer.height)
 
     for k in range(spp):
-        for first in range(0, len(pixels), CHUNK):
-            some = pixels[first : first + CHUNK]
+        for first in range(0, len(pixels), TRACED_AT_ONCE):
+            some = pixels[first : first + TRACED_AT_ONCE]
             corner = np.stack([some % viewer.width, some // viewer.width], axis=1)
             xy = corner + random.random((len(some), 2))
 

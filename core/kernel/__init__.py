@@ -121,7 +121,7 @@ def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | N
         rays.course = np.zeros((n, n_events + 1), np.uint64)
     ways = Ways.none(n, n_events) if has_ways else None
 
-    is_reached = np.zeros(len(plan.aside_boxes), np.uint8)
+    is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
     made = state_of(rays, ways, is_reached)
     of_plan = made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)

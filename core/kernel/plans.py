@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints, taken
+from ..arrays import Floats, taken
 from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
@@ -33,7 +33,7 @@ from .structures import (
 )
 
 if TYPE_CHECKING:
-    from ..light.plan import Plan
+    from ..light.plan import Plan, PlannedLayer
 
 BEZIER_AT_ONCE = 1 << 12  # faces
 MOST_EVENTS = 1 << 31  # more is for ever
@@ -181,15 +181,15 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def _make_layer(
-    layer: Layer, numbers: Ints, closed: NDArray[np.uint64], solid: NDArray[np.uint64] | None
-) -> Made:
+def _make_layer(held: "PlannedLayer") -> Made:
     made = Made(LayerStructure)
-    frames, curved = layer.frames, layer.curved
+    layer = held.layer
+    frames = layer.frames
+    curved = layer.curved
     made.point("frames", _kept(_frames, frames, lambda: stack_frames(frames)), float)
-    made.point("numbers", numbers, np.int64)
-    made.point("closed_bits", closed, np.uint64)
-    made.point("solid_bits", solid, np.uint64)
+    made.point("numbers", held.numbers, np.int64)
+    made.point("closed_bits", held.closed_bits, np.uint64)
+    made.point("solid_bits", held.solid_bits, np.uint64)
     if layer.motion is not None:
         made.point("rotation", layer.motion.rotation, float)
         made.set(shift=layer.motion.shift)
@@ -234,82 +234,42 @@ def _make_array(frame: ArrayFrame) -> Made:
     return made
 
 
-def left_out(layers: Sequence[Layer]) -> str | None:
+def left_out(layers: Sequence["PlannedLayer"]) -> str | None:
     """Why the kernel does not follow rays in a plan of these layers; None where it does."""
     return "it is not there" if library() is None else _unknown(layers)
 
 
-def _unknown(layers: Sequence[Layer]) -> str | None:
+def _unknown(layers: Sequence["PlannedLayer"]) -> str | None:
     if len(layers) > MOST_LAYERS:
         return f"more than {MOST_LAYERS} layers"
     if any(
-        type(layer) is not Layer or type(layer.curved) not in (CurvedFaces, type(None))
-        for layer in layers
+        type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
+        for held in layers
     ):
         return "faces of another kind"
     return None
 
 
 def _make_plan(plan: "Plan") -> Made | None:
-    if _unknown(plan.layers) is not None or plan.kind.max() > LAST_KIND:
+    if _unknown(plan.layers) is not None or plan.parts.kind.max() > LAST_KIND:
         return None
 
     made = Made(PlanStructure)
-    display = plan.rig.display
+    _point_to_tables(made, plan)
+    _point_to_arrays(made, plan)
+    _point_to_layers(made, plan)
     settings = plan.settings
-    plane = plan.display_plane
-    for name, dtype in (
-        *(
-            ("normals", float),
-            ("corner_normals", float),
-            ("is_bent", np.uint8),
-            ("patch", np.int64),
-        ),
-        *(("part", np.int64), ("kind", np.int64), ("cluster", np.int64), ("sheet", np.int64)),
-        *(("is_closed", np.uint8), ("is_clear", np.uint8), ("bit", np.uint64)),
-    ):
-        made.point(name, getattr(plan, name), dtype)
-    made.point("index_row", plan.media.row, np.int64)
-    made.point("indices", plan.media.indices, float)
-    made.point("open_part", np.array([part for part, _ in plan.open_parts]), np.int64)
-    made.point("open_box", np.array([box for _, box in plan.open_parts]).reshape(-1, 2, 3), float)
-    made.point("aside_box", plan.aside_boxes, float)
-    made.point("display_uv", display.mesh.uv, float)
-
-    array = np.full(len(plan.kind), -1)
-    array[list(plan.arrays)] = np.arange(len(plan.arrays))
-    made.point("array", array, np.int64)
-    arrays = (ArrayStructure * len(plan.arrays))(
-        *(_make_array(frame).structure for frame in plan.arrays.values())
-    )
-    made.keep(arrays)
-
-    layers = [
-        _make_layer(layer, *held) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)
-    ]
-    structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
-    made.keep(layers, structures)
-    # glass comes first: most of what else there is lies beyond, and then need not be asked
-    made.point(
-        "order",
-        np.argsort([not layer.has_engine for layer in plan.layers], kind="stable"),
-        np.int64,
-    )
-
+    display = plan.rig.display
+    plane = plan.display.plane
     made.set(
-        n_triangles=len(plan.part),
-        n_open=len(plan.open_parts),
-        n_aside=len(plan.aside_boxes),
-        n_layers=len(layers),
-        layers=ctypes.addressof(structures),
-        arrays=ctypes.addressof(arrays),
+        n_triangles=len(plan.triangles),
         merge_distance=plan.merge_distance,
         max_events=min(settings.max_events, MOST_EVENTS),
         only_through_glass=bool(settings.only_through_glass),
         looks_beside=bool(settings.looks_beside),
         brightness=bool(settings.brightness),
         has_plane=plane is not None,
-        display_start=plan.display_start,
+        display_start=plan.display.start,
         display_size=np.array([display.width, display.height], float),
     )
     if plane is not None:
@@ -320,6 +280,63 @@ def _make_plan(plan: "Plan") -> Made | None:
             plane_origin=plane.origin,
         )
     return made
+
+
+# columns of a plan's tables, and the kernel's types of them
+OF_TRIANGLES = {
+    "normals": float,
+    "corner_normals": float,
+    "is_bent": np.uint8,
+    "patch": np.int64,
+    "part": np.int64,
+}
+OF_PARTS = {
+    "kind": np.int64,
+    "cluster": np.int64,
+    "sheet": np.int64,
+    "is_closed": np.uint8,
+    "is_clear": np.uint8,
+    "bit": np.uint64,
+}
+
+
+def _point_to_tables(made: Made, plan: "Plan") -> None:
+    """Let a plan point to its tables of triangles and parts, media and boxes."""
+    for table, columns in ((plan.triangles, OF_TRIANGLES), (plan.parts, OF_PARTS)):
+        for name, dtype in columns.items():
+            made.point(name, getattr(table, name), dtype)
+
+    made.point("index_row", plan.media.row, np.int64)
+    made.point("indices", plan.media.indices, float)
+    made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
+    open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
+    made.point("open_box", open_boxes, float)
+    made.point("aside_box", plan.aside.boxes, float)
+    made.point("display_uv", plan.rig.display.mesh.uv, float)
+    made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
+
+
+def _point_to_arrays(made: Made, plan: "Plan") -> None:
+    """Let a plan point to its mirror arrays, and each part to its own."""
+    array = np.full(len(plan.parts), -1)
+    array[list(plan.arrays)] = np.arange(len(plan.arrays))
+    made.point("array", array, np.int64)
+    arrays = (ArrayStructure * len(plan.arrays))(
+        *(_make_array(frame).structure for frame in plan.arrays.values())
+    )
+    made.keep(arrays)
+    made.set(arrays=ctypes.addressof(arrays))
+
+
+def _point_to_layers(made: Made, plan: "Plan") -> None:
+    """Let a plan point to its layers, and to the order in which they are asked."""
+    layers = [_make_layer(held) for held in plan.layers]
+    structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
+    made.keep(layers, structures)
+    made.set(n_layers=len(layers), layers=ctypes.addressof(structures))
+    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    order = np.argsort([not held.layer.has_engine for held in plan.layers], kind="stable")
+    made.point("order", order, np.int64)
 
 
 def made_of(plan: "Plan") -> Made | None:

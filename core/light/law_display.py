@@ -10,10 +10,10 @@ from ..glass.surfaces import Surface, make_surface
 from ..rig import Display
 from ..vectors import dot
 from .display import uv_islands
+from .endings import give_reasons, is_on_image
 from .hits import Hits
 from .kept import Kept
-from .landings import Reason
-from .meetings import Law, is_beside_glass, is_on_image, key_of_facets
+from .meetings import Law, key_of_facets
 from .plan import Plan
 from .rays import LAND, Rays
 
@@ -29,26 +29,16 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
 
     Light that carries no picture, but is followed to see all there is, may come past the plate.
     """
-    is_front = dot(rays.directions[i], plan.normals[hits.triangle]) < 0
-    counts = rays.has_met_glass[i] | (not plan.settings.only_through_glass)
-    reason = np.select(
-        [~counts, ~rays.has_met_plate[i] & (rays.light == "imaged"), ~is_front],
-        [Reason.MISSED_GLASS, Reason.MISSED_PLATE, Reason.BLOCKED],
-        Reason.ARRIVED,
-    )
-    rays.reason[i] = reason
-    rays.add_to_branch(i, plan.patch[hits.triangle], LAND)
+    display = plan.rig.display
+    uv = display.mesh.uv[hits.triangle - plan.display.start]
+    u, v = interpolate(uv, hits.u, hits.v).T
+    xy = np.stack([u * display.width, (1 - v) * display.height], axis=1)
 
-    u, v = interpolate(
-        plan.rig.display.mesh.uv[hits.triangle - plan.display_start], hits.u, hits.v
-    ).T
-    xy = np.stack([u * plan.rig.display.width, (1 - v) * plan.rig.display.height], axis=1)
-
-    lands = (reason == Reason.ARRIVED) | is_beside_glass(plan, rays, i) & is_front
+    is_front = dot(rays.directions[i], plan.triangles.normals[hits.triangle]) < 0
+    is_met = np.ones(len(i), bool)
+    lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_on_image(plan, xy)) & is_front
+    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], LAND)
     rays.xy[i] = np.where(lands[:, None], xy, np.nan)
-
-    is_off = (reason == Reason.ARRIVED) & ~is_on_image(plan, xy)  # the UV map leaves the image
-    rays.reason[i[is_off]] = Reason.MISSED_DISPLAY
 
 
 LAW = Law(meet, surface, ends=True)

@@ -1,6 +1,7 @@
 """Glass: light is refracted, or mirrored by total reflection."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Ints
 from ..vectors import dot, normalise
@@ -16,19 +17,8 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
 
     Faces of other solids at the same place are crossed together with it.
     """
-    part = plan.part[hits.triangle]
-
-    # a ray inside one cluster meets no other, but where curved faces
-    # stand out of their facets' boxes, or out of gaps
-    before = np.where(rays.cluster[i] == plan.cluster[part], rays.mask[i], np.uint64(0))
-    rays.cluster[i] = plan.cluster[part]
-    after = before ^ plan.bit[part]
-    for other in by_layer:
-        same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
-        # a mask is of one cluster
-        same_place &= plan.cluster[plan.part[other.triangle]] == plan.cluster[part]
-        same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
-        after[same_place] ^= plan.bit[plan.part[other.triangle[same_place]]]
+    part = plan.triangles.part[hits.triangle]
+    before, after = _cross_faces(plan, rays, i, hits, by_layer)
 
     # the media before and behind; between equal ones nothing bends
     n1 = plan.media.index(part, before)
@@ -37,11 +27,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
-        i = i[bends]
-        n1 = n1[bends]
-        n2 = n2[bends]
-        before = before[bends]
-        after = after[bends]
+        i, n1, n2, before, after = (x[bends] for x in (i, n1, n2, before, after))
         hits = hits.at(bends)
     if not len(i):
         return
@@ -60,11 +46,34 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     rays.directions[i] = normalise(out)
     # a ray turned back may meet a sheet at this place again, but
     # not other faces of the glass that are behind it
-    rays.last_part[i[is_tir]] = plan.part[hits.triangle[is_tir]]
+    rays.last_part[i[is_tir]] = plan.triangles.part[hits.triangle[is_tir]]
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
-    rays.add_to_branch(i, plan.patch[hits.triangle], np.where(is_tir, TIR, PASS))
+    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], np.where(is_tir, TIR, PASS))
+
+
+def _cross_faces(
+    plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]
+) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """Masks (n,) before and after the faces at a place, all of which are crossed together."""
+    # a ray inside one cluster meets no other, but where curved faces
+    # stand out of their facets' boxes, or out of gaps
+    parts = plan.parts
+    part = plan.triangles.part[hits.triangle]
+    cluster = parts.cluster[part]
+    before = np.where(rays.cluster[i] == cluster, rays.mask[i], np.uint64(0))
+    rays.cluster[i] = cluster
+
+    after = before ^ parts.bit[part]
+    for other in by_layer:
+        their_part = plan.triangles.part[other.triangle]
+        same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
+        # a mask is of one cluster
+        same_place &= parts.cluster[their_part] == cluster
+        same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
+        after[same_place] ^= parts.bit[their_part[same_place]]
+    return before, after
 
 
 LAW = Law(meet, None)

@@ -29,7 +29,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     out[wrong] = reflect(directions[wrong], geometric[wrong])
 
     rays.directions[i] = normalise(out)
-    rays.add_to_branch(i, plan.patch[hits.triangle], MIRROR)
+    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], MIRROR)
 
 
 LAW = Law(meet, surface)

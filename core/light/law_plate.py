@@ -9,16 +9,17 @@ from ..errors import RigError
 from ..glass.surfaces import Surface, make_surface
 from ..rig import Plate
 from ..vectors import dot
+from .endings import end_beyond_plate
 from .hits import Hits
 from .kept import Kept
-from .landings import Reason
-from .meetings import Law, is_beside_glass, is_on_image, key_of_facets, on_plane
+from .meetings import Law, key_of_facets
 from .optics import plane_symmetry
 from .plan import Plan
 from .plate import ArrayFrame, PlatePath
-from .rays import LAND, PLATE, Rays
+from .rays import PLATE, Rays
 
-FLAT = 1e-6  # a plate's vertices may leave its plane by this much of its size
+# of its size: a plate's vertices may leave its plane by this much
+PLATE_FLATNESS = 1e-6
 
 
 def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
@@ -39,7 +40,7 @@ def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
         raise RigError("The plate '{plate}' has no area: scale it up.", plate=plate.name)
 
     normal /= length
-    if np.abs((corners - centre) @ normal).max() > FLAT * np.ptp(corners, axis=0).max():
+    if np.abs((corners - centre) @ normal).max() > PLATE_FLATNESS * np.ptp(corners, axis=0).max():
         raise RigError(
             "The plate '{plate}' is not flat: a plate has to be a plane.", plate=plate.name
         )
@@ -51,7 +52,7 @@ def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Go on by the mirrors of the plate met, or by the ideal law; land where that is all."""
-    part = plan.part[hits.triangle]
+    part = plan.triangles.part[hits.triangle]
     is_ideal = np.ones(len(i), bool)
     for number, array in plan.arrays.items():
         some = np.flatnonzero(part == number)
@@ -62,17 +63,17 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     if is_ideal.any():
         ideal = i[is_ideal]
         rays.directions[ideal] = plane_symmetry(
-            rays.directions[ideal], plan.normals[hits.triangle[is_ideal]]
+            rays.directions[ideal], plan.triangles.normals[hits.triangle[is_ideal]]
         )
         rays.plate_path[ideal] = np.maximum(rays.plate_path[ideal], PlatePath.IMAGED)
 
     rays.has_met_plate[i] = True
-    rays.add_to_branch(i, plan.patch[hits.triangle], PLATE)
+    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], PLATE)
 
-    goes_along = (dot(rays.directions[i], plan.normals[hits.triangle]) > 0).astype(int)
-    clear = plan.is_clear[part, goes_along]
+    goes_along = (dot(rays.directions[i], plan.triangles.normals[hits.triangle]) > 0).astype(int)
+    clear = plan.parts.is_clear[part, goes_along]
     if clear.any():
-        _land_beyond_plate(plan, rays, i[clear])
+        end_beyond_plate(plan, rays, i[clear])
 
 
 def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
@@ -90,33 +91,6 @@ def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
         rays.plate_path[some] = np.where(before > PlatePath.IMAGED, before, crossing.path)
         if plan.settings.brightness:
             rays.throughput[some] *= crossing.throughput
-
-
-def _land_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
-    """End rays that have nothing before them but a flat display."""
-    rays.has_ended[i] = True
-    i = i[rays.n_events[i] < plan.settings.max_events]
-
-    xy, t, is_front = on_plane(plan, rays, i)
-    with np.errstate(invalid="ignore"):
-        hits = (t > 0) & is_on_image(plan, xy)
-    rays.positions[i[hits]] += t[hits, None] * rays.directions[i[hits]]
-    rays.n_events[i[hits]] += 1
-
-    has_met_glass = rays.has_met_glass[i]
-    counts = has_met_glass | (not plan.settings.only_through_glass)
-    rays.reason[i] = np.select(
-        [hits & ~counts, hits & ~is_front, hits, ~has_met_glass],
-        [Reason.MISSED_GLASS, Reason.BLOCKED, Reason.ARRIVED, Reason.MISSED_GLASS],
-        Reason.MISSED_DISPLAY,
-    )
-
-    lands = np.isin(rays.reason[i], (Reason.ARRIVED, Reason.MISSED_DISPLAY)) | is_beside_glass(
-        plan, rays, i
-    )
-    lands &= is_front
-    rays.xy[i[lands]] = xy[lands]
-    rays.add_to_branch(i[lands], plan.patch[-1], LAND)
 
 
 LAW = Law(meet, surface)

@@ -7,15 +7,12 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..fingerprint import fingerprint
-from ..glass.curved import EDGE
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface
-from ..products import turn
 from ..rig import Mesh
 from ..vectors import dot, normalise
 from .hits import Hits
 from .kept import Kept
-from .landings import Reason
 from .plan import Plan
 from .rays import Rays
 
@@ -40,35 +37,10 @@ def key_of_facets(mesh: Mesh) -> str:
     return f"{fingerprint(mesh.flat())}/0"
 
 
-def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
-    """Where rays meet the plane of a flat display: display px
-    (n, 2), distance (n,) m, and do they meet its front?
-    """
-    plane = plan.display_plane
-    slope = dot(rays.directions[i], plane.normal)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = dot(plane.corner - rays.positions[i], plane.normal) / slope
-        at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
-        xy = turn(plane.pixels, at) + plane.origin
-    return xy, t, (slope < 0) & (t > 0)
-
-
-def is_on_image(plan: Plan, xy: Floats) -> Bools:
-    """Are display pixels (n, 2) within the image, or on its edge but for rounding?"""
-    size = np.array([plan.rig.display.width, plan.rig.display.height])
-    return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
-
-
-def is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
-    """Is this light that comes by way of the plate, beside the glass, and is it looked for?"""
-    return (
-        (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
-    )
-
-
 def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
     """Geometric and shading normals (n, 3), both turned against the ray."""
-    geometric = plan.normals[hits.triangle]
+    # those of curved faces
+    geometric = plan.triangles.normals[hits.triangle]
     shading = geometric
 
     if hits.facing is not None:
@@ -80,9 +52,9 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
         shading = geometric.copy()
         shading[curved] = normalise(hits.normal[curved])
 
-    if plan.corner_normals is not None:
-        bent = np.flatnonzero(plan.is_bent[hits.triangle])
-        corners = plan.corner_normals[hits.triangle[bent]]
+    if plan.triangles.corner_normals is not None:
+        bent = np.flatnonzero(plan.triangles.is_bent[hits.triangle])
+        corners = plan.triangles.corner_normals[hits.triangle[bent]]
         shading = geometric.copy() if shading is geometric else shading
         shading[bent] = normalise(interpolate(corners, hits.u[bent], hits.v[bent]))
 
@@ -93,6 +65,7 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
 
     geometric = np.where(front, geometric, -geometric)
     shading = np.where(front, shading, -shading)
+
     # where the shading normal looks away from the ray the face's own one is kept
     away = dot(directions, shading) >= 0
     shading[away] = geometric[away]

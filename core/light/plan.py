@@ -17,8 +17,57 @@ from .ray_engine import Layer
 from .thin_parts import ThinParts
 
 
-class LayerParts(NamedTuple):
-    """The triangles and solids in a layer.
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """All triangles (t) of a plan in one numbering, the display's last.
+
+    normals (t, 3) unit; corner_normals (t, 3, 3), 0 where they are those of the face, or None where
+    all are; is_bent (t,) flat with bent normals; patch (t,); part (t,)
+    """
+
+    normals: Floats
+    corner_normals: Floats | None
+    is_bent: Bools
+    patch: Ints
+    part: Ints
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """All parts (p) of a plan: solids first, then sheets, the display last.
+
+    kind (p,); is_closed (p,); cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask, -1
+    and 0 for no solid; sheet (p,), itself, or the first plate in whose plane it lies; owner (p,):
+    the number of the part's object among the rig's glasses, then mirrors, -1 for all others;
+    is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is
+    nothing but a flat display: such light is not traced any further
+    """
+
+    kind: Ints
+    is_closed: Bools
+    cluster: Ints
+    bit: NDArray[np.uint64]
+    sheet: Ints
+    owner: Ints
+    is_clear: Bools
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+
+class OpenPart(NamedTuple):
+    """A solid with open edges: its number among the parts, and a box (2, 3), m, that holds it."""
+
+    number: int
+    box: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedLayer:
+    """A layer, and the triangles and solids in it.
 
     numbers : (t,) the plan's numbers of its triangles, in its own order
     closed_bits : (clusters,) uint64, those of its closed solids in
@@ -26,65 +75,79 @@ class LayerParts(NamedTuple):
     solid_bits : (clusters,) uint64, those of all its solids; None with sheets
     """
 
+    layer: Layer
     numbers: Ints
     closed_bits: NDArray[np.uint64]
     solid_bits: NDArray[np.uint64] | None
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """A rig made ready to be traced: all triangles in one numbering, in layers.
+class PlannedDisplay:
+    """The display: its triangles from `start` on, and its plane, None where it is not flat."""
 
-    Triangles t: normals (t, 3), corner_normals (t, 3, 3) or None, is_bent (t,) flat with bent
-    normals, patch (t,), part (t,). Parts p, solids first: kind (p,), is_closed (p,), cluster (p,)
-    and bit (p,) uint64 of a solid in the cluster's mask; -1 and 0 for no solid; sheet (p,), itself,
-    or the first plate in whose plane it lies. The display's triangles are the last, from
-    display_start on. open_parts: solids with open edges, and boxes (2, 3) m that they stay within.
-    owner (p,): the number of the part's object among the rig's glasses, then mirrors; -1 for all
-    others. n_open: open edges of each glass of the rig. n_contradicted, n_doubted: smooth triangles
-    of each glass, then of each mirror, that stay flat because their normals contradict their shape,
-    or because curved faces would be no nearer to the one meant; n_curved: those that do not.
-    layers, and layer_parts: the contents of each. thin_parts: gives all triangles, to be asked
-    which of them rays passed by; made when first asked for aside: glasses, by number, that are not
-    in the plan; aside_boxes (a, 2, 3) m, which rays may not enter. arrays: where mirror arrays
-    stand, by the number of their part. is_clear (p, 2): beyond a plate, for light that leaves it
-    against its normal and along it, is nothing but a flat
-        display: such light is not traced any further.
+    start: int
+    plane: DisplayPlane | None
+
+
+@dataclass(frozen=True, eq=False)
+class Aside:
+    """Glasses that are not in the plan, by number, and their boxes (a, 2, 3) m, which rays may not
+    enter.
     """
 
-    rig: Rig
-    settings: Settings
-    normals: Floats
-    corner_normals: Floats | None
-    is_bent: Bools
-    patch: Ints
-    part: Ints
-    kind: Ints
-    is_closed: Bools
-    cluster: Ints
-    bit: np.ndarray
-    sheet: Ints
-    open_parts: tuple[tuple[int, Floats], ...]
-    owner: Ints
-    media: Media
-    layers: tuple[Layer, ...]
-    layer_parts: tuple[LayerParts, ...]
-    thin_parts: Callable[[], ThinParts]
-    display_start: int
-    display_plane: DisplayPlane | None
-    aside: tuple[int, ...]
-    aside_boxes: Floats
-    arrays: dict[int, ArrayFrame]
-    is_clear: Bools
-    merge_distance: float
-    used: tuple[str, ...]
-    left_out: tuple[str, ...]
+    glasses: tuple[int, ...]
+    boxes: Floats
+
+    @classmethod
+    def none(cls) -> "Aside":
+        """Nothing stands aside."""
+        return cls((), np.empty((0, 2, 3)))
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers that are told of each glass of the rig, and, but for n_open, of each mirror after it.
+
+    n_open : open edges
+    n_contradicted : smooth triangles that stay flat because their normals contradict their shape
+    n_doubted : the same because curved faces would be no nearer to the one meant
+    n_curved : smooth triangles that are curved
+    """
+
     n_open: tuple[int, ...]
     n_contradicted: tuple[int, ...]
     n_doubted: tuple[int, ...]
     n_curved: tuple[int, ...]
 
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A rig made ready to be traced.
+
+    thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
+    for. arrays: where mirror arrays stand, by the number of their part. merge_distance: m, faces
+    nearer to each other than this are in the same place. used, left_out: needs that the rig has, or
+    has not, and why.
+    """
+
+    rig: Rig
+    settings: Settings
+    triangles: Triangles
+    parts: Parts
+    open_parts: tuple[OpenPart, ...]
+    media: Media
+    layers: tuple[PlannedLayer, ...]
+    thin_parts: Callable[[], ThinParts]
+    display: PlannedDisplay
+    aside: Aside
+    arrays: dict[int, ArrayFrame]
+    merge_distance: float
+    used: tuple[str, ...]
+    left_out: tuple[str, ...]
+    counts: Counts
+
     @property
     def is_flat(self) -> bool:
         """Are all surfaces flat, to light too?"""
-        return not self.is_bent.any() and all(layer.curved is None for layer in self.layers)
+        are_flat = all(held.layer.curved is None for held in self.layers)
+        return are_flat and not self.triangles.is_bent.any()

@@ -22,9 +22,8 @@ from .engines import engine_kind
 from .kept import Kept
 from .layers import group_parts, grown, make_layer, triangles_of_boxes
 from .media import Media, make_media
-from .plan import LayerParts, Plan
+from .plan import Aside, Counts, OpenPart, Parts, Plan, PlannedDisplay, PlannedLayer, Triangles
 from .plate import ArrayFrame, array_frame
-from .ray_engine import Layer
 from .sheets import Sheet, find_clear, find_sheets, read_sheets
 from .thin_parts import ThinParts
 
@@ -48,7 +47,7 @@ class _Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts:
+class _RigParts:
     """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
 
     solids: list[_Solid]
@@ -86,6 +85,17 @@ class _Parts:
     @cached_property
     def is_closed(self) -> Bools:
         return np.array([surface.n_open == 0 for surface in self.surfaces])
+
+    @property
+    def triangles(self) -> Triangles:
+        """The plan's table of all triangles."""
+        return Triangles(
+            normals=self.joined("normals"),
+            corner_normals=_corner_normals(self.surfaces),
+            is_bent=self.joined("is_bent"),
+            patch=self.patch,
+            part=self.part,
+        )
 
     def joined(self, name: str) -> np.ndarray:
         """A column of the surfaces, of all triangles."""
@@ -153,7 +163,7 @@ def planning(
     rig.check()
     kept = kept or Kept()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    parts = _Parts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
+    parts = _RigParts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
     solids = [solid.surface for solid in parts.solids]
 
     # vertices and places are float32: faces of glass that are closer than their rounding touch
@@ -162,44 +172,31 @@ def planning(
     media = make_media(
         solids, [solid.glass for solid in parts.solids], touching, settings.wavelength
     )
-    layers, layer_parts = yield from _make_layers(parts, media, touching, kept)
+    layers = yield from _make_layers(parts, media, touching, kept)
     thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
     kept.forget()
     yield 0
 
+    # what lies beyond plates, and which needs the rig has by it
     plane = display_plane(rig.display, parts.surfaces[-1])
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     arrays = _array_frames(parts)
     is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
     rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
-    n_sheets = len(parts.sheets)
     return Plan(
         rig=rig,
         settings=settings,
-        normals=parts.joined("normals"),
-        corner_normals=_corner_normals(parts.surfaces),
-        is_bent=parts.joined("is_bent"),
-        patch=parts.patch,
-        part=parts.part,
-        kind=parts.kind,
-        is_closed=parts.is_closed,
-        cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
-        bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
-        sheet=find_sheets(parts.surfaces, parts.kind),
+        triangles=parts.triangles,
+        parts=_plan_parts(rig, parts, media, is_clear),
         open_parts=tuple(
-            (i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open
+            OpenPart(i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open
         ),
-        owner=parts.owner(rig),
         media=media,
         layers=layers,
-        layer_parts=layer_parts,
         thin_parts=thin_parts,
-        display_start=int(parts.starts[-2]),
-        display_plane=plane,
-        aside=aside,
-        aside_boxes=boxes_aside,
+        display=PlannedDisplay(int(parts.starts[-2]), plane),
+        aside=Aside(aside, boxes_aside),
         arrays=arrays,
-        is_clear=is_clear,
         merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
@@ -209,45 +206,65 @@ def planning(
                 for i in aside
             ),
         ),
-        n_open=parts.of_glass("n_open", rig),
-        n_contradicted=parts.of_curved("n_contradicted", rig),
-        n_doubted=parts.of_curved("n_doubted", rig),
-        n_curved=parts.of_curved("n_curved", rig),
+        counts=Counts(
+            n_open=parts.of_glass("n_open", rig),
+            n_contradicted=parts.of_curved("n_contradicted", rig),
+            n_doubted=parts.of_curved("n_doubted", rig),
+            n_curved=parts.of_curved("n_curved", rig),
+        ),
+    )
+
+
+def _plan_parts(rig: Rig, parts: _RigParts, media: Media, is_clear: Bools) -> Parts:
+    """The plan's table of all parts."""
+    n_sheets = len(parts.sheets)
+    return Parts(
+        kind=parts.kind,
+        is_closed=parts.is_closed,
+        cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
+        bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
+        sheet=find_sheets(parts.surfaces, parts.kind),
+        owner=parts.owner(rig),
+        is_clear=is_clear,
     )
 
 
 def _make_layers(
-    parts: _Parts, media: Media, touching: float, kept: Kept
-) -> Pauses[tuple[tuple[Layer, ...], tuple[LayerParts, ...]]]:
-    """Layers, and the contents of each. A layer of solids
-    that were moved together is moved as a whole.
-    """
+    parts: _RigParts, media: Media, touching: float, kept: Kept
+) -> Pauses[tuple[PlannedLayer, ...]]:
+    """Layers and their contents; one of solids that were moved together is moved as a whole."""
     layers = []
-    layer_parts = []
     n_solids = len(parts.solids)
     for group in group_parts(parts.surfaces, touching):
+        # its triangles, where they are or where they were made
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
-        if motions[0] is not None and all(motion is motions[0] for motion in motions):
+        motion = motions[0] if all(other is motions[0] for other in motions) else None
+        if motion is not None:
             members = [parts.solids[i].made for i in group]
             names = [parts.solids[i].key for i in group]
         else:
             members = [parts.surfaces[i] for i in group]
             names = [parts.keys[i] for i in group]
-            motions[0] = None
         layer = kept.get("+".join(names), lambda members=members: make_layer(members))
-        layers.append(layer if motions[0] is None else layer.moved(motions[0]))
         yield 0
 
-        numbers = np.concatenate([np.arange(*parts.starts[i : i + 2]) for i in group])
+        # its solids' bits in the masks of their clusters
         solid = [i for i in group if i < n_solids]
         closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
         np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * parts.is_closed[solid])
         np.bitwise_or.at(every, media.cluster[solid], media.bit[solid])
-        layer_parts.append(LayerParts(numbers, closed, every if len(solid) == len(group) else None))
-    return tuple(layers), tuple(layer_parts)
+        layers.append(
+            PlannedLayer(
+                layer=layer if motion is None else layer.moved(motion),
+                numbers=np.concatenate([np.arange(*parts.starts[i : i + 2]) for i in group]),
+                closed_bits=closed,
+                solid_bits=every if len(solid) == len(group) else None,
+            )
+        )
+    return tuple(layers)
 
 
-def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
+def _kept_thin_parts(parts: _RigParts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
     """Gives all that rays may pass near: all triangles, and
     the boxes (a, 2, 3) of glass that stands aside.
     """
@@ -265,7 +282,7 @@ def _kept_thin_parts(parts: _Parts, boxes_aside: Floats, kept: Kept) -> Callable
     return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
 
 
-def _array_frames(parts: _Parts) -> dict[int, ArrayFrame]:
+def _array_frames(parts: _RigParts) -> dict[int, ArrayFrame]:
     """Where the mirror arrays of plates stand, by the number of their part."""
     return {
         number: array_frame(sheet.part, sheet.surface.normals[0])
@@ -287,8 +304,8 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
 
 
 def _rules(
-    parts: _Parts,
-    layers: tuple[Layer, ...],
+    parts: _RigParts,
+    layers: tuple[PlannedLayer, ...],
     media: Media,
     has_arrays: bool,
     is_sent_on: bool,
@@ -298,7 +315,7 @@ def _rules(
     not. is_sent_on: beyond plates is one display.
     """
     no_kernel = kernel.left_out(layers)
-    has_engine = any(layer.has_engine for layer in layers)
+    has_engine = any(held.layer.has_engine for held in layers)
     no_engine = (
         "few flat faces"
         if not has_engine

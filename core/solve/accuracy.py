@@ -90,7 +90,7 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     rays, cover = _picture_rays(plan.rig)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
-    weights = np.bincount(plan.owner[landings.leak[leaked]], cover[leaked], n_glasses)
+    weights = np.bincount(plan.parts.owner[landings.leak[leaked]], cover[leaked], n_glasses)
     return tuple(float(weight) for weight in weights / max(cover.sum(), 1e-300))
 
 

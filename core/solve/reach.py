@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..light.kept import Kept
-from ..light.plan import Plan
+from ..light.plan import Aside, Plan
 from ..light.planning import planning
 from ..light.rays import ReachedError
 from ..map.sampling import Sampling
@@ -111,8 +111,10 @@ def sample_reached(
                 yield told
                 share = next(steps)
         except StopIteration as end:
-            return replace(plan, aside=(), aside_boxes=np.empty((0, 2, 3))), end.value
+            return replace(plan, aside=Aside.none()), end.value
         except ReachedError as found:
-            aside = tuple(number for k, number in enumerate(plan.aside) if k not in found.boxes)
+            aside = tuple(
+                number for k, number in enumerate(plan.aside.glasses) if k not in found.boxes
+            )
             lap("tracing")
     raise AssertionError("with everything in the plan nothing else can be reached")

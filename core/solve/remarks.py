@@ -87,7 +87,7 @@ def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remar
 
 
 def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]:
-    for glass, n_open, share in zip(rig.glasses, plan.n_open, leaks, strict=True):
+    for glass, n_open, share in zip(rig.glasses, plan.counts.n_open, leaks, strict=True):
         if share > LEAST_LOST:
             yield warning(
                 "{share} of the picture's light goes through gaps in the glass '{glass}'"
@@ -99,7 +99,7 @@ def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]
 
 
 def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
-    for part, n in zip((*rig.glasses, *rig.mirrors), plan.n_contradicted, strict=True):
+    for part, n in zip((*rig.glasses, *rig.mirrors), plan.counts.n_contradicted, strict=True):
         if n:
             yield note(
                 "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or are"
@@ -112,7 +112,9 @@ def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
 
 
 def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
-    for part, n, m in zip((*rig.glasses, *rig.mirrors), plan.n_doubted, plan.n_curved, strict=True):
+    for part, n, m in zip(
+        (*rig.glasses, *rig.mirrors), plan.counts.n_doubted, plan.counts.n_curved, strict=True
+    ):
         if n and m:
             yield note(
                 "'{part}' is followed as drawn where its mesh is too irregular or too coarse to"
@@ -200,7 +202,7 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
         drawn = Message(
             "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
         )
-    elif any(plan.n_doubted):
+    elif any(plan.counts.n_doubted):
         drawn = Message(
             "it is followed as drawn where it is irregular or coarse: use a finer or a more"
             " regular mesh"

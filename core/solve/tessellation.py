@@ -13,7 +13,7 @@ from ..glass.paraboloids import Paraboloids
 from ..kinds import Kind
 from ..light.display import display_pixel
 from ..light.landings import Landings
-from ..light.plan import Plan
+from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
@@ -78,13 +78,15 @@ class Tessellation(NamedTuple):
         )
 
 
-def _as_parabolic(plan: Plan, layer: Layer, triangles: Ints) -> Layer:
+def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     """A layer whose flat triangles with bent normals are paraboloids instead."""
-    normals = plan.corner_normals[triangles]
+    layer = held.layer
+    normals = plan.triangles.corner_normals[held.numbers]
     if layer.motion is not None:
         normals = normals @ layer.motion.rotation
     faces = layer.curved or CurvedFaces.none(layer.corners)
-    bent = layer.bent(Paraboloids.beside(faces, plan.is_bent[triangles], normals))
+    is_bent = plan.triangles.is_bent[held.numbers]
+    bent = layer.bent(Paraboloids.beside(faces, is_bent, normals))
 
     # the kernel's tree is made sooner than Embree's
     if kernel.library() is not None:
@@ -110,42 +112,41 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
     of that. Yields progress 0..1.
     """
-    pairs = [
-        (layer, held.numbers) for layer, held in zip(plan.layers, plan.layer_parts, strict=True)
-    ]
-    has_curved = any(layer.curved is not None for layer in plan.layers)
-    if not (has_curved or plan.is_bent.any()):
+    has_curved = any(held.layer.curved is not None for held in plan.layers)
+    if not (has_curved or plan.triangles.is_bent.any()):
         return Tessellation()
     every = _sample(plan.rig.viewer, SAMPLES)
     ways: tuple[list[Step], list[Step]] = [], []
     whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
     rays = [values[here.sample] for values in every]  # with the others nothing is compared
-    is_met = np.zeros(len(plan.part), bool)
+    is_met = np.zeros(len(plan.triangles), bool)
     for step in ways[0]:
         is_met[step.triangle] = True
     is_drawn = [
-        bool((plan.is_bent & is_met)[numbers].any()) and layer.has_engine
-        for layer, numbers in pairs
+        bool((plan.triangles.is_bent & is_met)[held.numbers].any()) and held.layer.has_engine
+        for held in plan.layers
     ]
     yield 0.2
 
     def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
-        return tracing(replace(plan, layers=tuple(layers)), *rays, steps=steps)
+        held = zip(plan.layers, layers, strict=True)
+        layers_of = tuple(replace(planned, layer=layer) for planned, layer in held)
+        return tracing(replace(plan, layers=layers_of), *rays, steps=steps)
 
     def changed(
         change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
     ) -> Pauses[Landings]:
-        curved = [
-            layer if layer.curved is None else layer.bent(change(layer.curved))
-            for layer in plan.layers
+        layers = [held.layer for held in plan.layers]
+        changed_ones = [
+            layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in layers
         ]
-        return landings(curved, steps)
+        return landings(changed_ones, steps)
 
     found = Tessellation()
     if any(is_drawn):
-        drawn = zip(pairs, is_drawn, strict=True)
-        layers = [_as_parabolic(plan, *pair) if so else pair[0] for pair, so in drawn]
+        drawn = zip(plan.layers, is_drawn, strict=True)
+        layers = [_as_parabolic(plan, held) if so else held.layer for held, so in drawn]
         found = found._replace(drawn=_difference(here, (yield from at(0.2, landings(layers)))))
     if has_curved:
         square = yield from at(0.4, changed(lambda curved: curved.lowered(2)))
@@ -159,7 +160,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         )
         jumps, uneven = _turned_by_jumps(plan, ways[0], here.sample)
         found = found._replace(jumps=jumps, uneven=uneven)
-    if any(layer.curved is not None and layer.curved.has_straight_edges for layer in plan.layers):
+    curved = (held.layer.curved for held in plan.layers)
+    if any(faces is not None and faces.has_straight_edges for faces in curved):
         found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
     if found.cause == "jumps" and found.jumps > COARSE:
         plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
@@ -219,18 +221,19 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
     n_rays = int(arrived.max(initial=-1)) + 1
     squares = np.zeros((len(parts), n_rays))
 
-    for layer, (triangles, *_) in zip(plan.layers, plan.layer_parts, strict=True):
-        if layer.curved is None:
+    for held in plan.layers:
+        curved = held.layer.curved
+        if curved is None:
             continue
-        place = np.full(len(plan.part), -1)
-        place[triangles] = np.arange(len(triangles))
+        place = np.full(len(plan.triangles), -1)
+        place[held.numbers] = np.arange(len(held.numbers))
         for step in steps:
             some = (place[step.triangle] >= 0) & (step.rays < n_rays)
             rays = step.rays[some]
             met = step.triangle[some]
-            owner = plan.owner[plan.part[met]]
+            owner = plan.parts.owner[plan.triangles.part[met]]
             np.add.at(
-                squares, (owner, rays), (TILTED * ways[owner] * layer.curved.jumps(place[met])) ** 2
+                squares, (owner, rays), (TILTED * ways[owner] * curved.jumps(place[met])) ** 2
             )
 
     if not len(arrived):
@@ -248,8 +251,8 @@ def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
     solid = np.full(len(origins), -1)
     is_near = np.zeros(len(origins), bool)
     for step in steps:
-        part = plan.part[step.patch]  # a patch has the number of one of its triangles
-        part = np.where(plan.kind[part] == Kind.GLASS, part, -1)
+        part = plan.triangles.part[step.patch]  # a patch has the number of one of its triangles
+        part = np.where(plan.parts.kind[part] == Kind.GLASS, part, -1)
         is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
         is_near[step.rays] |= is_other & (
             np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size

@@ -234,7 +234,7 @@ def print_table(arguments: argparse.Namespace) -> None:
         mesh = made(name)
         for choice in arguments.surface:
             a_rig = rig_of(name, replace(mesh, surface=choice))
-            share = sum(make_plan(a_rig, settings).n_curved) / len(mesh.triangles)
+            share = sum(make_plan(a_rig, settings).counts.n_curved) / len(mesh.triangles)
             solution = None  # or the last one would be there still
             memory = Memory()
             steps = Steps()

@@ -131,7 +131,7 @@ def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
     rms = float(np.sqrt((arrived**2).mean()))
     median, p99 = (float(np.quantile(arrived, q)) for q in (0.5, 0.99))
     return Errors(
-        median, rms, p99, len(px) - len(arrived), sum(plan.n_curved) / len(mesh.triangles)
+        median, rms, p99, len(px) - len(arrived), sum(plan.counts.n_curved) / len(mesh.triangles)
     )
 
 

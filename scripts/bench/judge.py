@@ -21,7 +21,7 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
-from kiriko.core.light.trace import CHUNK, _following
+from kiriko.core.light.trace import TRACED_AT_ONCE, _following
 from kiriko.core.rig import ConstantIndex, Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -143,11 +143,11 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     d = d[::every]
     is_straight = plan.rig.glasses[0].ior.at(0) == STRAIGHT
     found = Leaks(0, 0, 0, 0, 0)
-    for first in range(0, len(d), CHUNK):
-        some = slice(first, first + CHUNK)
+    for first in range(0, len(d), TRACED_AT_ONCE):
+        some = slice(first, first + TRACED_AT_ONCE)
         rays = Rays(np.broadcast_to(start, d[some].shape), d[some], None, False)
         if is_inside:
-            rays.mask[:] = plan.bit[0]
+            rays.mask[:] = plan.parts.bit[0]
             rays.has_met_glass[:] = True
         finish(_following(plan, rays))
         lost = (rays.reason == Reason.LOST_INSIDE) & (

@@ -114,7 +114,7 @@ def dots_off(rig: Rig, viewers: list[Viewer], images: list[Floats], chart: Float
     Right, up and away for the rig's viewer, who stands
     between them. Each dot is known by its colour.
     """
-    plane = make_plan(rig, NO_GLASS).display_plane
+    plane = make_plan(rig, NO_GLASS).display.plane
     on_plate = rig.plates[0].mesh.vertices[0]
     on_display = (
         plane.corner

@@ -48,7 +48,7 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
     assert remark.text.startswith(
         "'glass' is followed as drawn where its mesh is too irregular or too coarse"
     )
-    shares = plan.n_doubted[0], plan.n_curved[0]
+    shares = plan.counts.n_doubted[0], plan.counts.n_curved[0]
     assert 0.1 < shares[1] / sum(shares) < 0.5
 
 
@@ -61,7 +61,7 @@ def test_all_glasses_can_be_made(name):
     assert (mesh.is_smooth is None) == (name in ("cube", "gem", "cut cylinder"))
     assert 0.01 < np.ptp(mesh.bounds, axis=0).max() < 0.25
     plan = make_plan(glass_rig(mesh), Settings())
-    assert plan.is_closed[plan.kind == Kind.GLASS].all() == (name != "Suzanne")
+    assert plan.parts.is_closed[plan.parts.kind == Kind.GLASS].all() == (name != "Suzanne")
 
 
 def test_a_gem_has_its_facets():

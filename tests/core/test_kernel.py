@@ -98,7 +98,7 @@ def turned_ball():
         corner_normals=mesh.corner_normals @ turn.T,
     )
     plan = make_plan(rig(moved), Settings(), kept)
-    assert any(layer.motion is not None for layer in plan.layers)
+    assert any(held.layer.motion is not None for held in plan.layers)
     return plan
 
 
@@ -291,7 +291,7 @@ def test_one_tree_holds_faces_of_all_degrees(make):
     """Points of curved faces, of those of lower degree too, lie
     in the boxes of the tree that all of them share.
     """
-    (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
+    (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
     boxes = plans._face_boxes(layer, layer.curved)
     k = np.repeat(layer.curved.triangle, 15)
     u, v = np.random.default_rng(0).dirichlet(np.ones(3), len(k))[:, :2].T
@@ -311,7 +311,7 @@ def test_the_tree_is_a_ray_engine(make):
 
     Rays may go nowhere.
     """
-    (layer,) = (layer for layer in make_plan(rig(make()), DEFAULT).layers if layer.curved)
+    (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
     dice = np.random.default_rng(0)
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
     directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
@@ -457,10 +457,11 @@ def test_what_it_does_not_know_is_left_to_numpy():
     class Other(CurvedFaces):
         pass
 
-    (number,) = (i for i, layer in enumerate(plan.layers) if layer.curved is not None)
+    (number,) = (i for i, held in enumerate(plan.layers) if held.layer.curved is not None)
     layers = list(plan.layers)
-    of_layer = {f.name: getattr(layers[number].curved, f.name) for f in fields(CurvedFaces)}
-    layers[number] = layers[number].bent(Other(**of_layer))
+    layer = layers[number].layer
+    of_layer = {f.name: getattr(layer.curved, f.name) for f in fields(CurvedFaces)}
+    layers[number] = replace(layers[number], layer=layer.bent(Other(**of_layer)))
     assert kernel.left_out(layers) == "faces of another kind"
     rays = rays_of(plan.rig, 50)
     found = trace_all(replace(plan, layers=tuple(layers)), *rays)

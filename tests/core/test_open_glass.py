@@ -85,7 +85,7 @@ def test_a_gap_that_no_light_comes_by_is_not_told():
     holed = without(slab(0.0), np.array([0, 0, 1.0]))
     _, _, closed = traced(rig(whole))
     plan, _, open_ = traced(rig(holed))
-    assert plan.n_open == (4,)
+    assert plan.counts.n_open == (4,)
     np.testing.assert_array_equal(open_.xy, closed.xy)
     assert (open_.leak == -1).all()
     assert solve(rig(holed, pixels=32)).notes == ()

@@ -61,7 +61,7 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
     laps = []
     plan, found = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
-    assert plan.aside == ()
+    assert plan.aside.glasses == ()
     at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
     whole = drain(sample(make_plan(a_rig, Settings())))
     assert np.array_equal(found.display_from_view(at), whole.display_from_view(at), equal_nan=True)
@@ -116,7 +116,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     laps = []
     plan, _ = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
-    assert plan.aside == ()
+    assert plan.aside.glasses == ()
     assert not any("comes near" in text for text in plan.left_out)
 
 

@@ -508,10 +508,10 @@ def test_solids_far_apart_share_nothing():
         display=0.2,
     )
     plan = make_plan(a_rig, Settings())
-    assert plan.bit[0] == plan.bit[1]
+    assert plan.parts.bit[0] == plan.parts.bit[1]
     lost = []
-    for layer in plan.layers:
-        layer._rescue = lambda question, rays, hits: lost.extend(rays) or ()
+    for held in plan.layers:
+        held.layer._rescue = lambda question, rays, hits: lost.extend(rays) or ()
     o, d = a_rig.viewer.rays(grid(a_rig.viewer))
     landings = trace_all(plan, o, d)
     assert landings.has_arrived.mean() > 0.4
@@ -549,17 +549,17 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     )
     plan = make_plan(rig(glasses), Settings(max_events=1))
     a, b = 0, 1  # parts in the order of the glasses
-    assert plan.cluster[a] != plan.cluster[b]
-    assert plan.bit[a] == plan.bit[b]
+    assert plan.parts.cluster[a] != plan.parts.cluster[b]
+    assert plan.parts.bit[a] == plan.parts.bit[b]
     o = np.array([[0.03, -0.05, 0.0]])
     d = np.array([[0.1, 1.0, 0.2]]) / np.sqrt(1.05)
     outside, inside = (Rays(o, d, None, False) for _ in "ab")
-    inside.mask[:] = plan.bit[a]
-    inside.cluster[:] = plan.cluster[a]
+    inside.mask[:] = plan.parts.bit[a]
+    inside.cluster[:] = plan.parts.cluster[a]
     for rays in (outside, inside):
         finish(_following(plan, rays))
-        assert rays.mask == plan.bit[b]
-        assert rays.cluster == plan.cluster[b]
+        assert rays.mask == plan.parts.bit[b]
+        assert rays.cluster == plan.parts.cluster[b]
     assert np.array_equal(inside.directions, outside.directions)
     assert np.array_equal(inside.branch, outside.branch)
 

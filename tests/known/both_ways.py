@@ -39,7 +39,7 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
     n = len(origins)
     size = float(
         np.ptp(
-            np.concatenate([layer.corners.reshape(-1, 3) for layer in plan.layers]), axis=0
+            np.concatenate([held.layer.corners.reshape(-1, 3) for held in plan.layers]), axis=0
         ).max()
     )
 

@@ -52,7 +52,8 @@ def plan(a_rig: Rig) -> Plan:
 def traced_beyond(a_rig: Rig) -> Plan:
     """A plan that traces light that leaves the plate, whatever is there."""
     made = plan(a_rig)
-    return replace(made, is_clear=np.zeros_like(made.is_clear))
+    nowhere = np.zeros_like(made.parts.is_clear)
+    return replace(made, parts=replace(made.parts, is_clear=nowhere))
 
 
 def with_engine(a_rig: Rig) -> Plan:
@@ -61,8 +62,9 @@ def with_engine(a_rig: Rig) -> Plan:
     ray_engine.FEW_TRIANGLES = 0
     try:
         made = make_plan(a_rig, Settings())
-        assert all(layer.has_engine for layer in made.layers)
-        return replace(made, layers=tuple(Always(layer) for layer in made.layers))
+        assert all(held.layer.has_engine for held in made.layers)
+        always = tuple(replace(held, layer=Always(held.layer)) for held in made.layers)
+        return replace(made, layers=always)
     finally:
         ray_engine.FEW_TRIANGLES = few
 

@@ -1,0 +1,103 @@
+"""Where a ray's way ends, and why it has not arrived: decided here for all ways to end.
+
+A ray ends on the display, on the plane of a flat display beyond the plate, or in nothing.
+"""
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..glass.curved import EDGE
+from ..products import turn
+from ..vectors import dot
+from .landings import Reason
+from .plan import Plan
+from .rays import LAND, Rays
+
+
+def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
+    """Where rays meet the plane of a flat display: display px
+    (n, 2), distance (n,) m, and do they meet its front?
+    """
+    plane = plan.display.plane
+    slope = dot(rays.directions[i], plane.normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = dot(plane.corner - rays.positions[i], plane.normal) / slope
+        at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
+        xy = turn(plane.pixels, at) + plane.origin
+    return xy, t, (slope < 0) & (t > 0)
+
+
+def is_on_image(plan: Plan, xy: Floats) -> Bools:
+    """Are display pixels (n, 2) within the image, or on its edge but for rounding?"""
+    size = np.array([plan.rig.display.width, plan.rig.display.height])
+    return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
+
+
+def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
+    """Is this light that comes by way of the plate, beside the glass, and is it looked for?"""
+    return (
+        (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
+    )
+
+
+def give_reasons(
+    plan: Plan, rays: Rays, i: Ints, is_met: Bools, is_front: Bools, is_on: Bools
+) -> Bools:
+    """Say why rays (n,) at their end have not arrived; return which of them have a landing there.
+
+    Parameters
+    ----------
+    is_met : (n,) the display is met
+    is_front : (n,) on its front
+    is_on : (n,) and on its image. A ray that has met neither glass nor plate is told to have missed
+        the glass, for that comes first on its way; one that met the display needs no plate where
+        all light is followed, and no glass where that is not asked for. Light that carries no
+        picture has a landing beside the image, or beside the glass, so that the map is cut there
+    """
+    lacks_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
+    lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged"))
+    reason = np.select(
+        [lacks_glass, lacks_plate, ~is_met, ~is_front, ~is_on],
+        [
+            Reason.MISSED_GLASS,
+            Reason.MISSED_PLATE,
+            Reason.MISSED_DISPLAY,
+            Reason.BLOCKED,
+            Reason.MISSED_DISPLAY,
+        ],
+        Reason.ARRIVED,
+    )
+    rays.reason[i] = reason
+    lands = (reason == Reason.ARRIVED) | (reason == Reason.MISSED_DISPLAY)
+    return lands | _is_beside_glass(plan, rays, i)
+
+
+def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
+    """End rays that have nothing before them but a flat display."""
+    rays.has_ended[i] = True
+    i = i[rays.n_events[i] < plan.settings.max_events]
+    xy, t, is_front = on_plane(plan, rays, i)
+    with np.errstate(invalid="ignore"):
+        is_met = (t > 0) & is_on_image(plan, xy)
+    rays.positions[i[is_met]] += t[is_met, None] * rays.directions[i[is_met]]
+    rays.n_events[i[is_met]] += 1
+
+    lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_met) & is_front
+    rays.xy[i[lands]] = xy[lands]
+    rays.add_to_branch(i[lands], plan.triangles.patch[-1], LAND)
+
+
+def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
+    """End rays that meet nothing; some of them only just miss a flat display."""
+    is_inside = rays.mask[i] != 0
+    rays.reason[i[is_inside]] = Reason.LOST_INSIDE
+    i = i[~is_inside]
+    nowhere = np.zeros(len(i), bool)
+    lands = give_reasons(plan, rays, i, is_met=nowhere, is_front=nowhere, is_on=nowhere)
+    if plan.display.plane is None:
+        return
+
+    i = i[lands]
+    xy, _, is_front = on_plane(plan, rays, i)
+    rays.xy[i[is_front]] = xy[is_front]
+    rays.add_to_branch(i[is_front], plan.triangles.patch[-1], LAND)
