@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from kiriko.core.errors import MeshError, RigError
+from kiriko.core.light.first_hits import _Sides
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, refract
 from kiriko.core.light.planning import make_plan
-from kiriko.core.light.trace import _Sides, trace_all
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.solve.accuracy import leaks, measure
