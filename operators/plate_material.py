@@ -9,7 +9,7 @@ from ..core.blender.elements import mirrors
 from ..core.blender.plate import be_mirror_array
 from ..core.blender.scene import length_of_unit
 from ..core.errors import MeshError, RigError
-from ..core.light.law_plate import FLAT
+from ..core.light.law_plate import PLATE_FLATNESS
 from . import work
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
@@ -71,7 +71,7 @@ def _is_flat(mesh: bpy.types.Mesh) -> bool:
     mesh.vertices.foreach_get("co", places)
     places = places.reshape(-1, 3).astype(float)
     size = np.linalg.eigvalsh(np.cov(places, rowvar=False))  # squares of it, the least first
-    return bool(size[0] <= FLAT**2 * size[2])
+    return bool(size[0] <= PLATE_FLATNESS**2 * size[2])
 
 
 class KIRIKO_OT_add_plate_material(bpy.types.Operator):

@@ -12,7 +12,8 @@ from ..glass.surfaces import Surface
 from ..rig import Display, Mesh
 from ..vectors import normalise
 
-FLAT = 1e-6  # of its size: how flat, affine and whole a display has to be to count as one rectangle
+# of its size: how flat, affine and whole a display has to be to count as one rectangle
+DISPLAY_FLATNESS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +65,14 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     size = np.ptp(inside, axis=0).max()
     is_whole = (
         np.ptp(surface.patch) == 0
-        and np.abs(uv.min(axis=0)).max() < FLAT
-        and abs(uv_area(display.mesh.uv) - 1) < FLAT
+        and np.abs(uv.min(axis=0)).max() < DISPLAY_FLATNESS
+        and abs(uv_area(display.mesh.uv) - 1) < DISPLAY_FLATNESS
     )
     is_flat = (
-        np.abs(surface.normals - normal).max() < FLAT
-        and np.abs(inside @ normal).max() < FLAT * size
+        np.abs(surface.normals - normal).max() < DISPLAY_FLATNESS
+        and np.abs(inside @ normal).max() < DISPLAY_FLATNESS * size
     )
-    if not (is_whole and is_flat and np.abs(uv.max(axis=0) - 1).max() < FLAT):
+    if not (is_whole and is_flat and np.abs(uv.max(axis=0) - 1).max() < DISPLAY_FLATNESS):
         return None
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
@@ -79,7 +80,7 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     # differ so much that the fit loses its last digits
     system = np.column_stack([inside @ axes.T / size, np.ones(len(inside))])
     fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
-    if np.abs(system @ fit - uv).max() > FLAT:
+    if np.abs(system @ fit - uv).max() > DISPLAY_FLATNESS:
         return None
     scale = np.array([display.width, -display.height])
     return DisplayPlane(
