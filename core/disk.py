@@ -65,6 +65,7 @@ def together(folder: Path) -> Iterator[Path]:
     with scratch(folder) as new, ExitStack() as stack:
         yield new
         staged = {}
+
         try:
             for path in sorted(new.iterdir()):
                 target = Path(os.path.realpath(folder / path.name))

@@ -44,4 +44,5 @@ def fingerprint(*things: object) -> str:
 
     for thing in things:
         add(thing)
+
     return digest.hexdigest()

@@ -30,6 +30,7 @@ def available() -> float | None:
     """
     if sys.platform == "win32":
         return _available_in_windows()
+
     try:
         kibibytes = dict(
             line.split(":")
@@ -38,6 +39,7 @@ def available() -> float | None:
         return 1024.0 * int(kibibytes["MemAvailable"].split()[0])
     except (OSError, KeyError, ValueError):
         pass
+
     try:
         return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (OSError, ValueError):

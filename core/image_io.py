@@ -122,9 +122,11 @@ def _spec(
     spec.attribute("oiio:ColorSpace", "lin_rec709" if form.is_linear else "sRGB")
     spec.attribute("Software", "Kiriko")
     about = [title, "linear Rec.709" if form.is_linear else "sRGB"]
+
     if form.suffix == ".exr":
         spec.attribute("chromaticities", "float[8]", REC709)
         spec.attribute("compression", "zip")
+
     if size is not None:
         # inches everywhere: OpenImageIO turns pixels per cm into
         # pixels per inch the wrong way round for EXR
@@ -133,10 +135,12 @@ def _spec(
         spec.attribute("YResolution", down)
         spec.attribute("ResolutionUnit", "in")
         spec.attribute("PixelAspectRatio", down / across)
+
         for name, side in zip(("kiriko:width_mm", "kiriko:height_mm"), size, strict=True):
             # PNG and TIFF keep names of their own only, hence the text as well
             spec.attribute(name, 1000.0 * side)
             about.append(f"{name}={1000.0 * side:.6g}")
+
     spec.attribute("ImageDescription", "; ".join(about))
     return spec
 
@@ -180,6 +184,7 @@ def write(
         raise ImageError(
             "The file '{path}' exists already: choose another name or allow overwriting.", path=path
         )
+
     is_plain = (
         save_png is not None
         and kind.suffix == ".png"
@@ -188,11 +193,13 @@ def write(
     oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
+
     with together(path.parent) as new:
         part = new / path.name
         if is_plain:
             save_png(part, pixels)
             return path
+
         out = oiio.ImageOutput.create(str(part))
         is_written = out is not None and out.open(
             str(part), _spec(oiio, kind, pixels.shape, size, title)
@@ -206,12 +213,14 @@ def write(
             raise ImageError(
                 "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
             )
+
         try:
             read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
         except ImageError:
             raise ImageError(
                 "The file '{path}' is not whole after writing: check the disk.", path=path
             ) from None
+
     return path
 
 
@@ -237,6 +246,7 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
             path=path,
             why=_line(oiio.geterror()),
         )
+
     try:
         spec = source.spec()
         pixels = source.read_image(format="float")
@@ -248,6 +258,7 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
             )
     finally:
         source.close()
+
     return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
 
 
@@ -259,9 +270,11 @@ def read_photograph(path: Path | str) -> np.ndarray:
     pixels, about = read(path)
     if about.get("Orientation", 1) == 1:
         return pixels
+
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, "float")
     spec.attribute("Orientation", about["Orientation"])
     image = oiio.ImageBuf(spec)
     image.set_pixels(oiio.ROI(), pixels)
+
     return np.asarray(oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT), np.float32)

@@ -85,11 +85,13 @@ class Mesh:
                 "{owner} has no faces with an area: give it some, or set its role to None.",
                 owner=owner,
             )
+
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise MeshError(
                 "{owner} has faces with corners that it has no vertices for: number them from 0.",
                 owner=owner,
             )
+
         if not np.isfinite(self.vertices).all():
             raise MeshError(
                 "{owner} has vertices that are not finite numbers: repair or remove them.",
@@ -102,10 +104,12 @@ class Mesh:
             raise MeshError(
                 "{owner} has no UV map: unwrap it, so that pixels have a place.", owner=owner
             )
+
         if not np.isfinite(self.uv).all():
             raise MeshError(
                 "{owner} has a UV map with numbers that are not finite: unwrap it again.",
                 owner=owner,
             )
+
         if not np.ptp(self.uv.reshape(-1, 2), axis=0).all():
             raise MeshError("{owner} has a UV map without area: unwrap it again.", owner=owner)

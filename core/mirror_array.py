@@ -57,6 +57,7 @@ class MirrorArray:
                     name=name,
                     value=1e3 * value,
                 )
+
         if not 0 < self.reflectance <= 1:
             raise RigError(
                 "{owner} has mirrors with a reflectance of {reflectance:g}: set one above"
@@ -64,12 +65,14 @@ class MirrorArray:
                 owner=owner,
                 reflectance=self.reflectance,
             )
+
         if not (np.isfinite(self.ior) and self.ior >= 1):
             raise RigError(
                 "{owner} has an index of refraction of {ior:g}: set one of 1 or more.",
                 owner=owner,
                 ior=self.ior,
             )
+
         if not abs(self.crossing_error) <= MOST_CROSSING_ERROR:
             raise RigError(
                 "{owner} has layers crossed {angle:g} degrees wrong: set at most {most:g}.",
@@ -77,12 +80,14 @@ class MirrorArray:
                 angle=np.degrees(self.crossing_error),
                 most=np.degrees(MOST_CROSSING_ERROR),
             )
+
         if self.crossing_error and self.layout != "crossed":
             raise RigError(
                 "{owner} has one layer only, which cannot be crossed wrong: set the"
                 " crossing error to 0.",
                 owner=owner,
             )
+
         if not np.isfinite(self.phase).all():
             raise RigError(
                 "{owner} has a phase that is no number: set one in pitches.", owner=owner

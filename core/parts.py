@@ -33,6 +33,7 @@ class Glass(Part):
                 " ConstantIndex(1.49).",
                 owner=owner,
             )
+
         n = self.ior.at(WAVELENGTH)
         if not (np.isfinite(n) and n > 0):
             raise RigError(

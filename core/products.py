@@ -64,8 +64,10 @@ def solve_symmetric(matrices: Floats, right: Floats) -> Floats:
             # by symmetry the column below the diagonal is the row beside it
             a[i + 1 :, i + 1 :] -= a[i, i + 1 : k, None] * row
             a[i, i + 1 :] = row
+
         for i in range(k - 2, -1, -1):
             a[i, k:] -= (a[i, i + 1 : k, None] * a[i + 1 :, k:]).sum(axis=0)
 
         solved[some] = a[:, k:].transpose(2, 0, 1)
+
     return solved

@@ -75,19 +75,23 @@ class Settings:
                 least=LEAST_TOLERANCE,
                 most=MOST_TOLERANCE,
             )
+
         if self.max_events < 1:
             raise RigError("A ray may meet {n} surfaces: allow it 1 or more.", n=self.max_events)
+
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
             raise RigError(
                 "Effort is {n} rays for a viewer pixel: allow it 1 to {most}, whole.",
                 n=self.effort,
                 most=MOST_EFFORT,
             )
+
         if not 0 <= self.suppress_glare <= 1:
             raise RigError(
                 "Suppress Glare is {suppress_glare:g}: set it from 0 to 1.",
                 suppress_glare=self.suppress_glare,
             )
+
         if self.ghosts not in get_args(Ghosts):
             raise RigError(
                 "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.", ghosts=self.ghosts

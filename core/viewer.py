@@ -54,8 +54,10 @@ class Viewer(Part):
                 " driver or a keyframe.",
                 owner=owner,
             )
+
         if min(self.width, self.height) < 1:
             raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
+
         if not (right != left and top != bottom):
             raise RigError(
                 "{owner} sees nothing: its lens or orthographic scale has no size.", owner=owner
@@ -79,6 +81,7 @@ class Viewer(Part):
         u, v = self.plane_from_pixels(xy).T
         right, up, forward = self.axes
         across = [u * right[k] + v * up[k] for k in range(3)]
+
         if self.projection == "orthographic":
             origins = np.stack(across, axis=1) + self.position
             return origins, np.broadcast_to(forward, origins.shape).copy()
@@ -94,9 +97,11 @@ class Viewer(Part):
         """
         across = (np.asarray(points, float) - self.position) @ self.axes.T
         plane = across[:, :2]
+
         if self.projection == "perspective":
             depth = np.where(across[:, 2:] > 0, across[:, 2:], np.nan)
             plane = plane / depth
+
         left, right, bottom, top = self.window
         return np.stack(
             [

@@ -12,8 +12,10 @@ def bodiless(thing: bpy.types.Object) -> str:
     if thing.type == "EMPTY":
         is_instance = thing.instance_type == "COLLECTION" and thing.instance_collection is not None
         return "" if is_instance else "an empty has no surface"
+
     if thing.type not in SURFACELESS:
         return ""
+
     word = thing.bl_rna.properties["type"].enum_items[thing.type].name.lower()
     return Message(
         "{article} {kind} has no surface",

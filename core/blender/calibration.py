@@ -47,6 +47,7 @@ def put_into_scene(
             " again, or remove the offset.",
             part=unknown[0],
         )
+
     undo = _Undo()
     try:
         _move(scene, reading, undo)
@@ -87,6 +88,7 @@ def _object(name: str) -> bpy.types.Object:
             "'{name}' is an instance, and cannot be moved alone: keep the offset instead.",
             name=name,
         )
+
     for block in (thing, thing.data):
         if block is not None and not block.is_editable:
             raise RigError(
@@ -94,6 +96,7 @@ def _object(name: str) -> bpy.types.Object:
                 " keep the offset.",
                 name=name,
             )
+
         animation = None if block is None else block.animation_data
         if animation is not None and (
             animation.action or animation.drivers or animation.nla_tracks
@@ -102,6 +105,7 @@ def _object(name: str) -> bpy.types.Object:
                 "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
                 name=name,
             )
+
     return thing
 
 
@@ -112,9 +116,12 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
     """
     motions = part_motions(reading.drawn, reading.rig)
     moves = {name: (motion.rotation, motion.shift) for name, motion in motions.items()}
+
+    # the picture goes along with the viewer
     for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
         if a.mesh is not b.mesh:
             moves[b.name] = along_with(reading.drawn.viewer, reading.rig.viewer)
+
     targets = []
     for name, (linear, shift) in moves.items():
         thing = _object(name)
@@ -123,6 +130,8 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
         while parent is not None:
             depth, parent = depth + 1, parent.parent
         targets.append((depth, name, thing, Matrix(matrix @ np.array(thing.matrix_world, float))))
+
+    # from the outermost parent to the innermost child
     for _, _, thing, target in sorted(targets, key=lambda entry: entry[:2]):
         undo.keep(thing, *PLACE)
         thing.matrix_world = target
@@ -138,11 +147,13 @@ def _change(reading: Reading, undo: _Undo) -> None:
             ours = _object(b.name).kiriko
             undo.set(ours, "use_ior", True)
             undo.set(ours, "ior", b.ior.at(WAVELENGTH))
+
     for a, b in zip(reading.drawn.plates, reading.rig.plates, strict=True):
         if a.array != b.array:
             ours = _object(b.name).kiriko.plate
             undo.set(ours, "crossing_error", b.array.crossing_error)
             undo.set(ours, "height", b.array.height / b.array.pitch)
+
     drawn, fitted = (np.ptp(rig.viewer.window[:2]) for rig in (reading.drawn, reading.rig))
     if drawn != fitted:
         lens = _object(reading.rig.viewer.name).data
@@ -156,12 +167,15 @@ def _compare(found: Rig, wanted: Rig) -> None:
     """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
     viewer = wanted.viewer
     pixel = display_pixel(wanted.display)
+
+    # parts: place and make
     for role in (role for role in ROLES if role.kind is not None):
         for a, b in zip(found.of(role), wanted.of(role), strict=True):
             if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(
                 a, b
             ):
                 raise _held(b.name)
+
     # of a viewer pixel at unit distance, or of its plane
     across = np.ptp(viewer.window[:2]) / viewer.width
     reach = (
@@ -175,6 +189,8 @@ def _compare(found: Rig, wanted: Rig) -> None:
         or np.abs(np.subtract(found.viewer.window, viewer.window)).max() > NEAR * across
     ):
         raise _held(viewer.name)
+
+    # the picture, as the viewer sees its corners
     uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
     for a, b in zip(found.pictures, wanted.pictures, strict=True):
         off = view_of_picture(a.place, found.viewer, uv) - view_of_picture(b.place, viewer, uv)

@@ -45,10 +45,12 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     name = part.owner.name
     notes = []
     readings = []
+
     for material in part.materials:
         found = read_refraction(material)
         if found is None:
             continue
+
         notes += found.notes
         if settings.use_ior:
             readings.append(
@@ -58,10 +60,12 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
             readings.append(
                 MaterialReading(name, material.name, found.ior, found.source, found.ignored)
             )
+
     if not readings:
         ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
         material = next((m.name for m in part.materials if m is not None), "")
         readings = [MaterialReading(name, material, ior, source)]
+
         if source == "default":
             notes.append(
                 Message(
@@ -71,6 +75,8 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
                     ior=ior,
                 )
             )
+
+    # faces whose material does not refract
     plain = sorted(
         {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
     )
@@ -84,6 +90,8 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
                 listed=listed,
             )
         )
+
+    # materials that disagree on the index
     others = {r.ior for r in readings} - {readings[0].ior}
     if others:
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
@@ -97,6 +105,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
                 listed=listed,
             )
         )
+
     glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
     return glass, readings, notes
 
@@ -121,6 +130,7 @@ def read_plate(part: Part) -> Plate:
     """
     if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
         return Plate(part.name, part.mesh)
+
     x, y = normalise(part.matrix[:3, :2].T)
     corners = part.mesh.corners[:1]
     is_upright = len(corners) > 0 and abs(geometric_normals(corners)[0] @ x) > UPRIGHT
@@ -159,6 +169,7 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
                 image=image.name,
             )
         )
+
     return image, notes
 
 
@@ -167,6 +178,7 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     name = part.owner.name
     image, notes = shown_image(part)
     pixels = kept.pixels(image, Message("the picture '{name}'", name=name))
+
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
         notes.append(
             Message(
@@ -177,6 +189,7 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
                 remedy=FIT_BUTTON,
             )
         )
+
     return place_of(image, part.name, part.mesh).showing(pixels), notes + about(image)
 
 
@@ -190,6 +203,7 @@ def read_picture_image(
     pixels = kept.pixels(image, "the scene's picture")
     place = place_of(image, image.name)
     notes = about(image)
+
     if viewer is not None:
         off = abs(place.width * viewer.height - place.height * viewer.width)
         if off > max(viewer.width, viewer.height):
@@ -204,6 +218,7 @@ def read_picture_image(
                     viewer_height=viewer.height,
                 )
             )
+
     return [place.showing(pixels)], notes
 
 

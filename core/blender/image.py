@@ -43,10 +43,13 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
             for item in image.colorspace_settings.bl_rna.properties["name"].enum_items
         }
         linear = next((space for space in LINEAR if space in spaces), None)
+
         # else a colour configuration of the user's own: a new float image is scene linear there
         if linear is not None:
             image.colorspace_settings.name = linear
+
         set_pixels(image, pixels)
+
     return image
 
 
@@ -82,6 +85,7 @@ def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
         image.pixels.foreach_set(rgba.ravel())
         image.update()
         image.pack()
+
     return image
 
 
@@ -110,6 +114,7 @@ def _compressed(image: bpy.types.Image) -> bytes:
         form.color_mode = "RGBA" if image.depth == 128 else "RGB"
         form.color_depth = "32"
         form.exr_codec = "ZIP"
+
         with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
             path = Path(folder) / "packed.exr"
             image.save_render(str(path), scene=scene)
@@ -131,6 +136,7 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
     top = np.iinfo(numbers.dtype).max
     rgba = np.full((height, width, 4), top, numbers.dtype)
     rgba[..., :channels] = numbers[::-1] if channels != 1 else np.repeat(numbers[::-1], 4, axis=2)
+
     # without a colour space, so that nothing is converted
     image = bpy.data.images.new(
         "Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True
@@ -148,6 +154,7 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
         ) from None
     finally:
         bpy.data.images.remove(image)
+
     if not _holds(path, rgba):
         raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
 

@@ -83,16 +83,20 @@ def step_back(
         return next(
             (link.from_socket for link in node.internal_links if link.to_socket == output), None
         ), groups
+
     if node.type == "REROUTE":
         return node.inputs[0], groups
+
     if node.type == "GROUP" and node.node_tree is not None:
         inner = next(
             (n for n in node.node_tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output),
             None,
         )
         return (None if inner is None else twin(inner.inputs, output)), (*groups, node)
+
     if node.type == "GROUP_INPUT" and groups:
         return twin(groups[-1].inputs, output), groups[:-1]
+
     return None, groups
 
 
@@ -123,15 +127,18 @@ def shaders(
     end, groups = feeding(socket, groups)
     if not end.is_output:
         return
+
     node = end.node
     if node.type not in {"MIX_SHADER", "ADD_SHADER"}:
         yield node, groups
         return
+
     parts = [s for s in node.inputs if s.type == "SHADER"]
     if node.type == "MIX_SHADER":
         share, is_known = number(node.inputs[0], groups)
         if is_known and share in (0.0, 1.0):
             parts = [parts[int(share)]]
+
     for part in parts:
         yield from shaders(part, groups)
 
@@ -161,6 +168,7 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
             yield Message("{setting} from nodes", setting=name.lower())
         elif value != neutral:
             yield f"{name.lower()} {value:.3g}"
+
     colour = node.inputs.get("Base Color") or node.inputs.get("Color")
     end, _ = feeding(colour, groups)
     if end.is_output or min(end.default_value[:3]) != 1.0 or max(end.default_value[:3]) != 1.0:
@@ -176,10 +184,12 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
     output = material_output(material)
     if output is None:
         return None
+
     found = list(shaders(output.inputs["Surface"], ()))
     node, groups = next(((n, g) for n, g in found if is_refractive(n, g)), (None, ()))
     if node is None:
         return None
+
     ior, is_known = number(node.inputs["IOR"], groups)
     notes = (
         ()
@@ -199,6 +209,7 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         if other != node
     ]
     ignored += [name.lower() for name in ("Volume", "Displacement") if is_linked(output, name, ())]
+
     return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
 
 
@@ -220,20 +231,25 @@ def find_texture(
     output = material_output(material)
     if output is None:
         return None
+
     queue = deque([(output.inputs["Surface"], (), False)])
     asked = set()
+
     while queue:
         socket, groups, is_altered = queue.popleft()
         end, groups = feeding(socket, groups)
         if not end.is_output or (end.node, groups) in asked:
             continue
+
         node = end.node
         asked.add((node, groups))
         if node.type == "TEX_IMAGE" and (node.image is None) == is_empty:
             return node, groups, is_altered
+
         altered = is_altered or not any(s.type == "SHADER" for s in node.outputs)
         inputs = [s for s in node.inputs if s.enabled and s.type in {"SHADER", "RGBA"}]
         queue.extend((s, groups, altered) for s in inputs)
+
     return None
 
 
@@ -241,6 +257,7 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     """The texture of an Image Texture node, with the changes to it that Kiriko does not follow."""
     notes = []
     uv_map = ""
+
     if is_altered:
         notes.append(
             Message(
@@ -249,6 +266,7 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
                 image=node.image.name,
             )
         )
+
     end, _ = feeding(node.inputs["Vector"], groups)
     if end.is_output and end.node.type == "UVMAP":
         uv_map = end.node.uv_map
@@ -260,6 +278,7 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
                 image=node.image.name,
             )
         )
+
     return Texture(node.image.original, uv_map, tuple(notes))
 
 

@@ -83,12 +83,14 @@ def has_means(mesh: bpy.types.Mesh) -> bool:
     """
     if not mesh.has_custom_normals:
         return True
+
     if bpy.app.version < (4, 5):  # it does not show those numbers
         means = column(mesh.vertex_normals, "vector", 3, np.float32)
         means = means[column(mesh.loops, "vertex_index", 1, np.int32)]
         return bool(
             (np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means) < SAME).all()
         )
+
     given = mesh.attributes["custom_normal"]
     return given.data_type == "INT16_2D" and not column(given.data, "value", 2, np.int32).any()
 
@@ -143,6 +145,7 @@ class LocalMesh:
         """The same mesh, with one vertex for those at which open edges lie in one place."""
         size = float(np.abs(self.vertices).max(initial=0.0))
         triangles = welded(self.vertices, self.triangles, COPIED * size)
+
         # the others have become lines and points
         keep = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
         return replace(
@@ -166,6 +169,7 @@ def read_local(
     loops = column(found, "loops", 3, np.int32)
     normals = is_smooth = uv = None
     has_mean_normals = False
+
     if has_normals:
         is_smooth = column(mesh.polygons, "use_smooth", 1, np.bool_)[
             column(found, "polygon_index", 1, np.int32)
@@ -175,11 +179,14 @@ def read_local(
             has_mean_normals = has_means(mesh)
         else:
             is_smooth = None
+
+    # the UV map, by corners
     layer = uv_layer(mesh, uv_map) if has_uv else None
     if layer is not None:
         uv = column(layer.uv, "vector", 2, np.float32).astype(float)[loops]
     with np.errstate(invalid="ignore"):  # vertices that are no numbers are for Mesh.check to name
         vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
+
     triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
     local = LocalMesh(vertices, triangles, loops, is_smooth, normals, has_mean_normals, uv)
     return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
@@ -194,24 +201,32 @@ def in_world(
         vertices = turn(linear, local.vertices) + matrix[:3, 3]
         size = float(np.abs(local.vertices).max(initial=0.0))
         rounding = 2.0**-24 * size * float(np.linalg.norm(linear, axis=0).max())
+
     triangles = local.triangles
     loops = local.loops
     uv = local.uv
+
+    # a mirrored mesh: the winding is turned, so that the front stays in front
     if np.linalg.det(linear) < 0:
         triangles = triangles[:, ::-1]
         loops = loops[:, ::-1]
         uv = None if uv is None else uv[:, ::-1].copy()
+
+    # triangles without area are left out
     keep = has_area(vertices, triangles)
     n_dropped = int(len(keep) - keep.sum())
     is_smooth = local.is_smooth
     normals = None
+
     if n_dropped:
         triangles = triangles[keep]
         loops = loops[keep]
         uv = None if uv is None else uv[keep]
         is_smooth = None if is_smooth is None or not is_smooth[keep].any() else is_smooth[keep]
+
     if is_smooth is not None:
         normals = world_normals(local.normals, linear).take(loops, axis=0)
+
     has_mean_normals = local.has_mean_normals and is_smooth is not None
     triangles = np.ascontiguousarray(triangles)
     return Mesh(
@@ -276,6 +291,7 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
     is_smooth = np.zeros(n, bool) if drawn.is_smooth is None else drawn.is_smooth
     mesh.polygons.foreach_set("use_smooth", is_smooth)
     mesh.update(calc_edges=True)
+
     if drawn.corner_normals is not None:
         normals = drawn.corner_normals.reshape(-1, 3)
         if bpy.app.version >= (4, 5):
@@ -283,4 +299,5 @@ def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.type
             attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
         else:
             mesh.normals_split_custom_set_from_vertices(normals.tolist())
+
     return mesh, Matrix.Translation((middle / metres).tolist())

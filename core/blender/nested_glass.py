@@ -48,6 +48,7 @@ class _Solids:
         self.surfaces = [solid for _, solid in found]
         self.volumes = np.array([abs(solid.volume) for solid in self.surfaces])
         self.boxes = np.array([solid.bounds for solid in self.surfaces]).reshape(-1, 2, 3)
+
         # near it float32 is exact enough
         self._centre = self.boxes.mean(axis=(0, 1)) if found else np.zeros(3)
         self._trees: dict[int, BVHTree] = {}
@@ -85,6 +86,7 @@ class _Solids:
         """Do two solids cut or touch each other?"""
         if self._tree(i).overlap(self._tree(j)):
             return True
+
         reach = CLOSE * float(np.ptp(self.boxes[[i, j]], axis=1).max(axis=1).min())
         for one, other in ((i, j), (j, i)):
             points = np.unique(self._points(one), axis=0)
@@ -94,6 +96,7 @@ class _Solids:
                 for point in points.tolist()
             ):
                 return True
+
         return False
 
 
@@ -104,6 +107,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
     solids = _Solids(glasses)
     ratios: list[set[float | None]] = [set() for _ in glasses]
     reasons: dict[str, None] = {}  # in order, each once
+
     for i, k in enumerate(solids.owners):
         near = solids.near(i)
         for j in (j for j in near if j < i and solids.touch(i, j)):
@@ -114,6 +118,8 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
                 else Message("parts of '{first}'", first=first)
             )
             reasons[Message("{who} touch or overlap, which Cycles cannot follow", who=who)] = None
+
+        # the index is a ratio to the innermost solid around it
         around = max((j for j in near if solids.holds(j, i)), key=solids.rank, default=None)
         if around is None:
             ratios[k].add(glasses[k].ior.at(WAVELENGTH))
@@ -123,10 +129,12 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
             ratios[k].add(
                 glasses[k].ior.at(WAVELENGTH) / glasses[solids.owners[around]].ior.at(WAVELENGTH)
             )
+
     found = []
     for k, glass in enumerate(glasses):
         if len(ratios[k]) > 1:
             reasons[Message("parts of '{glass}' lie in different media", glass=glass.name)] = None
+
         own = [
             surface
             for owner, surface in zip(solids.owners, solids.surfaces, strict=True)
@@ -139,7 +147,9 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
                     "some faces of '{glass}' look inward: recalculate its normals", glass=glass.name
                 )
             ] = None
+
         found.append(Interface(next(iter(ratios[k]), None), side < 0))
+
     return found, [
         Message("The preview is not comparable: {why}.", why=reason) for reason in reasons
     ]

@@ -56,6 +56,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     for thing in things:
         if thing.kiriko.role not in {"NONE", "GLASS"}:
             reasons[thing] = Message("it has the role {role}", role=role_label(thing))
+
     found = tuple(thing for thing, why in reasons.items() if not why)
     if things and not found:
         thing, why = next(iter(reasons.items()))
@@ -64,6 +65,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
             name=thing.name,
             why=why,
         )
+
     return found
 
 
@@ -78,15 +80,18 @@ def read_bench(
     """
     metres = length_of_unit(scene)
     kept = Kept()
+
     with _as_glass(glasses):
         context.view_layer.update()
         parts, _ = read_parts(context.evaluated_depsgraph_get(), scene, metres, kept)
+
     by_role = parts_by_role(parts, glasses)
 
     solids = [part for part in by_role["GLASS"] if len(part.mesh.triangles)]
     read = [in_blender("GLASS").read(part, kept) for part in solids]
     found = [glass for glass, _, _ in read]
     opaque = {m.object_name for _, _, materials in read for m in materials if m.source == "default"}
+
     if glasses:
         chosen = [part for part in solids if part.owner in glasses]
         _check_bodies(glasses, chosen, Shown(scene, context.view_layer))
@@ -105,6 +110,7 @@ def read_bench(
     }
     rig = Rig(viewers=(), glasses=tuple(found), displays=(), **others)
     bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+
     return Bench(glasses, rig, bounds, tuple(thing for thing in glasses if thing.name in opaque))
 
 
@@ -139,6 +145,7 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
                 "'{name}' has no faces and cannot be glass: give it some, or deselect it.",
                 name=thing.name,
             )
+
     for part in parts:
         name = (
             f"'{part.owner.name}'"
@@ -146,6 +153,7 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
             else Message("'{part}' of '{name}'", part=part.name, name=part.owner.name)
         )
         part.mesh.check(Message("The glass {glass}", glass=name))
+
         if part.mesh.is_flat:
             raise RigError(
                 "{name} is no closed body, but flat: give it a thickness, as by a Solidify"
@@ -187,6 +195,7 @@ def make_rig(
     """
     before = _values(scene, bench.glasses)
     made = Workbench(scene, "Kiriko Rig")
+
     try:
         for thing in bench.glasses or (_make_ball(scene, made),):
             thing.kiriko.role = "GLASS"
@@ -238,6 +247,7 @@ def _make_parts(
     picture.data.materials.append(
         made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
     )
+
     for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         # a guide: in the artist's own renders the light itself is there
         setattr(picture, f"visible_{kind}", False)
@@ -262,6 +272,7 @@ def _make_viewer(
     )
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
+
     scene.kiriko.viewer = viewer
     scene.camera = scene.camera or viewer
 

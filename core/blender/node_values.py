@@ -22,12 +22,14 @@ class Value:
         node = self.tree.nodes.new("ShaderNodeVectorMath" if is_vector else "ShaderNodeMath")
         node.operation = operation
         sockets = [s for s in node.inputs if s.enabled]
+
         # one or two of three are left where not asked for
         for socket, value in zip(sockets, values, strict=False):
             if isinstance(value, Value):
                 self.tree.links.new(value.socket, socket)
             else:
                 socket.default_value = value
+
         return Value(next(s for s in node.outputs if s.enabled))
 
     def __add__(self, other: "Value | float") -> "Value":

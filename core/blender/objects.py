@@ -51,6 +51,7 @@ class Workbench:
         mesh.uv_layers.new(name="UVMap").data.foreach_set(
             "uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
         )
+
         return self._object(name, mesh, frame)
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
@@ -108,6 +109,7 @@ def grid_object(
         [index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1
     ).reshape(-1, 4)
     quads = quads[is_shown.ravel()[quads].all(axis=1)]
+    # the points that quads have, about their middle
     used, corners = np.unique(quads, return_inverse=True)
     points = positions.reshape(-1, 3)[used]
     centre = points.mean(axis=0)
@@ -115,6 +117,7 @@ def grid_object(
     grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
     grey[:, 3] = 1.0
     mesh = bpy.data.meshes.new(name)
+
     try:
         mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
         mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
@@ -125,6 +128,8 @@ def grid_object(
     except BaseException:
         bpy.data.meshes.remove(mesh)
         raise
+
+    # the object of before gets the new mesh
     thing = next((o for o in scene.objects if o.get(OURS) == name), None)
     if thing is None:
         thing = bpy.data.objects.new(name, mesh)
@@ -136,5 +141,6 @@ def grid_object(
         if old.users == 0:
             bpy.data.meshes.remove(old)
         mesh.name = name
+
     thing.matrix_world = Matrix.Translation(centre)
     return thing

@@ -61,11 +61,13 @@ def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object 
     own = instance.object.original
     if own.kiriko.role != "NONE":
         return own
+
     maker = instance.parent
     if not instance.is_instance or maker is None or instance.particle_system is not None:
         return None
     if maker.instance_type not in {"NONE", "COLLECTION"} or maker.original.kiriko.role == "NONE":
         return None  # objects scattered over the vertices or faces of another are no part of it
+
     return maker.original
 
 
@@ -90,6 +92,7 @@ def read_part(
     shape = kept.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
+
     return Part(
         owner,
         name,
@@ -111,10 +114,12 @@ def shown_parts(
     shown = Shown(scene, depsgraph.view_layer)
     # one object may make thousands of instances
     is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
+
     for instance in depsgraph.object_instances:
         owner = role_owner(instance)
         if owner is None or not instance.show_self:
             continue
+
         own = instance.object.original
         top = (
             instance.parent.original
@@ -142,6 +147,7 @@ def read_parts(
     parts: list[Part] = []
     met: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
+
     for instance, owner in shown_parts(depsgraph, scene):
         met.add(owner)
         if why := bodiless(owner):
@@ -151,13 +157,16 @@ def read_parts(
                 role=role_label(owner),
                 why=why,
             )
+
         if instance.object.type == "MESH":
             parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
+
     kept.end()
     parts = without_hollows(parts, met)
     unmet = unmet_parts(met, scene, depsgraph.view_layer)
     for role in needed:
         check_some_are_shown(role, parts, unmet)
+
     return parts, notes_on_parts(parts, met, unmet, scene)
 
 
@@ -265,4 +274,5 @@ def notes_on_parts(
         for part in parts
         if part.n_dropped
     ]
+
     return notes

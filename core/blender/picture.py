@@ -31,6 +31,7 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             image=image.name,
             owner=owner,
         )
+
     if image.source in {"SEQUENCE", "MOVIE"}:
         kind = "a movie" if image.source == "MOVIE" else "an image sequence"
         raise ImageError(
@@ -40,6 +41,7 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             owner=owner,
             kind=kind,
         )
+
     if min(image.size) < 1:  # asking for the size loads the file
         place = (
             Message("the file {file}", file=bpy.path.abspath(image.filepath, library=image.library))
@@ -69,6 +71,7 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     )
     buffer = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(buffer)
+
     return buffer.reshape(height, width, -1)[::-1]
 
 
@@ -126,9 +129,11 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
             owner=owner,
             space=space.name,
         )
+
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
     step = max(1, AT_ONCE // pixels.shape[1])
+
     # in place, a few rows at a time: there may be gigabytes of them
     for first in range(0, len(pixels), step):
         rows = pixels[first : first + step]
@@ -138,10 +143,12 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
                 image=image.name,
                 owner=owner,
             )
+
         if not has_coverage:
             rows[..., 3] = 1.0
         if is_encoded:
             rows[..., :3] = table[np.rint(rows[..., :3] * 255.0).astype(np.uint8)]
         if has_coverage and not image.is_float:
             rows[..., :3] *= rows[..., 3:]
+
     return pixels

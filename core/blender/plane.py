@@ -65,10 +65,12 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
     data = thing.data
     if image.type in UNREADABLE or not thing.is_editable or not hasattr(data, "materials"):
         return False
+
     if not thing.material_slots:
         if not data.is_editable:
             return False
         data.materials.append(None)
+
     for is_empty in (False, True):
         for material in own_materials(thing):
             if find_texture(material, is_empty=is_empty) is not None:
@@ -76,6 +78,7 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
                 old, node.image = node.image, image
                 _keep(old)
                 return True
+
     _give_material(thing, image)
     return True
 
@@ -94,6 +97,7 @@ def _own_node(
             if slot.material == shared:
                 slot.link = "OBJECT"
                 slot.material = material
+
     while True:
         node, groups, _ = find_texture(material, is_empty=is_empty)
         shared = next(
@@ -115,6 +119,7 @@ def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
     except BaseException:
         bpy.data.materials.remove(material)
         raise
+
     for slot in thing.material_slots:
         if slot.material is not None:
             slot.material.use_fake_user = True
@@ -174,6 +179,7 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
         refuse_held(thing)
         factors = _factors(axes, np.sqrt(before))
         rescale(context, thing, points, factors, lambda after: abs(factor(after) - 1) <= NEAR)
+
     return before
 
 
@@ -206,10 +212,12 @@ def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floa
     """
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
+
     texture = own_texture(thing)
     uv_map = texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
     shown = thing.evaluated_get(context.evaluated_depsgraph_get())
     mesh = shown.to_mesh()
+
     try:
         layer = uv_layer(mesh, uv_map)
         if layer is None:
@@ -219,11 +227,13 @@ def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floa
         axes = uv_axes(corners, column(layer.uv, "vector", 2, np.float32).astype(float))
     finally:
         shown.to_mesh_clear()
+
     size = None if axes is None else sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
     if size is None:
         raise RigError("its UV map does not lay the image out as one rectangle")
     if not min(size):
         raise RigError("it has no size")
+
     return points, axes
 
 
@@ -239,11 +249,14 @@ def _factors(axes: Floats, factor: float) -> Floats:
     ]
     if along == [None, None]:
         raise RigError("its mesh is turned within the object: scale it by hand in Edit Mode")
+
     factors = np.ones(3)
     # the other way is across the axis of this one: scaled evenly, it keeps its direction
     if None in along:
         factors[:] = factor if along[1] is None else 1 / factor
+
     for axis, value in zip(along, (1 / factor, factor), strict=True):
         if axis is not None:
             factors[axis] = value
+
     return factors

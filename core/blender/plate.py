@@ -51,6 +51,7 @@ class _PlateNodes:
         )
         self.way = self.input["Height"] / (ior * self.depth)
         self.half = self.input["Height"] * (1.0 if layout == "crossed" else 0.5)
+
         # from the hit, on the middle plane, to the face
         self.entry = self.along * (-1.0 * self.half / self.cosine)
         self.from_centre = self.position - self.outputs("ShaderNodeObjectInfo")["Location"]
@@ -71,6 +72,7 @@ class _PlateNodes:
             turn.convert_to = "WORLD"
             turn.inputs[0].default_value = axis
             own.append(Value(turn.outputs[0]).normalised())
+
         is_upright = own[0].dot(self.facing).node("ABSOLUTE").node("GREATER_THAN", 0.99)
         side = own[0] * (1.0 - is_upright) + own[1] * is_upright
         x = (side - self.facing * side.dot(self.facing)).normalised()
@@ -82,6 +84,7 @@ class _PlateNodes:
         right = self.x
         up = self.y
         offset = 0.0
+
         if self.layout == "radial":
             place = self.from_centre + self.entry
             x = place.dot(self.x)
@@ -91,11 +94,14 @@ class _PlateNodes:
             width = self.input["Pitch"] * math.sqrt(2.0)
             ring = width * ((x * x + y * y).node("SQRT") / width).node("ROUND")
             offset = ring * y.node("ARCTAN2", x) * math.sqrt(0.5)
+
         first = (right + up) * math.sqrt(0.5)
         second = (up - right) * math.sqrt(0.5)
+
         if self.layout == "crossed":
             error = self.input["Crossing Error"]
             second = second * error.node("COSINE") - first * error.node("SINE")
+
         return _Layer(first, phases[0], offset), _Layer(second, phases[1], offset)
 
     def fold(self, layer: _Layer, shift: Value, along: Value) -> tuple[Value, Value, Value, Value]:
@@ -114,9 +120,11 @@ class _PlateNodes:
         is_odd = n_reflections.node("MODULO", 2.0)
         moved = inside + is_odd * (1.0 - 2.0 * inside) - entered
         shift = shift + normal * (moved * pitch)
+
         # along its mirrors a layer of slits lets light drift, holes do not
         if self.layout == "crossed":
             shift = shift + (along - normal * speed) * self.way
+
         return shift, along - normal * (2.0 * speed * is_odd), n_reflections, is_odd
 
     def crossed(self) -> tuple[Value, Value, Value, Value, Value]:
@@ -128,6 +136,7 @@ class _PlateNodes:
             shift, along, n_first, is_odd_1 = self.fold(first, self.entry, self.along)
             shift, along, n_second, is_odd_2 = self.fold(second, shift, along)
             return shift, along, n_first + n_second, is_odd_1, is_odd_2
+
         ahead = self.is_back
         behind = 1.0 - self.is_back
         near, far = (
@@ -138,6 +147,7 @@ class _PlateNodes:
         shift, along, n_far, is_odd_far = self.fold(far, shift, along)
         is_odd_1 = is_odd_near * ahead + is_odd_far * behind
         is_odd_2 = is_odd_far * ahead + is_odd_near * behind
+
         return shift, along, n_near + n_far, is_odd_1, is_odd_2
 
     def reflected_share(self) -> Value:
@@ -165,6 +175,7 @@ class _PlateNodes:
         shift, along, n_reflections, odd_1, odd_2 = self.crossed()
         share = self.reflected_share()
         light = self.input
+
         # layer 1 odd; layer 2 odd or not
         image = light["Stray 1"] + odd_2 * (light["Image"] - light["Stray 1"])
         others = light["Through"] + odd_2 * (light["Stray 2"] - light["Through"])
@@ -172,6 +183,7 @@ class _PlateNodes:
         colour = (
             (1.0 - share) * (1.0 - share) * light["Reflectance"].node("POWER", n_reflections) * seen
         )
+        # the light that goes through, and the light that the face reflects
         across = self.facing * self.cosine
         face = self.facing * self.half
         beyond = self.portal(shift - face, (along - across).normalised(), colour)
@@ -215,6 +227,7 @@ def plate_group(layout: str) -> bpy.types.NodeTree:
         socket.min_value = wanted.lowest
         socket.max_value = wanted.highest
         socket.default_value = wanted.default
+
     _PlateNodes(tree, layout).build()
     _arrange(tree)
     return tree
@@ -227,6 +240,7 @@ def _arrange(tree: Any) -> None:
     for node in tree.nodes:
         needed = [link.from_node for socket in node.inputs for link in socket.links]
         column[node] = 1 + max((column[other] for other in needed), default=-1)
+
     used: dict[int, int] = {}
     for node, n in column.items():
         node.hide = node.bl_idname in {"ShaderNodeMath", "ShaderNodeVectorMath"}
@@ -257,6 +271,7 @@ def be_mirror_array(
         values["Crossing Error"] = array.crossing_error
     for name, value in values.items():
         group.inputs[name].default_value = value
+
     tree.links.new(group.outputs[0], output.inputs["Surface"])
     group.location = (-220, 0)
     group.width = 200

@@ -55,6 +55,7 @@ class Preview:
         self._folder = tempfile.TemporaryDirectory(prefix="kiriko-")
         self.path = Path(self._folder.name) / "preview.exr"
         remove_leftovers()
+
         try:
             self.scene = mark(bpy.data.scenes.new("Kiriko Preview"))
             self._fill(scene, reading, studio, chosen.surroundings)
@@ -91,6 +92,7 @@ class Preview:
         """
         if not self.is_rendered:
             raise ImageError("Cycles wrote no preview: look in the console for its reason.")
+
         if _has_header(self.path):
             image = mark(bpy.data.images.load(str(self.path), check_existing=False))
             pixels = pixels_from_image(image)
@@ -98,6 +100,7 @@ class Preview:
             # no file of which a part is missing has any, and Blender says nothing of that
             if pixels.size:
                 return pixels
+
         raise ImageError(
             "The preview could not be written whole to the folder for temporary files,"
             " '{folder}': make room on its disk and try again.",
@@ -117,6 +120,7 @@ class Preview:
         taken = parts.add_parts(depsgraph, scene)
         if surroundings:
             add_surroundings(self.scene, scene, view_layer, taken)
+
         parts.add_camera(scene, depsgraph)
 
 
@@ -153,6 +157,7 @@ def render_preview(
     made = None
     if not isinstance(source_image, bpy.types.Image):
         made = source_image = image_from_pixels("Kiriko Preview Source", source_image)
+
     try:
         with Preview(scene, reading, source_image, **options) as preview:
             return preview.render()

@@ -42,6 +42,7 @@ class PreviewParts:
         self._reading = reading
         self._studio = studio
         self._looks = {}
+
         for role in ROLES:
             if role.number is not None:
                 looks, notes = in_blender(role.name).looks(reading.rig)
@@ -64,6 +65,7 @@ class PreviewParts:
         """
         taken = set()
         counts: Counter[str] = Counter()
+
         for instance, owner in shown_parts(depsgraph, scene):
             if instance.object.type != "MESH":
                 continue
@@ -72,6 +74,7 @@ class PreviewParts:
             if instance.is_instance:
                 taken.add(instance.parent.original)
             self._add_part(name, instance, owner)
+
         return taken
 
     def _add_part(
@@ -82,6 +85,7 @@ class PreviewParts:
         looks = self._looks[owner.kiriko.role]
         if ours.shade is None or (looks is not None and name not in looks):
             return
+
         look = None if looks is None else looks[name]
 
         if name in self._curved:
@@ -89,6 +93,7 @@ class PreviewParts:
             mesh.materials.append(self._material(ours, owner, look))
         else:
             mesh, matrix = self._copied(name, instance, owner, look)
+
         thing = mark(bpy.data.objects.new(f"Kiriko Preview {name}", mesh))
         thing.matrix_world = matrix
         self._made.collection.objects.link(thing)
@@ -130,6 +135,7 @@ class PreviewParts:
                 mesh.transform(Matrix(shear))
             if role.is_inside_out(look):
                 mesh.flip_normals()  # Cycles tells inside from outside by them
+
         return self._copies[key], matrix
 
     def add_camera(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -137,9 +143,11 @@ class PreviewParts:
         viewer = scene.kiriko.viewer or scene.camera
         if viewer is None or viewer.type != "CAMERA":
             raise RigError("The rig has no viewer: add a camera and make it the viewer.")
+
         evaluated = viewer.evaluated_get(depsgraph)
         camera = mark(evaluated.data.original.copy())
         camera.animation_data_clear()
+
         for name in ("lens", "ortho_scale", "shift_x", "shift_y", "sensor_width", "sensor_height"):
             # as evaluated: it may be animated or driven
             setattr(camera, name, getattr(evaluated.data, name))
@@ -196,11 +204,13 @@ def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...
     scale = np.diag(upper)
     if not (scale > 0).all() or np.abs(upper - np.diag(scale)).max() <= SHEARED * scale.max():
         return matrix, None
+
     place = np.eye(4)
     shear = np.eye(4)
     place[:3, :3] = turned * scale
     place[:3, 3] = np.array(matrix, float)[:3, 3]
     shear[:3, :3] = upper / scale[:, None]
+
     return Matrix(place.tolist()), tuple(map(tuple, shear.tolist()))
 
 

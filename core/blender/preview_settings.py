@@ -21,6 +21,7 @@ def set_render(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options, 
     whole = 100 if options.size else frame.percentage
     render.resolution_percentage = max(1, whole * options.percentage // 100)
     render.pixel_aspect_x, render.pixel_aspect_y = frame.aspect_x, frame.aspect_y
+
     if options.border is not None:
         render.use_border = render.use_crop_to_border = True
         left, right, bottom, top = options.border
@@ -69,8 +70,10 @@ def set_cycles(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options) 
 
     for name in ("max", "diffuse", "glossy", "transmission"):
         setattr(cycles, f"{name}_bounces", BOUNCES)
+
     cycles.diffuse_bounces = 4
     cycles.transparent_max_bounces = BOUNCES  # a Ray Portal counts as one of these
+
     # no path ends by chance
     cycles.min_light_bounces = cycles.min_transparent_bounces = BOUNCES
 
@@ -78,6 +81,7 @@ def set_cycles(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options) 
     cycles.blur_glossy = 0.0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.film_exposure = 1.0
+
     if options.filter_width is None:
         cycles.pixel_filter_type = "BOX"
     else:

@@ -25,11 +25,13 @@ def uv_axes(points: Floats, uv: Floats) -> Floats | None:
     """
     if not (len(points) and np.isfinite(points).all() and np.isfinite(uv).all()):
         return None
+
     origin = points.mean(axis=0)
     place = uv.mean(axis=0)
     axes, _, rank, _ = np.linalg.lstsq(uv - place, points - origin, rcond=None)
     if rank < 2:
         return None
+
     missed = np.abs((uv - place) @ axes - (points - origin)).max()
     return None if missed > AFFINE * np.linalg.norm(axes, axis=1).max() else axes
 

@@ -56,11 +56,13 @@ def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
         and not modifier.use_limit_surface
     ):
         return "turn on its Use Limit Surface"
+
     is_collapsed = (
         modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
     )
     if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
         return "turn it off, or set the object's Surface to Automatic"
+
     return ""
 
 
@@ -82,12 +84,14 @@ def scene_notes(
             for o in dict.fromkeys(part.owner for part in parts)
             if renders_differ(o, scene)
         ]
+
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
         notes.append(
             Message(
                 "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
             )
         )
+
     space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
     if space != "Linear Rec.709":
         notes.append(
@@ -95,4 +99,5 @@ def scene_notes(
                 "The file works in {space}: Kiriko takes linear colours as Rec.709.", space=space
             )
         )
+
     return notes

@@ -73,12 +73,14 @@ def rescale(
         thing.location = (np.array(thing.location) + basis @ (middle * (1 - factors))).tolist()
         context.view_layer.update()
         after = np.array(thing.matrix_world, float)
+
         for child in children:
             child.matrix_parent_inverse = (
                 Matrix(after.tolist()).inverted_safe()
                 @ Matrix(before.tolist())
                 @ child.matrix_parent_inverse
             )
+
         context.view_layer.update()
         moved = (after - before)[:3, :3] @ middle + (after - before)[:3, 3]
         rounding = SINGLE * np.abs(after[:3, 3]).max()
@@ -105,13 +107,16 @@ def _points(context: bpy.types.Context, thing: bpy.types.Object) -> Floats:
     """Vertices (n, 3) of an object as it is shown, in its own coordinates."""
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
+
     evaluated = thing.evaluated_get(context.evaluated_depsgraph_get())
     try:
         points = column(evaluated.to_mesh().vertices, "co", 3, np.float32).astype(float)
     finally:
         evaluated.to_mesh_clear()
+
     if not len(points) or not np.isfinite(points).all():
         raise RigError("it has no size")
+
     return points
 
 
@@ -147,4 +152,5 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
         raise RigError("it is not flat")
     if abs(width - height) > SQUARE * width:
         raise RigError("its mesh is turned within the object and no square")
+
     return np.full(3, side / width)

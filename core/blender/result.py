@@ -56,11 +56,13 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     """
     image = scene.kiriko.result.source
     scene.kiriko.result.seen_summary = ""  # the simulation is of another one
+
     if _has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
         image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
         scene.kiriko.result.source = image
+
     image.update_tag()  # for renderers in the viewport, which keep a copy
     return image
 
@@ -106,6 +108,7 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
                 image=SOURCE,
             )
         ]
+
     if not display.is_editable:
         return [
             Message(
@@ -115,23 +118,29 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
                 image=SOURCE,
             )
         ]
+
     old = next(
         (s.material for s in display.material_slots if s.material and s.material.get(OURS)), None
     )
     ours = bpy.data.materials.new(f"{display.name} Source")
+
     try:
         ours[OURS] = True
         shaders.show_image(ours, image)
     except BaseException:
         bpy.data.materials.remove(ours)
         raise
+
     if not display.material_slots:
         display.data.materials.append(None)
+
+    # the new material takes the place of Kiriko's own from before
     if old is not None and old.users <= len(display.material_slots):  # else others show it, too
         name = old.name
         old.user_remap(ours)
         bpy.data.materials.remove(old)
         ours.name = name
+
     notes = []
     for slot in display.material_slots:
         theirs = slot.material
@@ -145,8 +154,10 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
                     ours=ours.name,
                 )
             )
+
         slot.link = "OBJECT"
         slot.material = ours
+
     return notes
 
 
@@ -179,6 +190,7 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
         remarks = _put_in_place(
             scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source)
         )
+
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
@@ -197,6 +209,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     result.summary = result.details = result.seen_summary = ""  # the old ones are of another one
     result.notes = "\n".join(map(one_line, reading.notes))
     result.solved_for = reading.solved_for
+
     return reading
 
 
@@ -207,6 +220,7 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
     """
     old = scene.kiriko.result.source
     display = bpy.data.objects.get(reading.display_object)
+
     try:
         remarks = [] if display is None else put_on_display(display, image)
     except BaseException:
@@ -214,6 +228,7 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
             image.user_remap(old)
         bpy.data.images.remove(image)
         raise
+
     scene.kiriko.result.source = _take_place(image, old, SOURCE)
     return remarks
 
@@ -235,4 +250,5 @@ def _write_numbers(
     result.is_coarse = False
     result.seen_summary = ""  # the simulation is of another one
     result.solved_for = reading.solved_for
+
     return result.summary

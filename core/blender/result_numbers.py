@@ -58,6 +58,7 @@ def numbers_of(
         "display_size_m": None if reading.display_size is None else list(reading.display_size),
         "resolution": [reading.rig.display.width, reading.rig.display.height],
     }
+
     return details, notes
 
 
@@ -69,6 +70,7 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
     before = Numbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in seconds:
         return before.get("cost", {})
+
     ladder = Ladder.read(scene.kiriko.result.ladder).rungs
     others = {
         name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}

@@ -98,12 +98,14 @@ def read_drawn(
     by_role = parts_by_role(parts)
     found: dict[str, list[Any]] = {}
     materials = []
+
     for role in (role for role in ROLES if role.number is not None):
         found[role.field] = []
         if role.name == "PICTURE" and is_image:
             found[role.field], remarks = _read_image(scene, viewer, by_role[role.name], kept)
             notes += remarks
             continue
+
         for part in by_role[role.name]:
             as_read = in_blender(role.name).read(part, kept)
             found[role.field].append(as_read.part)
@@ -135,12 +137,14 @@ def _read_viewer(
     """The viewer; RigError where Blender does not keep its place up to date."""
     if camera is None:
         return None
+
     if not is_placed(camera, depsgraph):
         raise RigError(
             "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
             " place is unknown: enable it, or make it the scene's camera.",
             viewer=camera.name,
         )
+
     return read_viewer(camera, depsgraph, scene.render, metres)
 
 
@@ -163,10 +167,12 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     kept = Offset.read(scene.kiriko.calibration.offset).sets
     if not kept:
         return rig, []
+
     try:
         rig.check()
     except KirikoError:
         return rig, []  # its errors are told before it is solved
+
     rig, unknown = with_offset(rig, kept)
     notes = [
         Message(

@@ -43,6 +43,7 @@ def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
     texture.image = image
     texture.interpolation = "Closest"
     texture.extension = "CLIP"
+
     # unnamed: the map used in renders, which is the one Kiriko reads
     uv = tree.nodes.new("ShaderNodeUVMap")
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
@@ -74,6 +75,7 @@ def show_coordinates(material: bpy.types.Material) -> None:
     emission = tree.nodes.new("ShaderNodeEmission")
     combine = tree.nodes.new("ShaderNodeCombineXYZ")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
+
     # unnamed: the map used in renders, which is the one Kiriko reads
     uv = tree.nodes.new("ShaderNodeUVMap")
     combine.inputs["Z"].default_value = 1.0

@@ -162,11 +162,13 @@ def used_materials(
     own = shown.data.materials
     last = max(len(slots), len(own)) - 1
     materials = []
+
     for k in (min(k, last) for k in order):  # Blender clamps an index beyond the slots
         is_overridden = 0 <= k < len(slots) and slots[k].link == "OBJECT"
         materials.append(
             slots[k].material if is_overridden else own[k] if 0 <= k < len(own) else None
         )
+
     return tuple(dict.fromkeys(materials))
 
 
@@ -174,9 +176,11 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
     """Triangles, material slots and texture of an evaluated object with its owner's role."""
     role = owner.kiriko.role
     mesh = shown.to_mesh()
+
     try:
         if owner.kiriko.surface != "FACETS" and role in CURVED:
             sharpen_creases(mesh, shown.original)
+
         slots = used_slots(mesh)
         textures = (
             (read_texture(m) for m in used_materials(shown, slots)) if role == "PICTURE" else ()
@@ -191,4 +195,5 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
         )
     finally:
         shown.to_mesh_clear()
+
     return Shape(local, slots, texture)

@@ -65,11 +65,13 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
         return content, np.column_stack([part.axes.T, part.position])
+
     if isinstance(part, Picture):
         part = replace(part, image=kept.fingerprint_of(part.image))
     # a picture in the viewer's pixels, or nothing to see
     if part.mesh is None or id(part.mesh) not in notes.drawn:
         return part, np.eye(3, 4)
+
     mesh, shape, matrix = notes.drawn[id(part.mesh)]
     # all else in a plate is its place once more
     content = fields_of(part, {"name", "mesh", "side", "centre"})

@@ -35,9 +35,11 @@ def length_text(scene: bpy.types.Scene, metres: float) -> str:
     units = scene.unit_settings
     if units.system == "NONE":
         return f"{_plain(metres)} units"
+
     size, symbol = UNITS.get(units.length_unit, (0.0, ""))
     if size and (metres == 0 or READABLE[0] <= abs(metres) / size < READABLE[1]):
         return f"{_plain(metres / size)} {symbol}"
+
     text = bpy.utils.units.to_string(units.system, "LENGTH", metres, precision=DIGITS)
     # Blender rounds a micrometre to 0
     is_lost = metres != 0 and not any(digit in text for digit in "123456789")

@@ -72,17 +72,21 @@ def image_window(
     is_horizontal = lens.sensor_fit == "HORIZONTAL" or (
         lens.sensor_fit == "AUTO" and across >= along
     )
+
     if lens.type == "ORTHO":
         size = lens.ortho_scale * metres
     else:
         size = (
             lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
         ) / lens.lens
+
+    # sizes on the plane at unit distance, or on the camera's own
     pixel = size / (across if is_horizontal else along)
     half_x = 0.5 * across * pixel
     half_y = 0.5 * along * pixel
     x = lens.shift_x * size
     y = lens.shift_y * size
+
     return x - half_x, x + half_x, y - half_y, y + half_y
 
 
@@ -101,6 +105,7 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
             " of its parents.",
             name=name,
         )
+
     left, _, right = np.linalg.svd(columns)
     return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
 
@@ -125,6 +130,7 @@ def read_viewer(
     """
     if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
         raise RigError("The viewer '{viewer}' is no camera: choose one.", viewer=camera.name)
+
     evaluated = camera.evaluated_get(depsgraph)
     lens = evaluated.data
     if lens.type not in PROJECTIONS:
@@ -133,6 +139,7 @@ def read_viewer(
             " window: make it perspective or orthographic.",
             viewer=camera.name,
         )
+
     matrix = np.array(evaluated.matrix_world, dtype=float)
     frame = frame_of(camera, render)
     return Viewer(

@@ -34,10 +34,12 @@ class Shown:
             if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
                 return " by its eye symbol (H)"
             return self._by_collection(thing, ("exclude", "hide_viewport"), " in the viewport")
+
         if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(
             thing.users_collection
         ):
             return self._by_collection(thing, ("exclude", "hide_render"), " in renders")
+
         return by
 
     @cached_property
