@@ -21,3 +21,8 @@ def normalise(vectors: Floats) -> Floats:
     """Rows (..., 3) scaled to length 1; a zero row stays zero."""
     length = length_of(vectors)[..., None]
     return vectors / np.where(length > 0, length, 1.0)
+
+
+def cross_2d(a: Floats, b: Floats) -> Floats:
+    """Signed areas (...) of the parallelograms that vectors (..., 2) of a plane span."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

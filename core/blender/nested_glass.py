@@ -10,6 +10,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ..arrays import Floats
+from ..glass.meshes import volume_of
 from ..glass.solids import contains, solids_from_mesh
 from ..glass.surfaces import Surface
 from ..messages import Message
@@ -162,5 +163,4 @@ def _side(glass: Glass, solids: list[Surface]) -> float:
     volume = sum(solid.volume for solid in solids)
     if volume == 0 or any(solid.n_open for solid in solids):
         return 1.0  # a surface that encloses nothing is taken as drawn
-    a, b, c = np.moveaxis(glass.mesh.corners - glass.mesh.bounds[0], 1, 0)
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 / volume)
+    return volume_of(glass.mesh.corners) / volume

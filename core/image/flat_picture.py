@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..light.display import uv_area
+from ..light.display import affine_fit, uv_area
 from ..rig import Mesh, PicturePlace, Viewer
 
 # of a picture's size: how well one affine map has to give its UV for the short way
@@ -97,11 +97,10 @@ def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
 
     # one affine map from the plane to the UV
     across = (corners - middle) @ axes[:2].T
-    system = np.column_stack([across, np.ones(len(across))])
-    fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
+    fit, missed = affine_fit(across, uv)
     low = uv.min(axis=0)
     high = uv.max(axis=0)
-    if np.abs(system @ fit - uv).max() > IS_AFFINE * np.ptp(uv, axis=0).max():
+    if missed > IS_AFFINE * np.ptp(uv, axis=0).max():
         return None
 
     # a rectangle covers all of its bounds

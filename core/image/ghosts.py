@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..map.pieces import Piece
 from ..map.shares import Shares
+from ..vectors import cross_2d
 
 # an odd number: pixels and paths are mixed to one number, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)
@@ -22,7 +23,7 @@ def paths_of(piece: Piece) -> NDArray[np.uint64]:
     for corners in (piece.view, piece.display):
         across = corners[:, 1] - corners[:, 0]
         along = corners[:, -1] - corners[:, 0]
-        turns.append(across[:, 0] * along[:, 1] - across[:, 1] * along[:, 0] < 0)
+        turns.append(cross_2d(across, along) < 0)
     return piece.branch ^ (turns[0] != turns[1])
 
 

@@ -10,7 +10,7 @@ from ..arrays import Floats, Ints
 from ..glass.meshes import components, edge_corners, find_edges
 from ..glass.surfaces import Surface
 from ..rig import Display, Mesh
-from ..vectors import normalise
+from ..vectors import cross_2d, normalise
 
 # of its size: how flat, affine and whole a display has to be to count as one rectangle
 DISPLAY_FLATNESS = 1e-6
@@ -53,7 +53,17 @@ def uv_area(uv: Floats) -> float:
     """Area of triangles (t, 3, 2) in UV, each counted positive."""
     a = uv[:, 1] - uv[:, 0]
     b = uv[:, 2] - uv[:, 0]
-    return float(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    return float(0.5 * np.abs(cross_2d(a, b)).sum())
+
+
+def affine_fit(places: Floats, values: Floats) -> tuple[Floats, float]:
+    """The affine map (3, k) nearest to values (n, k) at places (n, 2), and its largest error.
+
+    Rows are the values' growth along both axes, and the value at 0.
+    """
+    system = np.column_stack([places, np.ones(len(places))])
+    fit, *_ = np.linalg.lstsq(system, values, rcond=None)
+    return fit, float(np.abs(system @ fit - values).max())
 
 
 def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
@@ -78,9 +88,8 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     axes = np.stack([right, np.cross(normal, right)])
     # in parts of its size: far from 1 m the columns would
     # differ so much that the fit loses its last digits
-    system = np.column_stack([inside @ axes.T / size, np.ones(len(inside))])
-    fit, *_ = np.linalg.lstsq(system, uv, rcond=None)
-    if np.abs(system @ fit - uv).max() > DISPLAY_FLATNESS:
+    fit, missed = affine_fit(inside @ axes.T / size, uv)
+    if missed > DISPLAY_FLATNESS:
         return None
     scale = np.array([display.width, -display.height])
     return DisplayPlane(

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from ..arrays import Floats, Ints
+from ..vectors import cross_2d
 
 N_NODES = 5  # nodes along a side: quartics
 PARTS = N_NODES - 1  # a cell's side in steps between nodes
@@ -102,7 +103,7 @@ def is_folded(nodes: Floats) -> np.ndarray:
     by_x = np.diff(grid, axis=2)
     by_y = np.diff(grid, axis=1)
     turn = [
-        a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+        cross_2d(a, b)
         for a in (by_x[:, :-1], by_x[:, 1:])
         for b in (by_y[:, :, :-1], by_y[:, :, 1:])
     ]

@@ -9,6 +9,7 @@ from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
+from ..vectors import cross_2d
 
 # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
 RAYS_AT_ONCE = 1 << 14
@@ -144,9 +145,9 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
     b = view[:, 2] - view[:, 0]
     p = at - view[:, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
-        det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        u = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det
-        v = (a[:, 0] * p[:, 1] - a[:, 1] * p[:, 0]) / det
+        det = cross_2d(a, b)
+        u = cross_2d(p, b) / det
+        v = cross_2d(a, p) / det
         inside = (u >= -TRIANGLE_SLACK) & (v >= -TRIANGLE_SLACK) & (u + v <= 1 + TRIANGLE_SLACK)
         return inside, xy[:, 0] + u[:, None] * (xy[:, 1] - xy[:, 0]) + v[:, None] * (
             xy[:, 2] - xy[:, 0]
