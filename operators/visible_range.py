@@ -5,7 +5,7 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
-from ..core.bench.visible_range import FARTHEST, visible_range
+from ..core.bench.visible_range import SURVEY, visible_range
 from ..core.blender.objects import grid_object
 from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
@@ -45,7 +45,7 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
             raise RigError(
                 "From nowhere within {angle:.0f} degrees is {share} of the picture seen, at"
                 " best {best}: enlarge the display or the plate, or ask for less.",
-                angle=np.degrees(FARTHEST),
+                angle=np.degrees(SURVEY.farthest_rad),
                 share=percent(self.share),
                 best=percent(found.best),
             )

@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..glass.motion import Motion
 from ..messages import Message
+from ..rig import Viewer
 from ..steps import within
 from .fit import Fit, condition_of, covariance_of
 from .misalignment import FEWEST, Bench
 from .offset import moved, parameters, turned
 
-ASIDE = 10.0  # degrees from which another photograph is considered
+ASIDE_DEGREES = 10.0  # from which another photograph is considered
 NEARER = 0.7  # of the distance to the glass, likewise
 
 
@@ -44,16 +45,8 @@ def extra_photographs(
     """
     viewer = bench.rig.viewer
     pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
-    right, up, away = viewer.axes
-    places = {
-        Message("{angle:g} degrees further right", angle=ASIDE): turned(up, ASIDE, pivot),
-        Message("{angle:g} degrees further left", angle=ASIDE): turned(up, -ASIDE, pivot),
-        Message("{angle:g} degrees higher", angle=ASIDE): turned(right, -ASIDE, pivot),
-        Message("{angle:g} degrees lower", angle=ASIDE): turned(right, ASIDE, pivot),
-        Message("{factor:g} times the distance", factor=NEARER): Motion(
-            np.eye(3), (1 - NEARER) * ((pivot - viewer.position) @ away) * away
-        ),
-    }
+    away = viewer.axes[2]
+
     n = len(bench.parameters)
     own = np.array(
         [
@@ -62,31 +55,28 @@ def extra_photographs(
         ]
     )
     shared = np.flatnonzero(~own)
+    # the second viewer's own place is a parameter more
     first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
     columns = np.arange(n)
-    columns[own] = n + np.arange(own.sum())  # of the second viewer's own place
+    columns[own] = n + np.arange(own.sum())
+    before = covariance_of(first)[np.ix_(shared, shared)]
+
     # about where the points are: as far away as the glass
     origins, directions = viewer.rays(bench.view)
     points = origins + directions * ((pivot - origins) @ away / (directions @ away))[:, None]
-    before = covariance_of(first)[np.ix_(shared, shared)]
     extras = []
+    places = _places(viewer, pivot)
     for k, (where, motion) in enumerate(places.items()):
-        rig = replace(bench.rig, viewers=(moved(viewer, motion),))
-        # the second viewer is shifted and turned about its own axes
-        theirs = {p.name: p for p in parameters(rig)}
-        among = [
-            theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)
-        ]
         try:
-            there = Bench(rig, bench.settings, rig.viewer.project(points), among)
-            at = there.seen(np.zeros(n), display=bench.display)
-            there = Bench(rig, bench.settings, at, among)
+            there = _bench_from(bench, motion, points, own)
             d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
         except RigError:  # nothing is seen from there
             continue
         used = np.isfinite(d).all(axis=(0, 2))
         if used.sum() < FEWEST:
             continue
+
+        # with the movements of both photographs
         second = np.zeros((2 * used.sum(), first.shape[1]))
         second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
         both = np.vstack([first, second])
@@ -102,3 +92,33 @@ def extra_photographs(
             )
         )
     return sorted(extras, key=lambda extra: -extra.gain)
+
+
+def _places(viewer: Viewer, pivot: Floats) -> dict[Message, Motion]:
+    """Other places of the viewer around a point (3,), m, in words, and how it gets there."""
+    right, up, away = viewer.axes
+    angle = ASIDE_DEGREES
+    nearer = (1 - NEARER) * ((pivot - viewer.position) @ away) * away
+    return {
+        Message("{angle:g} degrees further right", angle=angle): turned(up, angle, pivot),
+        Message("{angle:g} degrees further left", angle=angle): turned(up, -angle, pivot),
+        Message("{angle:g} degrees higher", angle=angle): turned(right, -angle, pivot),
+        Message("{angle:g} degrees lower", angle=angle): turned(right, angle, pivot),
+        Message("{factor:g} times the distance", factor=NEARER): Motion(np.eye(3), nearer),
+    }
+
+
+def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Bench:
+    """A bench whose viewer stands elsewhere and sees the points (m, 3), m, that it shows.
+
+    own (p,) : parameters of the viewer's own place: the second is shifted
+        and turned about its own axes
+    """
+    rig = replace(bench.rig, viewers=(moved(bench.rig.viewer, motion),))
+    theirs = {p.name: p for p in parameters(rig)}
+    among = [
+        theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)
+    ]
+    there = Bench(rig, bench.settings, rig.viewer.project(points), among)
+    at = there.seen(np.zeros(len(among)), display=bench.display)
+    return Bench(rig, bench.settings, at, among)

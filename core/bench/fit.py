@@ -1,4 +1,10 @@
-"""The errors of a bench, by the places at which a lattice is seen in a photograph."""
+"""The errors of a bench, by the places at which a lattice is seen in a photograph.
+
+Wanted are the amounts p that make |measured - seen(p)|^2 / noise^2 + |p / tolerance|^2 least, by
+damped least squares (Levenberg's): each step solves (J^T J + 1 + damping) dp = J^T off - p, in
+tolerances. The second term is the knowledge of before: without it amounts that move the points
+alike cannot be told apart at all.
+"""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -8,17 +14,30 @@ import numpy as np
 from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..steps import within
-from .misalignment import FEWEST, ITERATIONS, Bench
+from .least_squares import Task, settle
+from .misalignment import FEWEST, Bench
 
-# of the sum of squares, in noise, or of one: the gain of a step when there is nothing more to gain
-ENOUGH = 1e-5
-HOPELESS = 1e8  # damping
-UNLIKELY = 6.0  # times the noise: points that stay so far from a fit are none of this bench's
-LEAST_USED = 0.5  # of the measured points have to be seen in the fitted rig
-# times the median distance; share of the points that may be left out for it
-STRANGE = 5.0
-MOST_STRANGE = 0.1
-ALIKE = 0.99  # cosine between movements from which on they are called alike
+
+@dataclass(frozen=True)
+class Fitting:
+    """Which points are believed, and when a fit is; held to simulated benches by
+    tests/core/test_misalignment.py and `dev.py misalignment`.
+
+    unlikely : times the noise: points that stay so far from a fit are none of this bench's
+    least_used : share of the measured points that have to be seen in the fitted rig
+    strange : times the median distance, from which on a point may be left out
+    most_strange : share of the points that may be left out for it
+    alike : cosine between movements from which on they are called alike
+    """
+
+    unlikely: float = 6.0
+    least_used: float = 0.5
+    strange: float = 5.0
+    most_strange: float = 0.1
+    alike: float = 0.99
+
+
+FITTING = Fitting()
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +90,7 @@ class Fit:
                 @ self.movements[:, left]
                 / (length[left[0]] * length[left])
             )
-            like = [k for k, c in zip(left, cosine, strict=True) if abs(c) > ALIKE]
+            like = [k for k, c in zip(left, cosine, strict=True) if abs(c) > FITTING.alike]
             left = [k for k in left if k not in like]
             if len(like) > 1:
                 groups.append(like)
@@ -97,142 +116,84 @@ def fit(
     ------
     RigError : too few points were measured, they are none of this bench's, or the fit finds no end
     """
-    tolerances = np.asarray(tolerances, float)
     measured = np.array(measured, float)
     is_measured = np.isfinite(measured).all(axis=1)
-    if is_measured.sum() < FEWEST:
+    n_measured = int(is_measured.sum())
+    if n_measured < FEWEST:
         raise RigError(
             "Only {n_measured} points were measured: a fit takes {least} or more.",
-            n_measured=is_measured.sum(),
+            n_measured=n_measured,
             least=FEWEST,
         )
-    amounts = np.zeros(len(tolerances))
-    at = bench.view
-    done = 0.0
-    away = measured - at
-    before = _rms(away[is_measured].ravel())
 
-    def strangers(distance: Floats) -> Bools:
-        """Which points (m,) are much further off, in noise, than the others? None if
-        they are many.
-        """
-        far = distance > max(UNLIKELY, STRANGE * np.nanmedian(distance))
-        return far & ((left_out | far).sum() <= MOST_STRANGE * is_measured.sum())
-
-    left_out = np.zeros(len(measured), bool)
     # to begin with, against the others' displacement: far ones
     # would draw the fit to where it finds no end
-    left_out = strangers(np.linalg.norm(away - np.nanmedian(away, axis=0), axis=1) / noise)
+    away = measured - bench.view
+    before = _rms(away[is_measured].ravel())
+    left_out = np.zeros(len(measured), bool)
+    far = np.linalg.norm(away - np.nanmedian(away, axis=0), axis=1) / noise
+    left_out |= _strangers(far, left_out, n_measured)
     measured[left_out] = np.nan
+
+    # then against the fit, as long as there are any
+    task = Task(bench, measured, np.asarray(tolerances, float), noise)
+    state = task.at(np.zeros(len(task.tolerances)), bench.view)
+    done = 0.0
     while True:
-        steps = _settle(bench, measured, tolerances, noise, amounts, at)
-        amounts, off, at, used, movements = yield from within(steps, done, 0.5 + 0.5 * done)
+        state = yield from within(settle(task, state), done, 0.5 + 0.5 * done)
         done = 0.5 + 0.5 * done
-        distance = np.full(len(measured), np.nan)
-        distance[used] = np.linalg.norm(off.reshape(-1, 2), axis=1)
-        strange = strangers(distance)
+        far = np.full(len(measured), np.nan)
+        far[state.used] = np.linalg.norm(state.off.reshape(-1, 2), axis=1)
+        strange = _strangers(far, left_out, n_measured)
         if not strange.any():
             break
         left_out |= strange
         measured[strange] = np.nan
-    after = _rms(off * noise)
-    n_left = int((is_measured & ~left_out).sum())
-    if used.sum() < max(FEWEST, LEAST_USED * n_left):
+        state = task.at(state.amounts, state.at)
+
+    after = _rms(state.off * noise)
+    _check(state.used, n_measured - int((is_measured & left_out).sum()), after, noise)
+    covariance = covariance_of(state.movements)
+    deviation = np.sqrt(np.diag(covariance))
+    return Fit(
+        amounts=state.amounts,
+        errors=deviation * task.tolerances,
+        correlation=covariance / np.outer(deviation, deviation),
+        condition=condition_of(state.movements),
+        before=before,
+        after=after,
+        used=state.used,
+        left_out=left_out,
+        n_measured=n_measured,
+        movements=state.movements,
+    )
+
+
+def _strangers(distance: Floats, left_out: Bools, n_measured: int) -> Bools:
+    """Which points (m,) are much further off, in noise, than the others? None if
+    they are many, with those left out before.
+    """
+    far = distance > max(FITTING.unlikely, FITTING.strange * np.nanmedian(distance))
+    return far & ((left_out | far).sum() <= FITTING.most_strange * n_measured)
+
+
+def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
+    """Raise RigError where too few of the points that are left were used (m,), or they are
+    too far off, px.
+    """
+    if used.sum() < max(FEWEST, FITTING.least_used * n_left):
         raise RigError(
             "Only {n_used} of {n_left} measured points can be followed to the display: they"
             " may be swapped or those of another rig, or the glass has too many flat faces.",
             n_used=used.sum(),
             n_left=n_left,
         )
-    if after >= UNLIKELY * noise:
+    if after >= FITTING.unlikely * noise:
         raise RigError(
             "The points lie {off:.3g} pixels from where the rig can show them, whatever is"
             " off: they may be swapped, or those of another rig.",
             off=after,
         )
-    covariance = covariance_of(movements)
-    deviation = np.sqrt(np.diag(covariance))
-    return Fit(
-        amounts,
-        deviation * tolerances,
-        covariance / np.outer(deviation, deviation),
-        condition_of(movements),
-        before,
-        after,
-        used,
-        left_out,
-        int(is_measured.sum()),
-        movements,
-    )
-
-
-def _settle(
-    bench: Bench, measured: Floats, tolerances: Floats, noise: float, amounts: Floats, at: Floats
-) -> Generator[float, None, tuple[Floats, Floats, Floats, Bools, Floats]]:
-    """The fit of all points that are measured, from amounts
-    (p,) on, where they are seen about at (m, 2).
-
-    Returns amounts (p,); residuals (2 k,) over the noise; where all points are
-    seen (m, 2); which k were used (m,); movements (2 k, p) as in Fit.
-    """
-    n = len(tolerances)
-    n_measured = int(np.isfinite(measured).all(axis=1).sum())
-
-    def state(amounts: Floats, start: Floats) -> tuple[float, Floats, Floats, Bools]:
-        """The sum to be made small, residuals, and where which points are seen."""
-        try:
-            at = bench.seen(amounts, start)
-        except RigError:  # no such bench can be made
-            return np.inf, np.empty(0), start, np.zeros(len(start), bool)
-        used = np.isfinite(measured - at).all(axis=1)
-        off = (measured - at)[used].ravel() / noise
-        # points that are not seen count as the others do on
-        # average: else to lose the worst would seem to help
-        data = off @ off * n_measured / used.sum() if used.sum() >= FEWEST else np.inf
-        return float(data + ((amounts / tolerances) ** 2).sum()), off, at, used
-
-    def movements(
-        amounts: Floats, at: Floats, used: Bools
-    ) -> Generator[float, None, Floats | None]:
-        """Of residuals (2 k,) for each tolerance (p,); None where no such rig can be made."""
-        try:
-            found = yield from bench.sensitivities(amounts, at)
-        except RigError:
-            return None
-        return np.nan_to_num(found[:, used].reshape(n, -1).T * tolerances / noise)
-
-    damping = 1e-3
-    cost, off, at, used = state(amounts, at)
-    d = yield from within(movements(amounts, at, used), 0.0, 0.2)
-    for k in range(ITERATIONS):
-        normal = d.T @ d + np.eye(n)
-        step = np.linalg.solve(
-            normal + damping * np.diag(np.diag(normal)), d.T @ off - amounts / tolerances
-        )
-        tried = amounts + step * tolerances
-        value, *found = state(tried, at)
-        # how many steps it takes is not known: each gets a part of the rest
-        done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
-        there = (yield from within(movements(tried, *found[1:]), *done)) if value <= cost else None
-        if there is None:
-            damping *= 10
-            if damping > HOPELESS:
-                return amounts, off, at, used, d
-            continue
-        is_at_end = cost - value < ENOUGH * max(cost, 1.0)
-        amounts = tried
-        cost = value
-        (off, at, used) = found
-        d = there
-        damping = damping / 10
-        if is_at_end:
-            return amounts, off, at, used, d
-    raise RigError(
-        "After {steps} steps the fit still changes: look for points that are wrong or"
-        " counted in another way, compare the lattice with the picture, or expect less to"
-        " be off.",
-        steps=ITERATIONS,
-    )
 
 
 def condition_of(movements: Floats) -> float:

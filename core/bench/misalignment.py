@@ -6,7 +6,7 @@ derivatives, with no dot looked for.
 """
 
 from collections.abc import Generator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,11 +21,29 @@ from ..settings import Settings
 from ..steps import finish
 from .offset import Parameter, parameters
 
-STEP = 0.02  # viewer px, for derivatives of the view map
-CONVERGED = 1e-7  # display px
-ITERATIONS = 30
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
-FARTHEST = 40.0  # viewer px in one step of Newton's method
+
+
+@dataclass(frozen=True)
+class Newton:
+    """How a dot of the display is found in the viewer's image; held to traced benches by
+    tests/core/test_misalignment.py.
+
+    step_px : viewer px, for derivatives of the view map
+    most_steps : of Newton's method
+    farthest_px : viewer px, in one of them
+    converged_px : display px
+    found_px : display px, by which a dot may be missed that counts as found
+    """
+
+    step_px: float = 0.02
+    most_steps: int = 30
+    farthest_px: float = 40.0
+    converged_px: float = 1e-7
+    found_px: float = 1e3 * 1e-7
+
+
+NEWTON = Newton()
 
 
 class Bench:
@@ -82,18 +100,18 @@ class Bench:
         wanted = self.display if display is None else display
         plan = self.plan(amounts)
         at = self.view.copy() if start is None else np.array(start, float)
-        for _ in range(ITERATIONS):
+        for _ in range(NEWTON.most_steps):
             y, j = self._derivatives(plan, at)
             missing = wanted - y
             step = _solved(j, missing)
             length = np.linalg.norm(step, axis=1, keepdims=True)
             with np.errstate(invalid="ignore", divide="ignore"):
-                at = at + step * np.minimum(1.0, FARTHEST / length)
-            if not np.nanmax(np.abs(missing), initial=0.0) > CONVERGED:
+                at = at + step * np.minimum(1.0, NEWTON.farthest_px / length)
+            if not np.nanmax(np.abs(missing), initial=0.0) > NEWTON.converged_px:
                 break
         y, _ = self._land(plan, at, self._branch)
         with np.errstate(invalid="ignore"):
-            at[~(np.abs(y - wanted) <= 1e3 * CONVERGED).all(axis=1)] = np.nan
+            at[~(np.abs(y - wanted) <= NEWTON.found_px).all(axis=1)] = np.nan
         return at
 
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
@@ -125,9 +143,9 @@ class Bench:
 
     def _derivatives(self, plan: Plan, at: Floats) -> tuple[Floats, Floats]:
         """Landings (m, 2), and the view map's derivatives (m, 2, 2) there."""
-        steps = STEP * np.array([[0.0, 0], [0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
+        steps = NEWTON.step_px * np.array([[0.0, 0], [0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
         y = self._on_branch(plan, (at + steps[:, None]).reshape(-1, 2)).reshape(5, -1, 2)
-        return y[0], np.stack([y[1] - y[2], y[3] - y[4]], axis=2) / STEP
+        return y[0], np.stack([y[1] - y[2], y[3] - y[4]], axis=2) / NEWTON.step_px
 
     def _land(
         self, plan: Plan, at: Floats, expected: Words | None = None

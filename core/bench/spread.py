@@ -17,13 +17,27 @@ from ..messages import Message
 from ..rig import PicturePlace
 from ..steps import at
 
-GRID = 128  # points along each edge of a triangle of the picture whose rays are followed
-CHUNK = 5000  # rays traced together
-MOST = 0.95  # share of the light without its outermost part
-THIRDS = 1 / 3, 2 / 3  # of the picture's sides
 SEVERAL = "several parts of the picture"
-# share of the outermost light that has to come from a part of the picture for that part to be named
-MOSTLY = 0.5
+THIRDS = 1 / 3, 2 / 3  # of the picture's sides
+MOST = 0.95  # share of the light without its outermost part
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """How a picture's light is followed, and told about.
+
+    n_grid : points along each edge of a triangle of the picture
+    rays_at_once : that are traced together
+    named_share : of the outermost light, that has to come from a
+        part of the picture for that part to be named
+    """
+
+    n_grid: int = 128
+    rays_at_once: int = 5000
+    named_share: float = 0.5
+
+
+TRACING = Tracing()
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +96,7 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     np.add.at(of_part, (row, column), weight / weight.sum())
 
     row, column = np.unravel_index(of_part.argmax(), (3, 3))
-    if of_part[row, column] >= MOSTLY:
+    if of_part[row, column] >= TRACING.named_share:
         words = [("lower", "", "upper")[row], ("left", "", "right")[column]]
         kind = "corner" if all(words) else "side"
         return (
@@ -98,7 +112,9 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     }
     side = max(sides, key=lambda word: sides[word].sum())
     return (
-        Message("the picture's {side} side", side=side) if sides[side].sum() >= MOSTLY else SEVERAL
+        Message("the picture's {side} side", side=side)
+        if sides[side].sum() >= TRACING.named_share
+        else SEVERAL
     )
 
 
@@ -108,14 +124,16 @@ def points_of(place: PicturePlace) -> tuple[Floats, Floats, Floats]:
 
     A triangle is divided into small ones; a third of each belongs to each of its corners.
     """
-    a, b = (x.ravel() for x in np.meshgrid(np.arange(GRID + 1), np.arange(GRID + 1)))
-    a, b = a[a + b <= GRID], b[a + b <= GRID]
-    c = GRID - a - b
+    a, b = (
+        x.ravel() for x in np.meshgrid(np.arange(TRACING.n_grid + 1), np.arange(TRACING.n_grid + 1))
+    )
+    a, b = a[a + b <= TRACING.n_grid], b[a + b <= TRACING.n_grid]
+    c = TRACING.n_grid - a - b
     n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
-    area = np.array([6, 3, 1])[n_at_borders] / (3 * GRID**2)
+    area = np.array([6, 3, 1])[n_at_borders] / (3 * TRACING.n_grid**2)
 
     corners = place.mesh.corners
-    weights = np.stack([a, b, c], axis=1) / GRID
+    weights = np.stack([a, b, c], axis=1) / TRACING.n_grid
     points, uv = (
         np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1])
         for x in (corners, place.mesh.uv)
@@ -144,8 +162,8 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     across = np.full((len(uv), 2), np.nan)
     reason = np.zeros(len(uv), int)
     has_leaked = np.zeros(len(uv), bool)
-    for first in range(0, len(uv), CHUNK):
-        some = slice(first, first + CHUNK)
+    for first in range(0, len(uv), TRACING.rays_at_once):
+        some = slice(first, first + TRACING.rays_at_once)
         found = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
         landings = main_landings(found, len(origins[some]))
         across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]

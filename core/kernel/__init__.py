@@ -22,9 +22,10 @@ from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
-from .plans import HullEngine, left_out, made_of
+from .plans import left_out, made_of
 from .structures import Made, RayStateStructure
 from .touching import Boxes
+from .trees import HullEngine
 
 if TYPE_CHECKING:
     from ..light.plan import Plan

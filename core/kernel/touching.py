@@ -12,8 +12,8 @@ from ..arrays import Bools, Floats, Ints
 from ..glass.meshes import Frames
 from ..steps import Pauses
 from .loading import loaded, n_threads
-from .plans import stack_frames
 from .structures import Made, PathsStructure, ThinPartsStructure
+from .trees import stack_frames
 
 MOST_BUNDLED = 32  # rays
 MOST_UNITS = 4096

@@ -22,28 +22,7 @@ from .doubts import (
     n_branches,
 )
 from .points import Points, trace_points
-
-
-@dataclass(frozen=True)
-class CutRays:
-    """Numbers of rays for the progress alone, by how often cells have been
-    quartered; medians of the glasses of `dev.py glasses`.
-
-    of_edge : that it takes to look for the border on an edge
-    neighbours : cells that share an edge, on average
-    of_quarter : all told, of a quarter or one of the triangles that are cut at the end
-    quarters : of a cell, before anything is known of it
-    mixed_again : share of mixed cells, which are quartered, where the glass is not flat
-    """
-
-    of_edge: tuple[float, ...] = (11.5, 7.0, 4.0, 8.0)
-    neighbours: float = 1.8
-    of_quarter: tuple[float, ...] = (5.6, 3.2, 0.6, 0.0)
-    quarters: tuple[float, ...] = (1.2, 0.95, 1.3)
-    mixed_again: float = 0.35
-
-
-CUT_RAYS = CutRays()
+from .ray_guess import CUT_RAYS, rays_of_cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,22 +215,10 @@ class _Cutting:
         """Tell about how many rays it takes to find the borders in cells (m, k), quartered
         so often, then to cut so many quarters, and to sample; and more rays besides.
         """
-        points = self.points
-        branch = points.branch[cells]
-        n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / CUT_RAYS.neighbours
-        sides = [
-            points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0]
-            for corners in self.chaotic
-        ]
-        n_samples = self.plan.settings.effort * sum((side**2).sum() for side in sides)
-        self.expect(
-            n_more
-            + (
-                CUT_RAYS.of_edge[depth] * n_edges
-                + CUT_RAYS.of_quarter[depth] * n_quarters
-                + n_samples
-            )
+        n_rays = rays_of_cut(
+            self.points, cells, self.chaotic, depth, n_quarters, self.plan.settings.effort
         )
+        self.expect(n_more + n_rays)
 
 
 def _cut_last(

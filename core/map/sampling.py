@@ -21,6 +21,7 @@ from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
 from .points import Paths, Points, is_seen, trace_points
+from .ray_guess import SQUARE_RAYS, rays_of_squares
 from .samples import sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
@@ -40,27 +41,6 @@ class Refinement:
 
 
 REFINEMENT = Refinement()
-
-
-@dataclass(frozen=True)
-class SquareRays:
-    """Numbers of rays, for the progress alone.
-
-    of_square : about as many as a square of each size takes
-    of_pixel, of_flat_pixel : and a pixel of the finest; where all glass is flat
-    quartered, refused : shares of squares, of the smallest ones, that are expected at the least
-    more : times the rays so far, there are always some to come
-    """
-
-    of_square: float = 16
-    of_pixel: float = 12
-    of_flat_pixel: float = 5
-    quartered: float = 0.6
-    refused: float = 0.5
-    more: float = 1.02
-
-
-SQUARE_RAYS = SquareRays()
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -163,21 +143,9 @@ class Sampling:
 
         Of squares to be traced, or checked, such a share is refused. finest : px.
         """
-        # squares of all sizes, each time a share of them is refused
-        n_rays = float(len(self.points) + len(CHECKS) * len(checking))
-        share = max(refused, SQUARE_RAYS.quartered)
-        size = self.first_size
-        area = 0.0
-        while size > PARTS:
-            area += float((todo.size == size).sum()) * size**2
-            n_rays += SQUARE_RAYS.of_square * area / size**2
-            area = share * (area + float((checking.size == size).sum()) * size**2)
-            size //= 2
-
-        # pixels of the smallest
-        area += float((todo.size == PARTS).sum() + (checking.size == PARTS).sum()) * PARTS**2
-        of_pixel = SQUARE_RAYS.of_flat_pixel if self.plan.is_flat else SQUARE_RAYS.of_pixel
-        self.expected = n_rays + of_pixel * (max(refused, SQUARE_RAYS.refused) * area + finest)
+        self.expected = rays_of_squares(
+            len(self.points), todo, checking, refused, finest, self.plan.is_flat
+        )
 
     def _expect_of_cut(self, n_rays: float) -> None:
         """Guess the number of rays, if so many are still to

@@ -8,6 +8,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -265,8 +266,8 @@ def rig(
 
     Work is short, a report is there.
     """
-    monkeypatch.setattr(part("core.bench.visible_range"), "STEPS", 6)
-    monkeypatch.setattr(part("core.bench.visible_range"), "FINE", 0.05)
+    module = part("core.bench.visible_range")
+    monkeypatch.setattr(module, "SURVEY", replace(module.SURVEY, n_steps=6, fine_rad=0.05))
     module = part("operators.report")
     short = {"tolerances": (1.0,), "spps": (1,), "runs": 1}
     monkeypatch.setattr(

@@ -25,7 +25,7 @@ from kiriko.core.image import pyramid
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.kernel import dividing, fitting, loading, plans, structures, touching
+from kiriko.core.kernel import dividing, fitting, loading, structures, touching, trees
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.light import asked, plate, ray_engine, rescue, thin_parts
 from kiriko.core.light.engines import Embree
@@ -292,7 +292,7 @@ def test_one_tree_holds_faces_of_all_degrees(make):
     in the boxes of the tree that all of them share.
     """
     (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
-    boxes = plans._face_boxes(layer, layer.curved)
+    boxes = trees._face_boxes(layer, layer.curved)
     k = np.repeat(layer.curved.triangle, 15)
     u, v = np.random.default_rng(0).dirichlet(np.ones(3), len(k))[:, :2].T
     for degree in (4, 3, 2):

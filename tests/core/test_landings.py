@@ -207,8 +207,8 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
     plan = make_plan(a_rig, Settings())
     view = np.random.default_rng(0).random((40, 2)) * a_rig.viewer.width
     found = []
-    monkeypatch.setattr(visible_range, "STEPS", 4)
-    monkeypatch.setattr(visible_range, "FINE", 0.2)
+    few = replace(visible_range.SURVEY, n_steps=4, fine_rad=0.2)
+    monkeypatch.setattr(visible_range, "SURVEY", few)
     for change in (strange, plain):
         for module in (misalignment, visible_range):
             monkeypatch.setattr(

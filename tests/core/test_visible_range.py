@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.bench.visible_range import FINE, STEPS, visible_range
+from kiriko.core.bench.visible_range import SURVEY, visible_range
 from kiriko.core.errors import RigError
 from kiriko.core.light import trace
 from kiriko.core.light.planning import make_plan
@@ -17,7 +17,7 @@ from kiriko.core.settings import Settings
 from known.reference_rigs import box, cube_rig, rig, split_quads
 from known.work import drain
 
-MIDDLE = STEPS // 2
+MIDDLE = SURVEY.n_steps // 2
 
 
 def found(a_rig, enough=1.0):
@@ -36,7 +36,9 @@ def test_without_glass_the_plates_outline_says_how_far(plate):
     # who looks up from below sees the upper edge, which leans away from the picture
     below = np.arctan(edge / (0.15 + edge))
     above = np.arctan(edge / (0.15 - edge))
-    assert seen.extent == pytest.approx((sideways, sideways, below, above), abs=1.5 * FINE + 1e-3)
+    assert seen.extent == pytest.approx(
+        (sideways, sideways, below, above), abs=1.5 * SURVEY.fine_rad + 1e-3
+    )
     assert seen.share[MIDDLE, MIDDLE] == 1.0
     assert seen.brightness[MIDDLE, MIDDLE] == 1.0
     assert np.linalg.norm(seen.positions, axis=2) == pytest.approx(1.0)
@@ -77,7 +79,7 @@ def test_a_picture_of_many_faces_is_seen_as_one_of_two_and_costs_no_more(n, monk
     )  # where a row of points is just lit or not
     assert seen.best == pytest.approx((0.02 / 0.03) ** 2, abs=0.1)
     assert seen.extent == pytest.approx(plain.extent, abs=np.radians(3))
-    assert sum(sizes) <= 72 * ((STEPS + 1) ** 2 + 4 * 751)
+    assert sum(sizes) <= 72 * ((SURVEY.n_steps + 1) ** 2 + 4 * 751)
 
 
 def test_half_a_display_shows_half_the_picture():
@@ -117,7 +119,7 @@ def test_a_plate_to_the_right_is_seen_from_the_left():
     seen = found(replace(a_rig, plates=(moved,)))
     left = np.arctan(0.08 / 0.15)
     right = np.arctan(0.02 / 0.15)
-    assert seen.extent[:2] == pytest.approx((left, right), abs=1.5 * FINE)
+    assert seen.extent[:2] == pytest.approx((left, right), abs=1.5 * SURVEY.fine_rad)
     row = seen.share[MIDDLE] > 0
     assert row[:MIDDLE].sum() > 2 * row[MIDDLE + 1 :].sum() > 0
     assert (seen.positions[MIDDLE, :MIDDLE, 0] < 0).all()

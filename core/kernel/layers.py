@@ -1,0 +1,86 @@
+"""Layers as the kernel reads them: their triangles, curved faces and trees."""
+
+import ctypes
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ..glass.curved import CurvedFaces
+from ..glass.quartics import LOWER
+from ..light.rescue import count_starts
+from .structures import (
+    CurvedStructure,
+    LayerStructure,
+    Made,
+)
+from .trees import face_tree_of, frames_of, hull_of, kept
+
+if TYPE_CHECKING:
+    from ..light.plan import PlannedLayer
+
+_faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
+
+
+def _make_whole(curved: CurvedFaces) -> Made:
+    made = Made(CurvedStructure)
+    for name in ("corners", "coefficients", "vertex_normal"):
+        made.point(name, getattr(curved, name), float)
+    for name in ("row", "neighbour", "neighbour_edge", "vertex", "normal_row"):
+        made.point(name, getattr(curved, name), np.int64)
+    if curved.has_given_normals:
+        made.point("normal_terms", curved.normal_terms, float)
+    return made
+
+
+def _make_curved(curved: CurvedFaces) -> Made:
+    whole = kept(_faces, curved.whole, lambda: _make_whole(curved.whole))
+    if curved is curved.whole:
+        return whole
+
+    made = Made(CurvedStructure)
+    made.structure = CurvedStructure.from_buffer_copy(whole.structure)
+    made.keep(whole)
+    made.point("normal_row", curved.normal_row, np.int64)
+    made.point("lower", LOWER[curved.degree], float)
+    return made
+
+
+def make_layer(held: "PlannedLayer") -> Made:
+    """A layer with its triangles' numbers in the plan, and the bits of its solids."""
+    made = Made(LayerStructure)
+    layer = held.layer
+    frames = layer.frames
+    curved = layer.curved
+    made.point("frames", frames_of(frames), float)
+    made.point("numbers", held.numbers, np.int64)
+    made.point("closed_bits", held.closed_bits, np.uint64)
+    made.point("solid_bits", held.solid_bits, np.uint64)
+    if layer.motion is not None:
+        made.point("rotation", layer.motion.rotation, float)
+        made.set(shift=layer.motion.shift)
+
+    made.set(
+        n_triangles=layer.n_triangles,
+        low=layer.bounds[0],
+        high=layer.bounds[1],
+        centre=layer.centre,
+        radius=layer.radius,
+        tolerance=layer.tolerance,
+        has_engine=layer.has_engine,
+        n_starts=count_starts(layer.n_triangles),
+    )
+
+    if layer.has_engine:
+        whole = None if curved is None else curved.whole
+        tree, facets = face_tree_of(layer, whole)
+        made.set(over_faces=tree.structure)
+        made.point("facets", facets, float)
+        made.keep(tree)
+
+    if curved is not None:
+        faces = _make_curved(curved)
+        hull = hull_of(layer.asked)
+        made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
+        made.keep(faces, hull)
+    return made

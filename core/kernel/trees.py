@@ -1,0 +1,157 @@
+"""Trees over the faces that rays meet, and over the hulls that they are asked for."""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, taken
+from ..glass.curved import CurvedFaces
+from ..glass.meshes import Frames
+from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
+from ..light.asked import Asked
+from ..light.engines import Found
+from ..light.ray_engine import Layer
+from ..products import combine
+from .loading import loaded, n_threads
+from .structures import (
+    NODE,
+    HullStructure,
+    Made,
+    TreeStructure,
+)
+
+BEZIER_AT_ONCE = 1 << 12  # faces
+BOX_SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
+# (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
+BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(
+    axis=(0, 1)
+)
+
+# made once of each, however many plans there are
+_frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
+_trees: WeakKeyDictionary[Frames | CurvedFaces, tuple[Made, Floats]] = WeakKeyDictionary()
+_hulls: WeakKeyDictionary[Asked, Made] = WeakKeyDictionary()
+
+
+def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
+    """What a cache keeps of a key, made once."""
+    if key not in cache:
+        cache[key] = make()
+    return cache[key]
+
+
+def stack_frames(frames: Frames) -> Floats:
+    """Corner, normal and both axes (t, 4, 3) of each triangle, side by side."""
+    return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
+
+
+def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
+    """A tree over boxes (n, 2, 3), which are about 1 in size.
+
+    And the box (n,) that stands at each position.
+    """
+    boxes = np.ascontiguousarray(boxes, float)
+    nodes = np.empty(len(boxes), NODE)
+    items = np.empty(len(boxes), np.int32)
+    n_nodes = loaded().kiriko_make_tree(len(boxes), *(a.ctypes.data for a in (boxes, nodes, items)))
+    if not n_nodes:
+        raise MemoryError
+
+    tree = Made(TreeStructure)
+    tree.point("nodes", nodes[:n_nodes].copy(), NODE)
+    tree.point("items", items, np.int32)
+    return tree, items
+
+
+def _boxes(corners: NDArray[np.floating]) -> Floats:
+    """Boxes (n, 2, 3) of triangles (n, 3, 3)."""
+    a, b, c = corners.swapaxes(0, 1)
+    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
+
+
+def _grown(boxes: Floats) -> Floats:
+    """Boxes (n, 2, 3) a little larger."""
+    more = BOX_SLACK * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+    boxes[:, 0] -= more[:, None]
+    boxes[:, 1] += more[:, None]
+    return boxes
+
+
+def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
+    """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
+    lower degrees too, in its radii from its centre.
+    """
+    boxes = _boxes(layer.corners)
+    if curved is not None:
+        triangle = curved.triangle
+        for first in range(0, len(triangle), BEZIER_AT_ONCE):
+            some = triangle[first : first + BEZIER_AT_ONCE]
+            terms = curved.terms(some).reshape(N_TERMS, -1)
+            points = combine(TO_BEZIER, terms)
+            reach = combine(BY_LOWERING[None], np.abs(terms))[0]
+            bounds = np.stack([points.min(axis=0) - reach, points.max(axis=0) + reach]).reshape(
+                2, 3, -1
+            )
+            boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
+    return _grown((boxes - layer.centre) / layer.radius)
+
+
+def _make_face_tree(layer: Layer, curved: CurvedFaces | None) -> tuple[Made, Floats]:
+    """A tree over a layer's faces.
+
+    And the frames (t, 4, 3) of the facets, in the order of its positions.
+    """
+    tree, items = _make_tree(_face_boxes(layer, curved))
+    return tree, taken(stack_frames(layer.frames), items)
+
+
+def _make_hull(asked: Asked) -> Made:
+    tree, items = _make_tree(_grown(_boxes(asked.corners.astype(float))))
+    made = Made(HullStructure)
+    made.point("corners", asked.corners[items], np.float32)
+    made.point("owner", asked.owner, np.int64)
+    made.point("parts", asked.parts, float)
+    made.set(n_whole=asked.n_whole, n_parts=len(asked.parts), tree=tree.structure)
+    made.keep(tree)
+    return made
+
+
+def frames_of(frames: Frames) -> Floats:
+    """Frames (t, 4, 3) of triangles side by side."""
+    return kept(_frames, frames, lambda: stack_frames(frames))
+
+
+def face_tree_of(layer: Layer, whole: CurvedFaces | None) -> tuple[Made, Floats]:
+    """A tree over a layer's faces, and their frames in its order; `whole` are its curved ones."""
+    return kept(_trees, whole or layer.frames, lambda: _make_face_tree(layer, whole))
+
+
+def hull_of(asked: Asked) -> Made:
+    """Triangles that are asked for hits, with a tree over them."""
+    return kept(_hulls, asked, lambda: _make_hull(asked))
+
+
+class HullEngine:
+    """The kernel's tree over triangles that are asked for hits, as a ray engine of numpy's way."""
+
+    name = "the kernel's tree"
+
+    def __init__(self, asked: Asked) -> None:
+        self._made = hull_of(asked)
+
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+        origins, directions = (
+            np.ascontiguousarray(rays, np.float32) for rays in (origins, directions)
+        )
+        triangle = np.empty(len(origins), np.int64)
+        found = np.empty((len(origins), 6))
+        arrays = (values.ctypes.data for values in (origins, directions))
+        results = triangle.ctypes.data, found.ctypes.data
+        loaded().kiriko_shoot(
+            ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads()
+        )
+        return Found(triangle, *found[:, :3].T, found[:, 3:])
