@@ -66,7 +66,7 @@ def rays_of_squares(
     share = max(refused, SQUARE_RAYS.quartered)
 
     # squares of all sizes, each time a share of them is refused
-    size = max(squares.size.max(initial=PARTS) for squares in (todo, checking))
+    size = max(int(squares.size.max(initial=PARTS)) for squares in (todo, checking))
     area = 0.0
     while size > PARTS:
         area += float((todo.size == size).sum()) * size**2
