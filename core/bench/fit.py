@@ -81,8 +81,11 @@ class Fit:
 
         And those that, within tolerance, hardly move any.
         """
+        # by their lengths, the longest first
         length = np.linalg.norm(self.movements, axis=0)
         left = [int(k) for k in np.argsort(-length) if length[k] >= 1]
+
+        # each takes with it those that move the points almost as it does
         groups = []
         while left:
             cosine = (
@@ -94,6 +97,7 @@ class Fit:
             left = [k for k in left if k not in like]
             if len(like) > 1:
                 groups.append(like)
+
         return groups, np.flatnonzero(length < 1).tolist()
 
 
@@ -153,6 +157,7 @@ def fit(
 
     after = _rms(state.off * noise)
     _check(state.used, n_measured - int((is_measured & left_out).sum()), after, noise)
+
     covariance = covariance_of(state.movements)
     deviation = np.sqrt(np.diag(covariance))
     return Fit(

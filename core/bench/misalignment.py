@@ -100,6 +100,7 @@ class Bench:
         wanted = self.display if display is None else display
         plan = self.plan(amounts)
         at = self.view.copy() if start is None else np.array(start, float)
+
         for _ in range(NEWTON.most_steps):
             y, j = self._derivatives(plan, at)
             missing = wanted - y
@@ -109,6 +110,8 @@ class Bench:
                 at = at + step * np.minimum(1.0, NEWTON.farthest_px / length)
             if not np.nanmax(np.abs(missing), initial=0.0) > NEWTON.converged_px:
                 break
+
+        # not found
         y, _ = self._land(plan, at, self._branch)
         with np.errstate(invalid="ignore"):
             at[~(np.abs(y - wanted) <= NEWTON.found_px).all(axis=1)] = np.nan
@@ -130,6 +133,7 @@ class Bench:
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.asarray(amounts, float)
         at = self.view if at is None else at
         _, j = self._derivatives(self.plan(amounts), at)
+
         found = np.empty((len(self.parameters), len(at), 2))
         for k, parameter in enumerate(self.parameters):
             ends = []
@@ -137,6 +141,8 @@ class Bench:
                 off = amounts.copy()
                 off[k] += sign * parameter.step
                 ends.append(self._on_branch(self.plan(off), at))
+
+            # a dot stays where it is on the display: the viewer's image gives way
             found[k] = -_solved(j, (ends[0] - ends[1]) / (2 * parameter.step))
             yield (k + 1) / len(self.parameters)
         return found

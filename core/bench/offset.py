@@ -106,6 +106,7 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
         amount = left.pop(parameter.name, 0.0)
         if amount:
             rig = parameter.applied(rig, amount)
+
     if rig.viewer is not planned.viewer:
         linear, shift = along_with(planned.viewer, rig.viewer)
         pictures = tuple(
@@ -115,6 +116,7 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
             for p in rig.pictures
         )
         rig = replace(rig, pictures=pictures)
+
     return rig, tuple(left)
 
 
@@ -160,6 +162,7 @@ def _poses(rig: Rig, kind: str, number: int, name: str) -> Iterator[Parameter]:
     """
     part = getattr(rig, kind)[number]
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
+
     for word, axis in zip(AXES, rig.viewer.axes, strict=True):
         shift = _changed(
             kind,
@@ -167,6 +170,7 @@ def _poses(rig: Rig, kind: str, number: int, name: str) -> Iterator[Parameter]:
             lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
         )
         yield Parameter(f"{name}: shift {word}", "mm", 1e-2, shift)
+
     for word, axis in zip(AXES, rig.viewer.axes, strict=True):
         turn = _changed(
             kind,
@@ -192,9 +196,12 @@ def moved(part, motion: Motion):
         return replace(
             part, position=motion.points(part.position), axes=motion.directions(part.axes)
         )
+
     mesh = _moved_mesh(part.mesh, motion)
     if not isinstance(part, Plate):
         return replace(part, mesh=mesh)
+
+    # a plate's mirrors go along
     side, centre = part.side, part.centre
     return replace(
         part,

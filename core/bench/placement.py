@@ -59,13 +59,17 @@ def place(
     viewer_distance : from the centre to the viewer
     azimuth : rad, by which the viewer goes round the glass about z; at 0 it looks along +y
     """
+    # the viewer's axes
     centre = np.asarray(centre, float)
     forward = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     up = np.array([0.0, 0.0, 1.0])
+
+    # the plate, and the mirror image of the picture in it
     normal = np.cos(tilt) * forward - np.sin(tilt) * up
     plate_centre = centre + distance * forward
     mirrored = centre + 2 * dot(plate_centre - centre, normal) * normal
+
     return Placement(
         frame(right, up, centre - viewer_distance * forward),
         frame(right, up, centre),
@@ -110,6 +114,7 @@ class Proposal:
 
 def propose(bounds: Floats, wishes: Wishes) -> Proposal:
     """A rig around glass within these bounds (2, 3), world, m."""
+    # the size of the glass, as the viewer sees it
     low, high = bounds
     corners = np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
     width = np.ptp(corners @ np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0]))

@@ -23,7 +23,7 @@ MOST = 0.95  # share of the light without its outermost part
 
 
 @dataclass(frozen=True)
-class Tracing:
+class LightRays:
     """How a picture's light is followed, and told about.
 
     n_grid : points along each edge of a triangle of the picture
@@ -37,7 +37,7 @@ class Tracing:
     named_share: float = 0.5
 
 
-TRACING = Tracing()
+LIGHT_RAYS = LightRays()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +91,15 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     """
     if not len(places):
         return SEVERAL
+
+    # the light of each of nine parts
     column, row = np.digitize(places, THIRDS).T
     of_part = np.zeros((3, 3))
     np.add.at(of_part, (row, column), weight / weight.sum())
 
+    # one part alone
     row, column = np.unravel_index(of_part.argmax(), (3, 3))
-    if of_part[row, column] >= TRACING.named_share:
+    if of_part[row, column] >= LIGHT_RAYS.named_share:
         words = [("lower", "", "upper")[row], ("left", "", "right")[column]]
         kind = "corner" if all(words) else "side"
         return (
@@ -104,6 +107,8 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
             if any(words)
             else "the picture's middle"
         )
+
+    # or a whole side
     sides = {
         "lower": of_part[0],
         "upper": of_part[2],
@@ -113,7 +118,7 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     side = max(sides, key=lambda word: sides[word].sum())
     return (
         Message("the picture's {side} side", side=side)
-        if sides[side].sum() >= TRACING.named_share
+        if sides[side].sum() >= LIGHT_RAYS.named_share
         else SEVERAL
     )
 
@@ -124,20 +129,21 @@ def points_of(place: PicturePlace) -> tuple[Floats, Floats, Floats]:
 
     A triangle is divided into small ones; a third of each belongs to each of its corners.
     """
-    a, b = (
-        x.ravel() for x in np.meshgrid(np.arange(TRACING.n_grid + 1), np.arange(TRACING.n_grid + 1))
-    )
-    a, b = a[a + b <= TRACING.n_grid], b[a + b <= TRACING.n_grid]
-    c = TRACING.n_grid - a - b
+    # the corners of the small ones, by barycentric coordinates
+    n = LIGHT_RAYS.n_grid
+    a, b = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+    a, b = a[a + b <= n], b[a + b <= n]
+    c = n - a - b
     n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
-    area = np.array([6, 3, 1])[n_at_borders] / (3 * TRACING.n_grid**2)
+    area = np.array([6, 3, 1])[n_at_borders] / (3 * n**2)
 
     corners = place.mesh.corners
-    weights = np.stack([a, b, c], axis=1) / TRACING.n_grid
+    weights = np.stack([a, b, c], axis=1) / n
     points, uv = (
         np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1])
         for x in (corners, place.mesh.uv)
     )
+
     sides = corners[:, 1:] - corners[:, :1]
     whole = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return points, uv, (whole[:, None] * area).ravel()
@@ -151,6 +157,7 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     plan : of a rig whose display is as large as allowed
     display_frame : (4, 4) of the display, m
     """
+    # the points that the viewer sees
     viewer = plan.rig.viewer
     points, uv, area = points_of(plan.rig.picture_place)
     xy = viewer.project(points)
@@ -159,11 +166,12 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     uv = uv[is_seen]
     weight = area[is_seen] / max(area[is_seen].sum(), np.finfo(float).tiny)
 
+    # where their light lands, or why it does not
     across = np.full((len(uv), 2), np.nan)
     reason = np.zeros(len(uv), int)
     has_leaked = np.zeros(len(uv), bool)
-    for first in range(0, len(uv), TRACING.rays_at_once):
-        some = slice(first, first + TRACING.rays_at_once)
+    for first in range(0, len(uv), LIGHT_RAYS.rays_at_once):
+        some = slice(first, first + LIGHT_RAYS.rays_at_once)
         found = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
         landings = main_landings(found, len(origins[some]))
         across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]

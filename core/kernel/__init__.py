@@ -97,14 +97,17 @@ def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | No
     for name, dtype in STATE.items():
         if made.point(name, getattr(rays, name), dtype) is not getattr(rays, name):
             raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
+
     if rays.course is not None:
         rays.course = made.point("course", rays.course, np.uint64)
         made.set(width=rays.course.shape[1])
+
     if ways is not None:
         made.point("places", ways.places, float)
         made.point("met", ways.met, np.int64)
         made.point("left_at", ways.left_at, np.int64)
         made.set(n_rays=ways.met.shape[1], n_steps=len(ways.met))
+
     made.point("is_reached", is_reached, np.uint8)
     made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made

@@ -49,6 +49,7 @@ def divided(
     ----------
     lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
     """
+    # side by side, as far as there is room
     made = [_lot_of(display_size, *cells) for cells in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
     rooms = [min(4 * division.n_cells + LEAST_ROOM, at_once) for division in divisions]
@@ -59,6 +60,7 @@ def divided(
     kernel = loaded()
     kernel.kiriko_divide(ctypes.addressof(divisions), len(made), n_threads())
 
+    # one by one, where more has to be made room for
     for number, (division, room) in enumerate(zip(divisions, rooms, strict=True)):
         if division.n:
             yield number, _first_of(shares[number], division.n)
@@ -114,6 +116,7 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
         np.empty(n),
         np.empty(n, np.int64),
     )
+
     pixel, *others = (values.ctypes.data for values in shares)
     division.pixel, division.wide_pixel = (None, pixel) if index_type is np.int64 else (pixel, None)
     division.view_xy, division.covariance, division.area, division.display_area, division.number = (

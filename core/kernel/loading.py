@@ -8,7 +8,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from .structures import NODE, STRUCTURES
+from .structures import _D, _I, _P, NODE, STRUCTURES
 
 MODULE = "kiriko_kernel"
 # environment variable: "off" for numpy's way, or the file of another library
@@ -16,6 +16,20 @@ SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
 VERSION = 5  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
+# of the library: types of the result and of the arguments
+FUNCTIONS = {
+    "kiriko_layout": (_I, _I),
+    "kiriko_make_tree": (_I, _I, _P, _P, _P),
+    "kiriko_follow": (None, _P, _P, _I, _I, _I),
+    "kiriko_divide": (None, _P, _I, _I),
+    "kiriko_add": (None, _P, _P, _P, _I, _P, _I),
+    "kiriko_shoot": (None, _P, _P, _P, _I, _P, _P, _I),
+    "kiriko_touch": (None, _P, _P, _I),
+    "kiriko_paint": (None, _P, _P, _I, _P, _I, _I),
+    "kiriko_fit_fields": (None, _P, _P, _I),
+    "kiriko_settle_normals": (None, *6 * [_P], _I, _D, _I),
+    "kiriko_find_offsets": (None, *5 * [_P], _I, _P, _I),
+}
 
 _threads = 0  # as many as the machine has
 
@@ -54,34 +68,15 @@ def loaded() -> ctypes.CDLL | None:
     path = find_library()
     if path is None:
         return None
-    number = ctypes.c_int64
-    pointer = ctypes.c_void_p
     try:
         library = ctypes.CDLL(str(path))
-        library.kiriko_layout.restype = number
-        library.kiriko_layout.argtypes = [number]
-        library.kiriko_make_tree.restype = number
-        library.kiriko_make_tree.argtypes = [number, *3 * [pointer]]
-        library.kiriko_follow.restype = None
-        library.kiriko_follow.argtypes = [*2 * [pointer], *3 * [number]]
-        library.kiriko_divide.restype = None
-        library.kiriko_divide.argtypes = [pointer, number, number]
-        library.kiriko_add.restype = None
-        library.kiriko_add.argtypes = [*3 * [pointer], number, pointer, number]
-        library.kiriko_shoot.restype = None
-        library.kiriko_shoot.argtypes = [*3 * [pointer], number, pointer, pointer, number]
-        library.kiriko_touch.restype = None
-        library.kiriko_touch.argtypes = [*2 * [pointer], number]
-        library.kiriko_paint.restype = None
-        library.kiriko_paint.argtypes = [pointer, pointer, number, pointer, number, number]
-        library.kiriko_fit_fields.restype = None
-        library.kiriko_fit_fields.argtypes = [pointer, pointer, number]
-        library.kiriko_settle_normals.restype = None
-        library.kiriko_settle_normals.argtypes = [*6 * [pointer], number, ctypes.c_double, number]
-        library.kiriko_find_offsets.restype = None
-        library.kiriko_find_offsets.argtypes = [*5 * [pointer], number, pointer, number]
+        for name, (result, *arguments) in FUNCTIONS.items():
+            function = getattr(library, name)
+            function.restype = result
+            function.argtypes = arguments
     except (OSError, AttributeError):  # made for another processor or system, or not by us
         return None
+
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]
     is_known = [library.kiriko_layout(i) for i in range(len(expected))] == expected
     return library if is_known else None

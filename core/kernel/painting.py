@@ -30,6 +30,7 @@ class FlatStrokes:
 
     def __init__(self, shares: "Shares", way: "FlatWay", size: tuple[int, int]) -> None:
         self.made = made = Made(StrokesStructure)
+
         is_wide = shares.display_index.dtype == np.int64
         made.point(
             "wide_pixel" if is_wide else "pixel",

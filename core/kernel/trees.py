@@ -86,6 +86,8 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
     lower degrees too, in its radii from its centre.
     """
     boxes = _boxes(layer.corners)
+
+    # a curved face lies within its Bezier points
     if curved is not None:
         triangle = curved.triangle
         for first in range(0, len(triangle), BEZIER_AT_ONCE):

@@ -1,5 +1,10 @@
 """Where the border between two branches crosses the edges
 of cells, and the pieces that it cuts them into.
+
+A border is the last place on an edge whose ray takes the branch of the edge's end. A round of
+2^k - 1 rays, evenly spread over the part in question, finds k binary digits of it. One digit a
+round takes the fewest rays, and more time where few borders are left: a batch of rays costs as much
+as hundreds of its rays. A ray is given up as soon as it leaves the course of its branch.
 """
 
 from collections.abc import Generator
@@ -127,6 +132,8 @@ def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Int
         corner = np.arange(k)
         opposite = np.abs(corner[:, None] - corner) == 2
         beside = same & ~opposite & ~np.eye(k, dtype=bool)
+
+        # where both corners of the other branch stand alone the middle decides
         alone = ~beside.any(axis=2)
         saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
         if saddle.any():
@@ -144,6 +151,7 @@ def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[i
     Where both have a landing the other's branch most often begins
     where the one's ends: it is looked for there first.
     """
+    # the other side of each border, where it is looked for, too
     n = len(points)
     key, back = near * n + far, far * n + near
     at = np.minimum(np.searchsorted(key, back), len(key) - 1)

@@ -11,9 +11,9 @@ import numpy as np
 from ..arrays import Floats, Ints
 from ..vectors import cross_2d
 
-N_NODES = 5  # nodes along a side: quartics
-PARTS = N_NODES - 1  # a cell's side in steps between nodes
-COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(N_NODES), np.arange(N_NODES)))
+NODES_ALONG = 5  # nodes along a side: quartics
+PARTS = NODES_ALONG - 1  # a cell's side in steps between nodes
+COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(NODES_ALONG), np.arange(NODES_ALONG)))
 # Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The
 # first two places differ in x only, in which the error is odd: errors along x and y do not cancel
 # at both. The others are for what is not smooth within a cell, most often the edges of the mesh's
@@ -33,9 +33,9 @@ DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 def weights(t: Floats) -> Floats:
     """Lagrange's weights (..., 5) of five nodes along a side at places t (...) in 0..1."""
     x = PARTS * np.asarray(t, float)[..., None]
-    k = np.arange(N_NODES)
-    found = np.ones((*x.shape[:-1], N_NODES))
-    for j in range(N_NODES):
+    k = np.arange(NODES_ALONG)
+    found = np.ones((*x.shape[:-1], NODES_ALONG))
+    for j in range(NODES_ALONG):
         others = k != j
         found[..., others] *= (x - j) / (k[others] - j)
     return found
@@ -52,7 +52,7 @@ def at_places(nodes: Floats, places: Floats) -> Floats:
     """
     n, _, c = nodes.shape
     along_x = np.einsum(
-        "ni,njic->njc", weights(places[:, 0]), nodes.reshape(n, N_NODES, N_NODES, c)
+        "ni,njic->njc", weights(places[:, 0]), nodes.reshape(n, NODES_ALONG, NODES_ALONG, c)
     )
     return np.einsum("nj,njc->nc", weights(places[:, 1]), along_x)
 
@@ -63,16 +63,16 @@ def on_grid(nodes: Floats, m: int) -> Floats:
     """
     n, _, c = nodes.shape
     if m == PARTS:
-        return nodes.reshape(n, N_NODES, N_NODES, c)
+        return nodes.reshape(n, NODES_ALONG, NODES_ALONG, c)
     matrix = _to_grid(m)
-    rows = np.matmul(matrix, nodes.reshape(n, N_NODES, N_NODES * c))
-    return np.matmul(matrix, rows.reshape(n * (m + 1), N_NODES, c)).reshape(n, m + 1, m + 1, c)
+    rows = np.matmul(matrix, nodes.reshape(n, NODES_ALONG, NODES_ALONG * c))
+    return np.matmul(matrix, rows.reshape(n * (m + 1), NODES_ALONG, c)).reshape(n, m + 1, m + 1, c)
 
 
 def _differences(nodes: Floats, stencil: Floats) -> Floats:
     """Largest length (n,) of differences along rows and columns of values (n, 25, 2)."""
-    grid = nodes.reshape(len(nodes), N_NODES, N_NODES, 2)
-    last = N_NODES - len(stencil) + 1
+    grid = nodes.reshape(len(nodes), NODES_ALONG, NODES_ALONG, 2)
+    last = NODES_ALONG - len(stencil) + 1
     along_x = sum(weight * grid[:, :, k : k + last] for k, weight in enumerate(stencil))
     along_y = sum(weight * grid[:, k : k + last] for k, weight in enumerate(stencil))
     squares = [(d * d).sum(axis=-1).max(axis=(1, 2)) for d in (along_x, along_y)]
@@ -99,7 +99,7 @@ def parts_for(nodes: Floats, allowed: float, most: int) -> Ints:
 
 def is_folded(nodes: Floats) -> np.ndarray:
     """Does det J of cells (n,) with nodes (n, 25, 2) change its sign, or come near to it?"""
-    grid = nodes.reshape(len(nodes), N_NODES, N_NODES, 2)
+    grid = nodes.reshape(len(nodes), NODES_ALONG, NODES_ALONG, 2)
     by_x = np.diff(grid, axis=2)
     by_y = np.diff(grid, axis=1)
     turn = [

@@ -30,6 +30,7 @@ def cell_from_display(x: Floats, y: Floats, total: Floats) -> Floats:
     A quad is p = centre + s a + t b + s t c with s, t in -1/2..1/2, a triangle p = corner + s a
     + t b. Six coefficients invert the part without c, two are c in that frame.
     """
+    # both coordinates, as polynomials of s and t
     if len(x) == 3:
         px = x[0]
         py = y[0]
@@ -44,10 +45,12 @@ def cell_from_display(x: Floats, y: Floats, total: Floats) -> Floats:
         py, ay, by, cy = _bilinear(y)
         det = total
 
+    # the inverse of the linear part
     s_x = by / det
     s_y = -bx / det
     t_x = -ay / det
     t_y = ax / det
+
     return np.stack([
         *(s_x, s_y, -(s_x * px + s_y * py)),
         *(t_x, t_y, -(t_x * px + t_y * py)),

@@ -72,6 +72,7 @@ class Lookup:
         asked = np.flatnonzero(is_asked & is_in_image(xy, self.view_size))
         nearest = np.full(len(xy), -1)
         best = np.full(len(xy), np.inf)
+
         for some, k in _each_in(of_pixel, self._pixel(xy[asked])):
             rays = asked[some]
             number = order[k]
@@ -81,6 +82,7 @@ class Lookup:
                 off[is_nearer],
                 self.samples[number[is_nearer]],
             )
+
         found = np.flatnonzero(nearest >= 0)
         return found, nearest[found]
 

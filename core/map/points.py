@@ -115,6 +115,7 @@ def trace_points(
     points = Points(
         view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
     )
+
     for first in range(0, n, RAYS_AT_ONCE):
         some = slice(first, first + RAYS_AT_ONCE)
         origins, directions = plan.rig.viewer.rays(view[some])
@@ -125,6 +126,7 @@ def trace_points(
         landings = main_landings(found, len(origins))
         if paths is not None:
             paths.add(origins, steps)
+
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
         yield len(origins)

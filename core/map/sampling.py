@@ -208,11 +208,13 @@ class Sampling:
         n = len(squares)
         nodes = self._at_nodes(squares)
         checks = first + np.arange(len(CHECKS) * n).reshape(n, len(CHECKS))
+
         missed = np.zeros(n)
         for k, place in enumerate(CHECKS):
             expected = interpolation.at_places(taken(self.points.xy, nodes), np.tile(place, (n, 1)))
             xy = self.points.xy[checks[:, k]]
             is_one = self.points.branch[checks[:, k]] == self.points.branch[nodes[:, 0]]
+
             off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
             missed = np.maximum(
                 missed, np.where(is_seen(expected, xy, self.display_size), off, 0.0)

@@ -77,6 +77,7 @@ class ShareBatches:
             self._kept = kept
 
     def _made(self) -> Iterator[Shares]:
+        """Divide all cells; few shares at a time are put together with the next."""
         sizes = self.display_size, self.view_size
         # on a large display cells go from top to bottom: most batches
         # lie in a few rows, and `add_at` has less to add
@@ -96,6 +97,7 @@ class ShareBatches:
         for some in _by_number(lots(), LOTS_AT_ONCE):
             n_cells = before + np.cumsum([len(lot[0]) for lot in some])
             before = int(n_cells[-1])
+
             for number, part in divided(*sizes, some):
                 self.n_divided = int(n_cells[number])
                 if len(part) > FEW_SHARES:
@@ -107,6 +109,7 @@ class ShareBatches:
                     yield joined(few)
                     few = []
                     n = 0
+
         if few:
             yield joined(few)
 

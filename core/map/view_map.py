@@ -134,12 +134,14 @@ class ViewMap:
         low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
         first = np.clip(low, 0, self.display_size)
         last = np.clip(high, 0, self.display_size)
+
         columns, rows = (np.ceil(last) - np.floor(first)).T
         with np.errstate(over="ignore", invalid="ignore"):
             area = areas(self.points.xy, some[:, :3]) * (some.shape[1] - 2)
             area *= np.fmin.reduce(
                 (last - first) / (high - low), axis=1
             )  # of long ones most may lie beside the display
+
         n_shares = np.fmin(columns * rows, area + columns + rows).sum()
         return float(n_shares) * len(pieces) / max(len(some), 1)
 
@@ -161,16 +163,21 @@ class ViewMap:
         Each lies within one viewer pixel when asked to, but for the squares around samples, whose
         middles do. Their arrays are new each time: whoever asks for them may change them.
         """
+        # smooth cells, by the number of their quads
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
         asked = np.flatnonzero(self.is_beside_glass(self.nodes[:, 0]) == beside)
         for m, cells in each_value(parts[asked]):
             step = max(1, QUADS_AT_ONCE // m**2)
             for first in range(0, len(cells), step):
                 yield self._quads_of(asked[cells[first : first + step]], m)
+
+        # cut pixels
         for kind in (self.quads, self.triangles):
             asked = kind[self.is_beside_glass(kind[:, 0]) == beside]
             for first in range(0, len(asked), QUADS_AT_ONCE):
                 yield polygons(self.points, asked[first : first + QUADS_AT_ONCE])
+
+        # samples
         landed = self.points.branch[self.samples] != 0
         asked = np.flatnonzero(landed & (self.is_beside_glass(self.samples) == beside))
         for first in range(0, len(asked), QUADS_AT_ONCE):

@@ -1,4 +1,9 @@
-"""Are the points of a lattice taken for the right ones?"""
+"""Are the points of a lattice taken for the right ones?
+
+Neighbours tell where a point should be, by a paraboloid through them. It is mistaken where it
+stands more than max(0.3 spacings, 6 times the median distance) from there. That holds for a lattice
+bent by glass, too, of which no fixed distance from a straight one does.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -24,7 +29,7 @@ from .growth import (
 
 
 @dataclass(frozen=True)
-class Doubt:
+class Mistakes:
     """When points are not believed; held by tests/core/test_lattice.py.
 
     mistaken : spacings off, from which on a point is pointed out to people
@@ -39,7 +44,7 @@ class Doubt:
     liker: float = 0.005
 
 
-DOUBT = Doubt()
+MISTAKES = Mistakes()
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
 WAYS = {
     "mirrored": (True, False, 0, 0),
@@ -75,14 +80,14 @@ def check(points: Floats, lattice: Lattice) -> None:
         (k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))
     }
     bases = dict.fromkeys(sites, mean_steps(at, sites))
-    good = without_strangers(at, sites, bases, DOUBT.mistaken)
+    good = without_strangers(at, sites, bases, MISTAKES.mistaken)
     if not good:
         return
 
     rough = np.median(list(roughness(at, good, bases).values()) or [0.0])
-    most = max(DOUBT.mistaken, GROWTH.above_roughness * rough)
+    most = max(MISTAKES.mistaken, GROWTH.above_roughness * rough)
     found = _misplaced(at, sites, good, bases, most)
-    if rough > DOUBT.mistaken or len(found.wanted) > len(sites) / DOUBT.mistaken_one_in:
+    if rough > MISTAKES.mistaken or len(found.wanted) > len(sites) / MISTAKES.mistaken_one_in:
         raise ImageError(
             "The points do not go on from one to the next as those of a lattice of"
             " {columns} x {rows}: they may be numbered in another way, or those of another"
@@ -122,7 +127,9 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
     """Misplaced points, by names, in words: first those that stand in each other's place."""
 
     def is_in_place_of(here: Site, there: Site) -> bool:
-        return np.abs(found.at[here] - found.wanted[there]) < DOUBT.mistaken * found.spacing[there]
+        return (
+            np.abs(found.at[here] - found.wanted[there]) < MISTAKES.mistaken * found.spacing[there]
+        )
 
     told = []
     swapped = set()
@@ -169,6 +176,7 @@ def check_way(points: Floats, expected: Floats) -> None:
     both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
     if both.sum() < GROWTH.fewest:
         return
+
     from_middle = expected[both] - expected[both].mean(axis=0)
     linear = np.linalg.lstsq(from_middle, points[both] - points[both].mean(axis=0), rcond=None)[0].T
     if (
@@ -208,7 +216,7 @@ def check_picture(
 
     # where the picture's places are in the photograph
     fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
-    side = (np.arange(DOUBT.n_compared) + 0.5) / DOUBT.n_compared
+    side = (np.arange(MISTAKES.n_compared) + 0.5) / MISTAKES.n_compared
     u, v = (x.ravel() for x in np.meshgrid(side, side))
     at = terms(u, v) @ fit
     seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
@@ -236,7 +244,7 @@ def check_picture(
         )
         if more > worst:
             worst, way = more, name
-    if worst > (-DOUBT.liker if is_unsure else DOUBT.liker):
+    if worst > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
         raise ImageError(
             "The photograph seems to show the picture {way}, against how its points were"
             " told apart: hold the camera as the viewer looks, show all of the lattice, or"

@@ -108,11 +108,14 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
             ridge = parabolas[:, k] @ design.T
             at = STATIONS_PX[:, None] + 1j * (ridge[:, :, None] + ACROSS_PX)
             values = read_between(windows, line[:, None, None] * at)
+
+            # by the centroid of the light across it
             dark = values.min(axis=2, keepdims=True)
             bright = values.max(axis=2, keepdims=True)
             weight = np.maximum(values - dark - CROSSINGS.floor * (bright - dark), 1e-12)
             ridge = ridge + weight @ ACROSS_PX / weight.sum(axis=2)
             parabolas[:, k] = np.linalg.lstsq(design, ridge.T, rcond=None)[0].T
+
         off = ridge - parabolas[:, k] @ design.T
         is_line &= np.sqrt((off**2).mean(axis=1)) < CROSSINGS.wavy_px
     return parabolas, is_line

@@ -161,6 +161,8 @@ def _spots(windows: NDArray[np.float32]) -> _Spots:
     ground = np.percentile(windows.reshape(len(windows), -1), DOTS.ground_percent, axis=1)
     contrast = smooth[:, SEARCH.around_px, SEARCH.around_px] - ground
     region = _flooded(smooth > (ground + DOTS.edge * contrast)[:, None, None])
+
+    # not cut off by the window
     is_whole = ~(region[:, [0, -1]].any(axis=(1, 2)) | region[:, :, [0, -1]].any(axis=(1, 2)))
     area = region.sum(axis=(1, 2))
     keep = is_whole & (area >= DOTS.least_area_px)
@@ -206,6 +208,7 @@ def _flooded(mask: Bools) -> Bools:
     region = np.zeros_like(mask)
     middle = mask.shape[1] // 2
     region[:, middle, middle] = mask[:, middle, middle]
+
     count = -1
     while (now := np.count_nonzero(region)) != count:
         count = now

@@ -32,6 +32,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     """
     table = _table(Path(path))
     measured = _measured(table, lattice)
+
     if not (measured.loose or measured.lines):
         raise ImageError("The file '{path}' has no points: choose another one.", path=table.path)
     if not measured.loose:
@@ -88,6 +89,7 @@ def _text(path: Path) -> str:
 def _table(path: Path) -> _Table:
     """The lines of a CSV file that are not empty."""
     text = _text(path)
+
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = max(",;\t", key=first.count)
     try:
@@ -134,6 +136,7 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
                 n_cells=len(cells),
                 n_columns=table.n_columns,
             )
+
         values = [cells[place] for place in table.places]
         if table.has_decimal_commas:
             values = [value.replace(",", ".") for value in values]
@@ -144,6 +147,7 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
         if len(values) == 2:
             found.loose.append(xy)
             continue
+
         index = _index(values[:2], where, lattice)
         if index in found.lines:
             raise ImageError(
@@ -180,6 +184,7 @@ def _number(text: str, where: str) -> float:
         raise ImageError(
             "{where} has '{text}' where a number should be: correct it.", where=where, text=text
         ) from None
+
     if not np.isfinite(value):
         raise ImageError(
             "{where} has '{text}', which is no place: correct or remove the line.",

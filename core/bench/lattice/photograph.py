@@ -20,7 +20,7 @@ from .windows import SEARCH, candidates, levels_of, windows_at
 
 FINER_RANK = 0.8  # of a dot's rank, at the next coarser level: the finest at which it is whole
 ALIKE_SIZE = 1.5  # times the size: dots in one place are one dot up to here
-GLARE = 0.25  # of the rank: a dot may stand in a glare
+RANK_IN_GLARE = 0.25  # of the rank: a dot may stand in a glare
 
 
 def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Floats:
@@ -91,6 +91,7 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
             "A photograph of {size} pixels is too small to find points in.",
             size=" x ".join(map(str, image.shape)),
         )
+
     top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1
     if image.ndim == 3:  # without alpha
         channels = [image[..., c] for c in range(3 if image.shape[2] >= 3 else 1)]
@@ -100,6 +101,7 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
         top = top * len(channels)
     else:
         grey = image.astype(np.float32)
+
     if not np.isfinite(grey).all():
         grey = np.nan_to_num(grey, posinf=0.0, neginf=0.0)
     return grey / np.float32(top)
@@ -119,7 +121,7 @@ def _distinct(found: Floats) -> Floats:
             sizes, ranks = found[k + 1 :, 2:].T
             # a dot may stand in a glare
             is_same = (sizes < ALIKE_SIZE * size) & (size < ALIKE_SIZE * sizes) | (
-                ranks < GLARE * rank
+                ranks < RANK_IN_GLARE * rank
             )
             free[k + 1 :] &= ~is_same | (np.abs(at[k + 1 :] - at[k]) > np.maximum(size, sizes))
     return found[free, :3]

@@ -76,6 +76,7 @@ def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
     """
     h = len(level)
     padded = np.pad(level, HALO, mode="reflect")
+
     found = []
     noise = []
     for first in range(0, h, SEARCH.rows_at_once):
