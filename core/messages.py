@@ -50,6 +50,7 @@ class Message(str):
             return template
 
         def words(value: object) -> object:
+            value = getattr(value, "message", value)  # of an error
             if isinstance(value, Message):
                 return value.told(translate, length_text)
             return length_text(value.metres) if isinstance(value, Length) else value

@@ -14,10 +14,11 @@ from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
 from ..core.light.landings import REASON_WORDS, Reason
+from ..core.messages import Message, joined
 from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, number, percent, summary
-from . import work
+from . import long_work, needed, work
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 WIDE = 2  # times the picture: a display that is wider by itself is worth a sentence
@@ -34,7 +35,7 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
     )
 
 
-class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     """Build plate, display, picture and viewer around the selected glass, or around a new ball"""
 
     bl_idname = "kiriko.add_rig"
@@ -87,7 +88,7 @@ class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -116,7 +117,7 @@ class KIRIKO_OT_add_rig(work.LongWork, bpy.types.Operator):
         make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(scene.kiriko.result, text, remarks)
         self.level = "WARNING" if listed(spread.lost) or remarks else "INFO"
-        return one_line(" ".join([text, *remarks, *_on_camera(scene)]))
+        return joined([text, *remarks, *_on_camera(scene)])
 
 
 def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
@@ -136,7 +137,7 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
 
 def _refuse_second(scene: bpy.types.Scene) -> None:
     for role in (role for role in ROLES if role.is_single and role.number is not None):
-        found = work.parts(scene).get(role.name)
+        found = needed.parts(scene).get(role.name)
         if found:
             raise RigError(
                 "The scene has a {role} already ('{name}'): set its role to None first.",
@@ -152,40 +153,57 @@ def _on_display(
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
     """
-    display = f"The display, {length_text(scene, proposal.display)} wide,"
-    text = f"{display} takes all the light of the picture."
+    display = Message("The display, {width} wide,", width=length_text(scene, proposal.display))
+    text = Message("{display} takes all the light of the picture.", display=display)
     if listed(spread.lost):
         text = summary(1 - sum(spread.lost.values()), spread.lost, display)
     if spread.leaked > BESIDE:
-        return (
-            f"{text} {percent(spread.leaked)} of the light goes through gaps in the glass: close"
-            f" them."
+        return Message(
+            "{text} {leaked} of the light goes through gaps in the glass: close them.",
+            text=text,
+            leaked=percent(spread.leaked),
         )
     if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
-        return (
-            f"{text} The viewer sees most of the picture beside the glass: move it, or turn the"
-            f" glass."
+        return Message(
+            "{text} The viewer sees most of the picture beside the glass: move it, or turn"
+            " the glass.",
+            text=text,
         )
     is_cut = spread.beside_weight.sum() > CUT
     if not limit or not (is_cut or proposal.display > WIDE * proposal.picture):
         return text
 
     times = proposal.display / proposal.picture
-    why = (
-        f"It is {number(times)} times as wide as the picture, because light of"
-        f" {spread.outermost(aspect)} spreads that far"
+    why = Message(
+        "It is {times} times as wide as the picture, because light of {part} spreads that far",
+        times=number(times),
+        part=spread.outermost(aspect),
     )
-    remedies = ["make Picture smaller"]
+    remedies = [Message("make Picture smaller")]
     if is_cut:
         part = part_of_picture(spread.beside, spread.beside_weight)
-        why = f"Light of {part} lands outside Display Limit, {length_text(scene, limit)}"
-        remedies.append("raise Display Limit")
+        why = Message(
+            "Light of {part} lands outside Display Limit, {limit}",
+            part=part,
+            limit=length_text(scene, limit),
+        )
+        remedies.append(Message("raise Display Limit"))
     smaller = ROOM * spread.width(aspect, MOST)
     if 0 < smaller < SMALLER * proposal.display:
         share = percent(MOST * (1 - sum(spread.lost.values())))
-        remedies.append(f"set Display to {length_text(scene, smaller)}, which would show {share}")
-    return (
-        f"{text} {why}: {', '.join(remedies[:-1])}{' or ' if remedies[1:] else ''}{remedies[-1]}."
+        remedies.append(
+            Message(
+                "set Display to {width}, which would show {share}",
+                width=length_text(scene, smaller),
+                share=share,
+            )
+        )
+    *others, last = remedies
+    return Message(
+        "{text} {why}: {remedies}.",
+        text=text,
+        why=why,
+        remedies=joined([joined(others, ", "), last], " or ") if others else last,
     )
 
 
@@ -198,9 +216,15 @@ def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> Non
 def _on_materials(bench: Bench) -> list[str]:
     """A sentence on each glass whose material does not refract."""
     return [
-        f"The material of '{thing.name}' does not refract, so that an index of {DEFAULT_IOR} is"
-        f" used: {'press Make It Glass' if thing.data else 'give its objects glass'}, or set"
-        " Override IOR."
+        Message(
+            "The material of '{name}' does not refract, so that an index of {ior} is used:"
+            " {remedy}, or set Override IOR.",
+            name=thing.name,
+            ior=DEFAULT_IOR,
+            remedy=Message("press Make It Glass")
+            if thing.data
+            else Message("give its objects glass"),
+        )
         for thing in bench.opaque
     ]
 
@@ -212,6 +236,10 @@ def _on_camera(scene: bpy.types.Scene) -> list[str]:
     if camera == viewer:
         return []
     return [
-        f"Numpad 0 goes on showing '{camera.name}': to look through '{viewer.name}', make it"
-        f" the scene's camera."
+        Message(
+            "Numpad 0 goes on showing '{camera}': to look through '{viewer}', make it the"
+            " scene's camera.",
+            camera=camera.name,
+            viewer=viewer.name,
+        )
     ]

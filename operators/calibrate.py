@@ -27,16 +27,17 @@ from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
 from ..core.image.flat_picture import view_of_picture
+from ..core.messages import Message, joined
 from ..core.rig import Rig
 from ..core.steps import within
-from . import work
+from . import long_work, needed, work
 from .export import use_bundled_modules
 
 TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
 TEXTS = {".csv", ".txt", ".tsv"}  # endings of files of positions; all others are images
 
 
-class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
     """Find the errors of the real bench from a photograph of the lattice, and solve again"""
 
     bl_idname = "kiriko.calibrate"
@@ -52,7 +53,7 @@ class KIRIKO_OT_calibrate(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.lacking(context.scene))
+        return needed.can_run(cls, needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         path = self.filepath or context.scene.kiriko.calibration.filepath
@@ -118,7 +119,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
     if ours.keep == "NONE":
         ours.found = details
-        return f"{text} Nothing is kept of it."
+        return Message("{text} Nothing is kept of it.", text=text)
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
     kept = (
@@ -127,7 +128,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         else keep_offset(scene, [*offset, amounts])
     )
     with kept:
-        text = f"{text} {write_solution(scene, work.read_to_solve(context), solution)}"
+        text = joined([text, write_solution(scene, work.read_to_solve(context), solution)])
     ours.found = details
     return text
 
@@ -196,10 +197,19 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
 def told(found: Fit) -> str:
     """A fit in a sentence."""
     n = int(found.left_out.sum())
-    odd = f"; {n} that lie{'s' if n == 1 else ''} far from the others' fit left out" if n else ""
-    return (
-        f"The lattice was {found.before:.3g} viewer px off; with the fit it is {found.after:.3g}"
-        f" ({found.n_points} of {found.n_measured} points{odd})."
+    odd = (
+        Message("; {n} that lie{s} far from the others' fit left out", n=n, s="s" if n == 1 else "")
+        if n
+        else ""
+    )
+    return Message(
+        "The lattice was {before:.3g} viewer px off; with the fit it is {after:.3g}"
+        " ({n_points} of {n_measured} points{odd}).",
+        before=found.before,
+        after=found.after,
+        n_points=found.n_points,
+        n_measured=found.n_measured,
+        odd=odd,
     )
 
 

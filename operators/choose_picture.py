@@ -11,7 +11,8 @@ from ..core.blender.image import or_none
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.picture import check_readable
 from ..core.errors import ImageError, RigError
-from . import work
+from ..core.messages import Message, joined
+from . import needed, telling
 
 
 def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -19,7 +20,7 @@ def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
     active = context.active_object
     if active is not None and active.kiriko.role == "PICTURE":
         return active
-    pictures = list(work.parts(context.scene).get("PICTURE", ()))
+    pictures = list(needed.parts(context.scene).get("PICTURE", ()))
     return pictures[0] if len(pictures) == 1 else None
 
 
@@ -49,37 +50,50 @@ class ChoosePicture:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, lacking(context))
+        return needed.can_run(cls, lacking(context))
 
     def choose(self, context: bpy.types.Context, image: bpy.types.Image) -> None:
         """Make an image the picture, and report on plane and material."""
         picture = the_picture(context)
-        check_readable(image, f"the picture '{picture.name}'")
+        check_readable(image, Message("the picture '{picture}'", picture=picture.name))
         before = {slot.material for slot in picture.material_slots}
         picture.kiriko.image = image
 
         problems = []
         if not picture.kiriko.is_image_shown:
             problems.append(
-                "its material is not its own to be changed, and goes on showing the same image"
+                Message(
+                    "its material is not its own to be changed, and goes on showing the same image"
+                )
             )
         try:
             if self.fit:
                 blender_plane.fit(context, picture)
             elif squeezed := blender_plane.squeezed_words(blender_plane.shown_as(context, picture)):
-                problems.append(f"the image is {squeezed}")
+                problems.append(Message("the image is {squeezed}", squeezed=squeezed))
         except RigError as why:
-            problems.append(f"the plane keeps its shape, for {why}")
+            problems.append(Message("the plane keeps its shape, for {why}", why=why))
         new = [slot.material for slot in picture.material_slots if slot.material not in before]
-        material = f", by the new material '{new[0].name}'" if new else ""
-        text = f"The picture '{picture.name}' is '{image.name}' now{material}"
+        material = (
+            Message(", by the new material '{material}'", material=new[0].name) if new else ""
+        )
+        text = Message(
+            "The picture '{picture}' is '{image}' now{material}",
+            picture=picture.name,
+            image=image.name,
+            material=material,
+        )
         result = context.scene.kiriko.result
         if result.source is None:  # Add Rig's report is of the picture before
             result.summary = result.notes = ""
         if problems:
-            self.report({"WARNING"}, f"{text}; but {', and '.join(problems)}.")
+            telling.report(
+                self,
+                "WARNING",
+                Message("{text}; but {problems}.", text=text, problems=joined(problems, ", and ")),
+            )
         else:
-            self.report({"INFO"}, f"{text}.")
+            telling.report(self, "INFO", Message("{text}.", text=text))
 
 
 class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
@@ -97,7 +111,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with work.told(self):
+        with telling.told(self):
             image = bpy.data.images.get((self.image, self.library or None))
             if image is None:
                 raise ImageError(
@@ -134,7 +148,7 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with work.told(self):
+        with telling.told(self):
             known = set(bpy.data.images)
             image = _opened(context, self.filepath)
             if image in known:

@@ -7,23 +7,18 @@ import json
 import sys
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import NoReturn
 
 import bpy
-import numpy as np
 
 from ..core import disk, image_io
 from ..core.blender.kept import Numbers
-from ..core.blender.preview import Preview
-from ..core.blender.result import write_solution
 from ..core.errors import ImageError, KirikoError, RigError
-from ..core.image.simulation import simulate
 from ..core.measure.work_precision import BUDGET
-from . import folder, report, work
+from ..core.messages import Message
+from . import folder, report, solve_to_folder, telling, work
 from .calibrate import calibrated
 from .export import use_bundled_modules
-
-Result = TypeVar("Result")
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 
@@ -95,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
     solve = verbs.add_parser(
         "solve", parents=[pictures], help="compute the source image and write it to a folder"
     )
-    solve.set_defaults(run=_solve)
+    solve.set_defaults(run=solve_to_folder.solve)
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
@@ -129,7 +124,7 @@ def run(argv: list[str]) -> int:
     except SystemExit as end:  # --help
         return int(end.code or 0)
     except (Exception, KeyboardInterrupt) as error:
-        sys.stderr.write(f"kiriko: {work.sentence(error, 'The command')}\n")
+        sys.stderr.write(f"kiriko: {telling.sentence(error, 'The command')}\n")
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     return 0
 
@@ -170,36 +165,6 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         yield from arguments.run(arguments)
 
 
-def _progress(steps: Generator[float, None, Result]) -> Generator[str, None, Result]:
-    """Run long work; yields a line for every tenth of it."""
-    told = 0
-    while True:
-        try:
-            done = int(10 * next(steps))
-        except StopIteration as end:
-            return end.value
-        if done > told:
-            told = done
-            yield f"{10 * done} %"
-
-
-def _files(arguments: argparse.Namespace) -> dict[str, Path]:
-    """The files that solving writes, by the image in them."""
-    names = {
-        "source": str(image_io.named_for("source", arguments.format)),
-        "linear": "source.exr",
-        "ideal": "ideal.png",
-        "seen": "seen.png",
-        "coverage": "coverage.png",
-        "report": "report.json",
-    }
-    if arguments.preview:
-        names["preview"] = "preview.png"
-    if arguments.simulate:
-        names["simulated"] = "simulated.png"
-    return {image: arguments.out / name for image, name in names.items()}
-
-
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Measure error against run time and write the report.
 
@@ -208,13 +173,13 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     rig = work.read(bpy.context).rig
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
-    yield f"measuring '{Path(bpy.data.filepath).name}'"
-    found = yield from _progress(
+    yield Message("measuring '{file}'", file=Path(bpy.data.filepath).name)
+    found = yield from solve_to_folder.told_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
     )
     report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
-    yield f"wrote {len(report.names(rig))} files to '{arguments.out}'"
+    yield Message("wrote {n} files to '{folder}'", n=len(report.names(rig)), folder=arguments.out)
 
 
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -223,16 +188,22 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     details = arguments.out / "calibration.json"
     file = arguments.out / "calibrated.blend"
     if not arguments.overwrite:
-        paths = (details, file, *_files(arguments).values())
+        paths = (details, file, *solve_to_folder.file_names(arguments).values())
         folder.refuse_existing(arguments.out, (path.name for path in paths), "add --overwrite")
     context = bpy.context
     ours = bpy.context.scene.kiriko.calibration
     ours.keep = arguments.keep.upper()
     reading = work.read(context)
     reading.rig.check()
-    yield f"calibrating '{Path(bpy.data.filepath).name}' by '{arguments.measured.name}'"
-    yield (yield from _progress(calibrated(context, reading, arguments.measured)))
-    yield from _solve(arguments)
+    yield Message(
+        "calibrating '{file}' by '{measured}'",
+        file=Path(bpy.data.filepath).name,
+        measured=arguments.measured.name,
+    )
+    yield (
+        yield from solve_to_folder.told_in_tenths(calibrated(context, reading, arguments.measured))
+    )
+    yield from solve_to_folder.solve(arguments)
     disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
@@ -243,73 +214,4 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
             file=file,
             why=why,
         ) from None
-    yield f"wrote '{details.name}' and '{file.name}' there, too"
-
-
-def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Solve and write the files; yields lines of progress."""
-    image_io.openimageio()
-    files = _files(arguments)
-    if not arguments.overwrite:
-        folder.refuse_existing(
-            arguments.out, (path.name for path in files.values()), "add --overwrite"
-        )
-    context = bpy.context
-    scene = context.scene
-    reading = work.read_to_solve(context)
-    yield f"solving '{Path(bpy.data.filepath).name}'"
-    solution = yield from _progress(work.session().solve(reading.rig, work.settings_of(scene)))
-    text = write_solution(scene, reading, solution)
-    yield text
-
-    yield "looking beside the glass"
-    yield from _progress(solution.look_beside())
-
-    size = tuple(reading.display_size) if reading.display_size is not None else None
-    linear = arguments.format if arguments.format.startswith("EXR") else "EXR_FLOAT"
-    jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
-        ("source", solution.source, arguments.format, size),
-        ("linear", solution.source, linear, size),
-        ("ideal", solution.ideal(), "PNG8", None),
-        ("seen", solution.seen(beside=True), "PNG8", None),
-        ("coverage", solution.display_coverage, "PNG8", size),
-    ]
-    numbers = _numbers(scene, text)
-    if arguments.preview:
-        yield "rendering the preview in Cycles"
-        with Preview(
-            scene, reading, scene.kiriko.result.source, samples=arguments.samples
-        ) as preview:
-            jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
-        numbers["preview_notes"] = preview.notes
-    if arguments.simulate:
-        yield "simulating the plate's mirrors"
-        plan = work.session().plan(reading.rig, work.settings_of(scene))
-        found = yield from _progress(simulate(plan, solution.source, arguments.simulate))
-        jobs.append(("simulated", found.image, "PNG8", None))
-        numbers["simulated"] = {
-            "rays_a_pixel": found.spp,
-            "noise": found.error,
-            "luminance": {path.name.lower(): light for path, light in found.luminance.items()},
-            "luminance_error": {
-                path.name.lower(): error for path, error in found.luminance_error.items()
-            },
-        }
-    with disk.together(arguments.out) as scratch:
-        for image, pixels, form, area in jobs:
-            image_io.write(
-                scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
-            )
-        disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
-    yield f"wrote {len(files)} files to '{arguments.out}'"
-
-
-def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
-    result = scene.kiriko.result
-    return {
-        "file": Path(bpy.data.filepath).name,
-        "blender": bpy.app.version_string,
-        "summary": text,
-        **Numbers.read(result.details).by_name,
-        "notes": result.notes.splitlines(),
-    }
+    yield Message("wrote '{details}' and '{file}' there, too", details=details.name, file=file.name)

@@ -9,7 +9,8 @@ from ..core.blender.image import pixels_from_image, save_png
 from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
-from . import watch, work
+from ..core.messages import Message
+from . import needed, telling, watch
 
 WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
 OLD = "Export the old image?"
@@ -82,14 +83,14 @@ class KIRIKO_OT_export(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(
-            cls, work.unsolved(context.scene) + unwritable(context.scene.kiriko.export_format)
+        return needed.can_run(
+            cls, needed.unsolved(context.scene) + unwritable(context.scene.kiriko.export_format)
         )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
         ask = context.window_manager.invoke_confirm
-        with work.told(self):
+        with telling.told(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
             # the path is relative to a file that was never saved
             is_nowhere = not bpy.data.filepath and (
@@ -112,12 +113,14 @@ class KIRIKO_OT_export(bpy.types.Operator):
             self.overwrite |= is_taken
             self.allow_stale |= is_stale
             if is_stale:
-                taken = f" The file '{path}' is replaced." if is_taken else ""
+                taken = Message(" The file '{path}' is replaced.", path=path) if is_taken else ""
                 return ask(
                     self,
                     event,
                     title=OLD,
-                    message=f"{watch.CHANGED}{taken}",
+                    message=telling.in_words(
+                        Message("{changed}{taken}", changed=watch.CHANGED, taken=taken)
+                    ),
                     confirm_text=ALL_THE_SAME,
                 )
             if is_taken:
@@ -148,7 +151,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
         ours = context.scene.kiriko
         if self.is_to_ask:
             return self._ask_where()
-        with work.told(self):
+        with telling.told(self):
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
                     "{changed}, or export the old image with allow_stale=True.",
@@ -172,7 +175,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
             if self.is_in_dialogue:
                 ours.export_path = str(written)
                 ours.export_format = form
-            self.report({"INFO"}, f"Wrote '{written}'.")
+            telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -187,5 +190,5 @@ class KIRIKO_OT_export(bpy.types.Operator):
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True)
             return {"FINISHED"}
         except RuntimeError as error:  # its report
-            self.report({"ERROR"}, " ".join(str(error).split()).removeprefix("Error: "))
+            telling.report(self, "ERROR", " ".join(str(error).split()).removeprefix("Error: "))
             return {"CANCELLED"}

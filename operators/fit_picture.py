@@ -4,7 +4,8 @@ import bpy
 
 from ..core.blender.plane import fit, shown_as, squeezed_words
 from ..core.errors import ImageError, RigError
-from . import work
+from ..core.messages import Message
+from . import needed, telling
 from .choose_picture import lacking, the_picture
 
 
@@ -24,21 +25,25 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
                     reasons.append("The picture has the shape of its image already")
             except (RigError, ImageError):
                 pass  # told when it is pressed
-        return work.can_run(cls, reasons)
+        return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         picture = the_picture(context)
-        with work.told(self):
+        with telling.told(self):
             try:
                 before = fit(context, picture)
             except RigError as why:
                 raise RigError(
                     "'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why
                 ) from None
-            self.report(
-                {"INFO"},
-                f"'{picture.name}' has the shape of its image now; it was"
-                f" {squeezed_words(before)}.",
+            telling.report(
+                self,
+                "INFO",
+                Message(
+                    "'{picture}' has the shape of its image now; it was {squeezed}.",
+                    picture=picture.name,
+                    squeezed=squeezed_words(before),
+                ),
             )
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -4,7 +4,8 @@ import bpy
 
 from ..core.blender.calibration import put_into_scene
 from ..core.blender.kept import Offset
-from . import watch, work
+from ..core.messages import Message
+from . import needed, telling, watch, work
 
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
@@ -21,11 +22,11 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, without_offset(context.scene) + work.lacking(context.scene))
+        return needed.can_run(cls, without_offset(context.scene) + needed.lacking(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         n = len(Offset.read(context.scene.kiriko.calibration.offset).sets)
-        with work.told(self):
+        with telling.told(self):
             reading = work.read(context)
             reading.rig.check()
             is_current = not watch.has_changed(context)
@@ -34,9 +35,14 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
                 # it is the same rig as before, written another way
                 if result.solved_for and is_current:
                     result.solved_for = work.scene_now(context).as_text()
-                self.report(
-                    {"INFO"},
-                    f"The scene is now as {n} calibration{'s' if n > 1 else ''} found the bench.",
+                telling.report(
+                    self,
+                    "INFO",
+                    Message(
+                        "The scene is now as {n} calibration{s} found the bench.",
+                        n=n,
+                        s="s" if n > 1 else "",
+                    ),
                 )
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -51,10 +57,10 @@ class KIRIKO_OT_remove_calibration(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, without_offset(context.scene))
+        return needed.can_run(cls, without_offset(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko.calibration
         ours.offset = ours.found = ""
-        self.report({"INFO"}, "The offset is gone: solve again.")
+        telling.report(self, "INFO", "The offset is gone: solve again.")
         return {"FINISHED"}

@@ -6,7 +6,8 @@ from ..core.bench.lattice.drawn import Lattice
 from ..core.blender.image import encoded_image
 from ..core.blender.plane import plane_size
 from ..core.errors import RigError
-from . import work
+from ..core.messages import Message
+from . import needed, telling
 
 NAME = "Kiriko Calibration"
 SIDE = 2048  # px
@@ -32,13 +33,15 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        is_there = scene.kiriko.picture_source == "IMAGE" or work.parts(scene).get("PICTURE")
-        return work.can_run(cls, [] if is_there else ["No picture: set a plane's role to Picture"])
+        is_there = scene.kiriko.picture_source == "IMAGE" or needed.parts(scene).get("PICTURE")
+        return needed.can_run(
+            cls, [] if is_there else ["No picture: set a plane's role to Picture"]
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         ours = context.scene.kiriko.calibration
-        with work.told(self):
+        with telling.told(self):
             lattice = Lattice(ours.columns, ours.rows, ours.margin)
             style = ours.style.lower()
             if scene.kiriko.picture_source == "IMAGE":
@@ -46,13 +49,14 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
                 scene.kiriko.picture_image = image
                 where = "the scene's picture"
             else:
-                picture = next(iter(work.parts(scene)["PICTURE"]))
+                picture = next(iter(needed.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
                 picture.kiriko.image, where = image, f"'{picture.name}'"
-            text = (
-                f"The lattice is in {where}: solve, show it on the display, and photograph what"
-                f" is seen."
+            text = Message(
+                "The lattice is in {where}: solve, show it on the display, and photograph"
+                " what is seen.",
+                where=where,
             )
-            self.report({"INFO"}, text)
+            telling.report(self, "INFO", text)
             return {"FINISHED"}
         return {"CANCELLED"}

@@ -2,353 +2,22 @@
 
 The work is done in turns of a timer of the application, and not by a modal operator: such a timer
 also runs while objects are dragged, whose operator takes all events of its window; it belongs to no
-window, and holds up neither undo nor auto-save. Only numbers and session uids are remembered from
-turn to turn; datablocks are looked up anew each turn, so that undo, deletion and file load leave
-nothing behind that points nowhere.
+window, and holds up neither undo nor auto-save. One turn is a matter of `live_follower.py`.
 """
 
-from collections.abc import Generator
-from dataclasses import dataclass, field, replace
-from time import perf_counter
-from typing import Any
-
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
-from ..core.blender.result import OURS, pack_source, update_solution, update_source
-from ..core.blender.scene import Reading
-from ..core.blender.shapes import Kept
-from ..core.blender.viewer import frame_of
-from ..core.errors import KirikoError
-from ..core.fingerprint import fingerprint
-from ..core.rig import Rig
-from ..core.settings import Settings
-from ..core.solve.coarse import enlarged, ladder
-from ..core.solve.memory import check_memory
-from . import work
+from ..core.blender.result import pack_source
+from ..core.messages import Message
+from . import live_follower, needed, telling, work
+from .windows import redraw
 
-IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
-PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
-TURN = 0.03  # s after which a turn begins no other step
-QUICK = 0.3  # s: a rig that took less as a whole the last time gets no coarse picture first
-LONG = 0.1  # s: a step that may take longer is announced
-NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
-
-
-@dataclass(frozen=True)
-class Step:
-    """The next step: words for the status bar, the key of its duration, a guess at that, s."""
-
-    phrase: str
-    key: tuple[object, ...] = ()
-    guess: float = field(default=2 * LONG, compare=False)
-
-
-READING = "reading the scene"
-WRITING = "writing the source image"
-
-
-def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
-    """All that Kiriko's own settings say, cheaply: Blender
-    does not tell when a script changes them.
-    """
-    ours = scene.kiriko
-    camera = ours.viewer or scene.camera
-    objects = [
-        (
-            thing.session_uid,
-            o.role,
-            o.use_ior,
-            o.ior,
-            o.priority,
-            o.surface,
-            *o.resolution,
-            uid(o.image),
-            mirrors_of(o),
-        )
-        for things in work.parts(scene).values()
-        for thing in things
-        for o in (thing.kiriko,)
-    ]
-    return (
-        work.settings_of(scene),
-        *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
-        None if camera is None else frame_of(camera, scene.render),
-        ours.picture_source,
-        ours.calibration.offset,
-        tuple(sorted(objects)),
-    )
-
-
-def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
-    """The mirrors of a plate by its object's settings, where it has any."""
-    if ours.role != "PLATE" or ours.plate.model == "IDEAL":
-        return ()
-    p = ours.plate
-    return p.model, p.pitch, p.height, p.ior, p.reflectance, p.crossing_error, p.fresnel, *p.phase
-
-
-def uid(block: bpy.types.ID | None) -> int:
-    """The number that a datablock keeps through undo, when its place in memory changes;
-    0 for none.
-    """
-    return 0 if block is None else block.session_uid
-
-
-class Live:
-    """One scene that is followed. `turn` does a little work; it needs no window and no event."""
-
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        self.uid = scene.session_uid
-        self.problem = ""
-        self.n_pictures = 0
-        self.is_unpacked = False
-        # from a change to the first and to the last picture of it
-        self.seconds: tuple[float, float] | None = None
-        self.longest: dict[str, float] = {}  # s by phrase of the step
-        self.kept = Kept()
-        self.ours: set[int] = set()  # session uids of the datablocks that we write to
-        self._text = ""
-        self._lasted: dict[Step, float] = {}
-        # s of tracing and painting, by kind of rig
-        self._whole_lasted: dict[tuple[object, ...], float] = {}
-        self._settings: tuple[object, ...] = ()
-        self._solved_meshes: list[object] = []
-        self._reading: Reading | None = None
-        self.start_over()
-
-    def start_over(self) -> None:
-        """Take everything for changed, as after undo, which may have put back the image, too."""
-        self.kept = Kept()
-        self._drop()
-        self._key = self._optics = None
-        self.touch()
-
-    def touch(self) -> None:
-        """Something has changed that may count."""
-        self.is_changed = True
-
-    @property
-    def is_working(self) -> bool:
-        return self._work is not None
-
-    def turn(self) -> float | None:
-        """Do a little work; returns seconds until the next turn is
-        due, or None when the scene is not shown any more.
-
-        Single steps are done until TURN is over; before one that may take longer
-        than LONG it returns once, so that the status bar can say so.
-        """
-        window = next((w for w in all_windows() if w.scene.session_uid == self.uid), None)
-        if window is None:
-            return None
-        if work.is_busy():
-            return IDLE
-        with bpy.context.temp_override(window=window):
-            settings = chosen_settings(window.scene)
-            if settings != self._settings:
-                self._settings = settings
-                self.touch()
-            end = perf_counter() + TURN
-            while perf_counter() < end:
-                step = self._upcoming()
-                if step is None:
-                    self._say("")
-                    return IDLE
-                if self._lasted.get(step, step.guess) > LONG and self._say(
-                    f"Kiriko Live: {step.phrase} ..."
-                ):
-                    return NOTICE
-                self._do(step, bpy.context)
-        return PAUSE
-
-    def close(self) -> None:
-        """End the work; nothing is half-written."""
-        self._drop()
-        self._say("")
-
-    def _drop(self) -> None:
-        # a generator is closed when nothing holds it
-        self._work: Generator[Step, None, None] | None = None
-        self._pending: Step | None = None
-        self._has_picture = False
-
-    def _upcoming(self) -> Step | None:
-        """The next single step. A first picture is not given up for
-        a newer change, or a drag would never show any.
-        """
-        if self.is_changed and (self._work is None or self._has_picture):
-            return Step(READING, (self.kept.is_whole,))
-        return self._pending
-
-    def _do(self, step: Step, context: bpy.types.Context) -> None:
-        started = perf_counter()
-        try:
-            if step.phrase == READING:
-                self._read(context)
-            else:
-                self._pending = next(self._work, None)
-                if self._pending is None:
-                    self._drop()
-        except KirikoError as error:
-            self._drop()
-            self._show_problem(str(error))
-        self._lasted[step] = perf_counter() - started
-        self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
-
-    def _read(self, context: bpy.types.Context) -> None:
-        """Read the scene, and begin an update if anything that counts is different."""
-        context.view_layer.update()
-        self.is_changed = False  # the change that the update above told of is in the reading
-        settings = work.settings_of(context.scene)
-        try:
-            reading = work.read(context, self.kept)
-            reading.rig.check()
-            settings.check()
-        except KirikoError:
-            self._key = None
-            raise
-        optics = fingerprint(replace(reading.rig, pictures=()), settings.of_optics)
-        key = (
-            optics,
-            settings,
-            fingerprint(reading.rig.picture_place),
-            self.kept.fingerprint_of(reading.rig.picture.image),
-        )
-        if key == self._key:
-            self._reading = replace(reading, solved_for=self._reading.solved_for)
-            return
-        self._reading = replace(reading, solved_for=work.scene_now(context, self.kept).as_text())
-        self._drop()
-        self._key = key
-        self._work = self._update(context.scene.session_uid, settings, optics)
-        self._pending = next(self._work)
-
-    def _update(
-        self, scene_uid: int, settings: Settings, optics: str
-    ) -> Generator[Step, None, None]:
-        """Solve and write, coarse and then finer; yields each single step before it is done."""
-        started = perf_counter()
-        first = None
-        rig = self._reading.rig
-        meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
-        is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
-        self._solved_meshes = meshes  # held, so that no other mesh gets their ids
-        # with the optics of the last solve a new picture costs
-        # one product: nothing coarse is faster
-        is_traced = optics == self._optics
-        kind = (*_sizes(rig), is_same, settings.of_optics)
-        is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
-        rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
-        if not is_traced:
-            # of the last of them: nothing is shown of a rig that cannot be solved
-            check_memory(rig, settings)
-        for n, (a_rig, how) in enumerate(rungs):
-            is_last = n == len(rungs) - 1
-            began = perf_counter()
-            try:
-                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
-            except KirikoError:
-                if is_last:
-                    raise
-                continue  # a coarse viewer may miss light that the rig's own sees
-            if is_last and not is_traced:
-                self._whole_lasted[kind] = perf_counter() - began
-            yield Step(WRITING, (rig.display.width, rig.display.height))
-            scene = scene_by_uid(scene_uid)
-            if is_last:
-                update_solution(scene, self._reading, found)
-            else:
-                update_source(scene, enlarged(found, rig.display.width, rig.display.height))
-                scene.kiriko.result.is_coarse = True
-            self.n_pictures += 1
-            self.is_unpacked = self._has_picture = True
-            self._note_ours(scene)
-            first = perf_counter() - started if first is None else first
-            redraw()
-        self._optics = optics
-        self.seconds = (first, perf_counter() - started)
-        self._show_problem("")
-
-    def _solve(
-        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
-    ) -> Generator[Step, None, Any]:
-        """The solution, or a coarse source image alone. Names each
-        step before it, and the time that it may take.
-        """
-        sizes = (*_sizes(rig), is_built)
-        session = work.session()
-        n = 0
-        steps = (session.solve if is_last else session.glance)(rig, settings)
-        phrase = "solving" if is_built else "solving for changed glass"
-        # solved with these sizes before, it may take a step
-        # more than then, which is no reason to speak
-        guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
-        while True:
-            yield Step(phrase, (*sizes, n), guess)
-            try:
-                next(steps)
-            except StopIteration as end:
-                return end.value
-            n += 1
-
-    def _note_ours(self, scene: bpy.types.Scene) -> None:
-        display = bpy.data.objects.get(self._reading.display_object)
-        materials = [] if display is None else [slot.material for slot in display.material_slots]
-        self.ours = {
-            uid(scene.kiriko.result.source),
-            *(uid(m) for m in materials if m is not None and m.get(OURS)),
-        }
-
-    def _show_problem(self, text: str) -> None:
-        self.problem = text
-        redraw()
-
-    def _say(self, text: str) -> bool:
-        """Put a sentence into the status bar, '' for none; is it another one than before?"""
-        if text == self._text:
-            return False
-        self._text = text
-        for window in all_windows():
-            if window.scene.session_uid == self.uid or not text:
-                with bpy.context.temp_override(window=window):
-                    window.workspace.status_text_set(text or None)
-        return True
-
-
-def _sizes(rig: Rig) -> tuple[int, ...]:
-    """Sizes by which the time of a solve is guessed: pixels, and
-    the number of triangles up to a factor of two.
-    """
-    n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
-    images = (side for part in (rig.viewer, rig.display) for side in (part.width, part.height))
-    return (*images, n_triangles.bit_length())
-
-
-_lives: list[Live] = []
+_lives: list[live_follower.Live] = []
 _last_words: list[str] = []  # why it stopped by itself
 
 
-def all_windows() -> list[bpy.types.Window]:
-    """All windows of Blender."""
-    return [window for manager in bpy.data.window_managers for window in manager.windows]
-
-
-def scene_by_uid(scene_uid: int) -> bpy.types.Scene:
-    """The scene that has this session uid; it is shown in a window, so it is there."""
-    return next(scene for scene in bpy.data.scenes if scene.session_uid == scene_uid)
-
-
-def redraw() -> None:
-    """Have panels, viewports and image editors drawn again."""
-    for window in all_windows():
-        for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                area.tag_redraw()
-
-
-def followed() -> Live | None:
+def followed() -> live_follower.Live | None:
     """The one scene that is followed, if any."""
     return _lives[0] if _lives else None
 
@@ -368,15 +37,19 @@ def status() -> tuple[str, bool]:
     if live.seconds is None or live.is_working:
         return "Live: updating.", False
     first, last = live.seconds
-    return f"Live: up to date. First picture after {first:.2f} s, final after {last:.2f} s.", False
+    return Message(
+        "Live: up to date. First picture after {first:.2f} s, final after {last:.2f} s.",
+        first=first,
+        last=last,
+    ), False
 
 
-def start(scene: bpy.types.Scene) -> Live:
+def start(scene: bpy.types.Scene) -> live_follower.Live:
     """Follow a scene from now on."""
     stop()
-    _lives.append(Live(scene))
+    _lives.append(live_follower.Live(scene))
     work.listen(HANDLERS)
-    bpy.app.timers.register(tick, first_interval=PAUSE)
+    bpy.app.timers.register(tick, first_interval=live_follower.PAUSE)
     return _lives[0]
 
 
@@ -394,7 +67,7 @@ def stop(last_words: str = "") -> None:
     redraw()
 
 
-def pack_if_needed(live: Live) -> None:
+def pack_if_needed(live: live_follower.Live) -> None:
     """Save the image within the file, which takes too long to be done with each update."""
     scene = next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
     if live.is_unpacked and scene is not None:
@@ -409,7 +82,7 @@ def tick() -> float | None:
     try:
         wait = _lives[0].turn()
     except (Exception, KeyboardInterrupt) as error:
-        stop(work.sentence(error, "Live"))
+        stop(telling.sentence(error, "Live"))
         return None
     if wait is None:
         stop("Live stopped: no window shows its scene any more.")
@@ -484,7 +157,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, [] if is_on() else work.lacking(context.scene))
+        return needed.can_run(cls, [] if is_on() else needed.lacking(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if is_on():

@@ -5,7 +5,8 @@ import bpy
 from ..core.blender import shaders
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.material import refracts
-from . import work
+from ..core.messages import Message
+from . import needed, telling
 
 NAME = "Kiriko Glass"
 
@@ -32,13 +33,13 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(
+        return needed.can_run(
             cls, [] if _chosen(context) else ["Select glass whose material does not refract"]
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         things = _chosen(context)
-        with work.told(self):
+        with telling.told(self):
             glass = bpy.data.materials.new(NAME)
             try:
                 shaders.be_glass(glass, DEFAULT_IOR, True)
@@ -48,20 +49,30 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
             kept = dict.fromkeys(name for thing in things for name in _give(thing, glass))
             names = ", ".join(f"'{thing.name}'" for thing in things)
             result = context.scene.kiriko.result
-            told = tuple(f"The material of '{thing.name}' does not refract" for thing in things)
+            told = tuple(
+                Message("The material of '{name}' does not refract", name=thing.name)
+                for thing in things
+            )
             result.notes = "\n".join(
                 note for note in result.notes.splitlines() if not note.startswith(told)
             )
             stays = (
-                f"; {', '.join(kept)} stay{'s' if len(kept) == 1 else ''} in the file"
+                Message(
+                    "; {names} stay{s} in the file",
+                    names=", ".join(kept),
+                    s="s" if len(kept) == 1 else "",
+                )
                 if kept
                 else ""
             )
-            text = (
-                f"The material of {names} is '{glass.name}' now, with an index of"
-                f" {DEFAULT_IOR}{stays}."
+            text = Message(
+                "The material of {names} is '{glass}' now, with an index of {ior}{stays}.",
+                names=names,
+                glass=glass.name,
+                ior=DEFAULT_IOR,
+                stays=stays,
             )
-            self.report({"INFO"}, text)
+            telling.report(self, "INFO", text)
             return {"FINISHED"}
         return {"CANCELLED"}
 

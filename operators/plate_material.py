@@ -10,7 +10,8 @@ from ..core.blender.plate import be_mirror_array
 from ..core.blender.scene import length_of_unit
 from ..core.errors import MeshError, RigError
 from ..core.light.law_plate import PLATE_FLATNESS
-from . import work
+from ..core.messages import Message
+from . import needed, telling
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 FILE = FOLDER / "kiriko_plate.blend"
@@ -101,14 +102,14 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = context.active_object
         is_new = thing is None or thing.type != "MESH" or not thing.select_get()
         metres = length_of_unit(context.scene)
         material = None
-        with work.told(self):
+        with telling.told(self):
             if not is_new:
                 self._check(thing)
             material = (None if is_new else _own_material(thing, metres)) or _material(
@@ -122,12 +123,24 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
             thing.name = thing.data.name = "Kiriko Plate"
         thing.active_material = material
         if context.scene.render.engine != "CYCLES":
-            self.report(
-                {"WARNING"},
-                f"'{material.name}' is seen in Cycles only: choose it as the render engine.",
+            telling.report(
+                self,
+                "WARNING",
+                Message(
+                    "'{material}' is seen in Cycles only: choose it as the render engine.",
+                    material=material.name,
+                ),
             )
         else:
-            self.report({"INFO"}, f"'{thing.name}' is a plate by its material '{material.name}'.")
+            telling.report(
+                self,
+                "INFO",
+                Message(
+                    "'{name}' is a plate by its material '{material}'.",
+                    name=thing.name,
+                    material=material.name,
+                ),
+            )
         return {"FINISHED"}
 
     def _check(self, thing: bpy.types.Object) -> None:
@@ -172,20 +185,30 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(
+        return needed.can_run(
             cls, ["Kiriko is among your asset libraries already"] if library_path() else []
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not FILE.exists():
-            self.report({"ERROR"}, f"The file {FILE} is missing: install Kiriko again.")
+            telling.report(
+                self,
+                "ERROR",
+                Message("The file {file} is missing: install Kiriko again.", file=FILE),
+            )
             return {"CANCELLED"}
         library = context.preferences.filepaths.asset_libraries.new(
             name="Kiriko", directory=str(FOLDER)
         )
         context.preferences.is_dirty = True
-        self.report(
-            {"INFO"},
-            f"The asset library '{library.name}' is in Preferences > {libraries_page()}: {FOLDER}.",
+        telling.report(
+            self,
+            "INFO",
+            Message(
+                "The asset library '{name}' is in Preferences > {page}: {folder}.",
+                name=library.name,
+                page=libraries_page(),
+                folder=FOLDER,
+            ),
         )
         return {"FINISHED"}

@@ -5,8 +5,9 @@ import bpy
 from ..core.blender.resize import give_side
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import RigError
+from ..core.messages import Message
 from ..core.rig import PRESET_SIDES, PRESETS
-from . import work
+from . import needed, telling
 
 
 class KIRIKO_OT_plate_preset(bpy.types.Operator):
@@ -23,8 +24,11 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
             (
                 name,
                 name,
-                f"Two crossed layers, {1e3 * array.pitch:g} mm from mirror to mirror,"
-                f" {1e3 * PRESET_SIDES[name]:g} mm a side",
+                Message(
+                    "Two crossed layers, {pitch:g} mm from mirror to mirror, {side:g} mm a side",
+                    pitch=1e3 * array.pitch,
+                    side=1e3 * PRESET_SIDES[name],
+                ),
             )
             for name, array in PRESETS.items()
         ],
@@ -38,29 +42,35 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
             reasons.append("Select a plate: an object whose role is Plate")
         elif not thing.is_editable:
             reasons.append("The plate is linked from another file: choose its preset there")
-        return work.can_run(cls, reasons)
+        return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         plate = context.active_object
         side = PRESET_SIDES[self.preset]
         length = length_text(context.scene, side)
-        with work.told(self):
+        with telling.told(self):
             try:
                 give_side(context, plate, side / length_of_unit(context.scene))
             except RigError as why:
                 level = "WARNING"
-                text = (
-                    f"'{plate.name}' has the mirrors of {self.preset} now, but not its size of"
-                    f" {length}: {why}."
+                text = Message(
+                    "'{plate}' has the mirrors of {preset} now, but not its size of"
+                    " {length}: {why}.",
+                    plate=plate.name,
+                    preset=self.preset,
+                    length=length,
+                    why=why,
                 )
             else:
                 level = "INFO"
-                text = (
-                    f"'{plate.name}' has the mirrors of {self.preset} now, and its size: {length}"
-                    f" a side."
+                text = Message(
+                    "'{plate}' has the mirrors of {preset} now, and its size: {length} a side.",
+                    plate=plate.name,
+                    preset=self.preset,
+                    length=length,
                 )
             _set_mirrors(plate, self.preset)
-            self.report({level}, text)
+            telling.report(self, level, text)
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -10,7 +10,8 @@ from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
 from ..core.errors import ImageError, RigError
-from . import watch, work
+from ..core.messages import Message, joined
+from . import long_work, needed, telling, watch, work
 from .export import target, use_bundled_modules
 
 NAME = "Kiriko Preview"
@@ -71,15 +72,15 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = work.unsolved(context.scene) + work.lacking(context.scene)
+        reasons = needed.unsolved(context.scene) + needed.lacking(context.scene)
         if not hasattr(context.scene, "cycles"):
             reasons.insert(0, "The preview needs Cycles: enable the add-on Cycles Render Engine")
         if bpy.app.is_job_running("RENDER"):
             reasons.insert(0, "A render is running: wait for it or stop it")
-        return work.can_run(cls, reasons)
+        return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with work.told(self), self._prepare(context) as preview:
+        with telling.told(self), self._prepare(context) as preview:
             preview.render()
             self._finish(context, preview)
             return {"FINISHED"}
@@ -89,14 +90,14 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if bpy.app.background or context.window is None:
             return self.execute(context)
         self._preview = None
-        with work.told(self):
+        with telling.told(self):
             self._preview = self._prepare(context)
         if self._preview is None:
             return {"CANCELLED"}
         # Blender renders in a job of its own and puts no setting back
         # after Esc; a temporary scene needs none put back
         self._preview.scene.render.use_lock_interface = True
-        self._timer = context.window_manager.event_timer_add(work.TICK, window=context.window)
+        self._timer = context.window_manager.event_timer_add(long_work.TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
         bpy.ops.render.render("INVOKE_DEFAULT", scene=self._preview.scene.name, write_still=True)
         return {"RUNNING_MODAL"}
@@ -105,11 +106,11 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
         try:
-            with work.told(self):
+            with telling.told(self):
                 if self._preview.is_rendered:
                     self._finish(context, self._preview)
                     return {"FINISHED"}
-                self.report({"INFO"}, "Stopped; the scene is as it was.")
+                telling.report(self, "INFO", "Stopped; the scene is as it was.")
             return {"CANCELLED"}
         finally:
             self.cancel(context)
@@ -189,6 +190,10 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                     space.image = image
         remarks = self._remarks + preview.notes
         if remarks:
-            self.report({"WARNING"}, " ".join(remarks))
+            telling.report(self, "WARNING", joined(remarks))
         else:
-            self.report({"INFO"}, f"The image '{image.name}' shows what the viewer sees.")
+            telling.report(
+                self,
+                "INFO",
+                Message("The image '{image}' shows what the viewer sees.", image=image.name),
+            )

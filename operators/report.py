@@ -25,10 +25,11 @@ from ..core.measure.report import (
     table,
 )
 from ..core.measure.work_precision import BUDGET, WorkPrecision, measure
+from ..core.messages import Message
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
 from ..core.steps import finish
-from . import folder, work
+from . import folder, long_work, needed, work
 from .export import use_bundled_modules
 
 __all__ = ["measured", "names", "table", "write"]
@@ -103,7 +104,7 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
             disk.write_text(scratch / name, text)
 
 
-class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
     """Measure the cost of accuracy on this rig: error against time, as table and diagram"""
 
     bl_idname = "kiriko.report"
@@ -133,7 +134,7 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.lacking(context.scene))
+        return needed.can_run(cls, needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -148,4 +149,4 @@ class KIRIKO_OT_report(work.LongWork, bpy.types.Operator):
             found = yield from measured(context, rig, target, self.seconds)
             write(target, rig, work.settings_of(scene), found)
         write_ladder(scene, found.ladder)
-        return f"Wrote {', '.join(names(rig))} to '{target}'."
+        return Message("Wrote {files} to '{target}'.", files=", ".join(names(rig)), target=target)

@@ -12,13 +12,14 @@ from ..core.blender.result import replace_image
 from ..core.errors import RigError
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
+from ..core.messages import Message, joined
 from ..core.words import number, percent
-from . import watch, work
+from . import long_work, needed, watch, work
 
 NAME = "Kiriko Seen"
 
 
-class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
     """Simulate the viewer's image, stray light, dimness and blur of the plate's mirrors included"""
 
     bl_idname = "kiriko.simulate"
@@ -35,7 +36,7 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.unsolved(context.scene) + work.lacking(context.scene))
+        return needed.can_run(cls, needed.unsolved(context.scene) + needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -59,11 +60,15 @@ class KIRIKO_OT_simulate(work.LongWork, bpy.types.Operator):
         found = yield from simulate(plan, shown, self.samples)
         result = scene.kiriko.result
         result.seen = image = replace_image(result.seen, NAME, found.image)
-        result.seen_summary = f"The image '{image.name}' shows what the viewer sees{told(found)}."
+        result.seen_summary = Message(
+            "The image '{image}' shows what the viewer sees{more}.",
+            image=image.name,
+            more=told(found),
+        )
         if not is_changed:
             return result.seen_summary
         self.level = "WARNING"
-        return f"{result.seen_summary} {watch.CHANGED}"
+        return joined([result.seen_summary, watch.CHANGED])
 
 
 def told(found: Simulation) -> str:
@@ -78,6 +83,12 @@ def told(found: Simulation) -> str:
         error = np.linalg.norm([found.luminance_error[path] for path in paths])
         if light > 0:
             words.append(
-                f"{percent(light / whole)} (+- {percent(float(error) / whole)}) of it {word}"
+                Message(
+                    "{share} (+- {error}) of it {word}",
+                    share=percent(light / whole),
+                    error=percent(float(error) / whole),
+                    word=word,
+                )
             )
-    return "".join(f", {text}" for text in (*words, f"noise {number(found.error)} of white"))
+    words.append(Message("noise {error} of white", error=number(found.error)))
+    return joined(["", *words], ", ")

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from ..core.blender.result import write_coarse, write_solution
 from ..core.solve.coarse import solve_in_sight
-from . import live, work
+from . import live, long_work, needed, work
 
 
-class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
     """Compute the source image, which shows the viewer the picture undistorted inside the glass"""
 
     bl_idname = "kiriko.solve"
@@ -22,7 +22,7 @@ class KIRIKO_OT_solve(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.lacking(context.scene))
+        return needed.can_run(cls, needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene, self.shown = context.scene, 0

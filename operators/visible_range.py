@@ -9,13 +9,14 @@ from ..core.bench.visible_range import SURVEY, visible_range
 from ..core.blender.objects import grid_object
 from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
+from ..core.messages import Message
 from ..core.words import percent
-from . import work
+from . import long_work, needed, work
 
 NAME = "Kiriko Visible Range"
 
 
-class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
     """Add a surface that shows where the picture is seen, at the viewer's distance, how bright"""
 
     bl_idname = "kiriko.visible_range"
@@ -33,7 +34,7 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return work.can_run(cls, work.lacking(context.scene))
+        return needed.can_run(cls, needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -52,12 +53,19 @@ class KIRIKO_OT_visible_range(work.LongWork, bpy.types.Operator):
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
-            return (
-                f"'{NAME}' shows from where {percent(self.share)} of the picture is seen; the"
-                f" viewer is not there."
+            return Message(
+                "'{name}' shows from where {share} of the picture is seen; the viewer is"
+                " not there.",
+                name=NAME,
+                share=percent(self.share),
             )
-        return (
-            f"{percent(self.share)} of the picture is seen from {left:.1f} degrees left of the"
-            f" viewer to {right:.1f}"
-            f" right, and from {down:.1f} below to {up:.1f} above: '{NAME}'."
+        return Message(
+            "{share} of the picture is seen from {left:.1f} degrees left of the viewer to"
+            " {right:.1f} right, and from {down:.1f} below to {up:.1f} above: '{name}'.",
+            share=percent(self.share),
+            left=left,
+            right=right,
+            down=down,
+            up=up,
+            name=NAME,
         )

@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
 from ..core.solve.solved_for import from_text
-from . import live, work
+from . import chosen, live, telling, windows, work
 
 CHANGED = "The scene has changed since: solve again."
 QUIET = 0.4  # s without a change before the scene is read
@@ -52,9 +52,9 @@ class Watched:
         started = monotonic()
         if started < self.polled_next:
             return
-        chosen = (scene.kiriko.result.solved_for, live.chosen_settings(scene))
-        if chosen != self.chosen:
-            self.chosen = chosen
+        settings = (scene.kiriko.result.solved_for, chosen.chosen_settings(scene))
+        if settings != self.chosen:
+            self.chosen = settings
             self.touch()
         ended = monotonic()
         self.polled_next = ended + POLLING * (ended - started)
@@ -111,7 +111,9 @@ def tick() -> float:
     try:
         look()
     except Exception as error:
-        work.sentence(error, "The look at the scene")  # which prints errors that were not foreseen
+        telling.sentence(
+            error, "The look at the scene"
+        )  # which prints errors that were not foreseen
         _watched.clear()
         return PATIENCE
     return TICK
@@ -119,7 +121,7 @@ def tick() -> float:
 
 def look() -> None:
     """Read one scene that is shown, has a result and may have changed; if it is time to."""
-    shown = {window.scene.session_uid: window for window in reversed(live.all_windows())}
+    shown = {window.scene.session_uid: window for window in reversed(windows.all_windows())}
     for gone in set(_watched) - set(shown):
         del _watched[gone]
     for uid, window in shown.items():
@@ -129,7 +131,7 @@ def look() -> None:
             _watched.pop(uid, None)
             continue
         watched = _watched.setdefault(uid, Watched())
-        watched.ours = frozenset(map(live.uid, (result.source, result.seen, result.preview)))
+        watched.ours = frozenset(map(chosen.uid, (result.source, result.seen, result.preview)))
         watched.poll(scene)
         if watched.is_due and not is_followed(scene) and not is_busy(watched):
             check(watched, window)
@@ -138,10 +140,10 @@ def look() -> None:
 
 def is_busy(watched: Watched) -> bool:
     """Is something at work or in the user's hands that reading the scene would hold up?"""
-    windows = live.all_windows()
-    if work.is_busy() or any(window.screen.is_animation_playing for window in windows):
+    shown = windows.all_windows()
+    if work.is_busy() or any(window.screen.is_animation_playing for window in shown):
         return True
-    is_held = any(len(window.modal_operators) for window in windows)
+    is_held = any(len(window.modal_operators) for window in shown)
     return is_held and monotonic() - watched.changed_at < PATIENCE
 
 
@@ -158,7 +160,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         watched.lasted[is_short] = perf_counter() - started
     if verdict != watched.verdict:
         watched.verdict = verdict
-        live.redraw()
+        windows.redraw()
 
 
 @persistent

@@ -3,6 +3,7 @@
 import bpy
 
 from ..core.blender.kept import Numbers, Offset
+from ..core.messages import Message
 from ..operators.calibrate import TELLS
 from .words import Sidebar, sentence
 
@@ -37,11 +38,13 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
         buttons.operator("kiriko.calibrate", icon="TRACKER")
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
-            kept = "An offset is" if n == 1 else f"Offsets of {n} calibrations are"
+            kept = "An offset is" if n == 1 else Message("Offsets of {n} calibrations are", n=n)
             sentence(
                 layout,
                 context,
-                f"{kept} kept: the rig that is solved is not quite where it is drawn.",
+                Message(
+                    "{kept} kept: the rig that is solved is not quite where it is drawn.", kept=kept
+                ),
                 icon="INFO",
             )
             row = layout.row(align=True)
@@ -78,16 +81,19 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         found = Numbers.read(context.scene.kiriko.calibration.found).by_name
-        text = (
-            f"'{found['measured']}', {found['points']} of {found['of']} points:"
-            f" {found['before_viewer_px']:.3g} px off,"
-            f" {found['after_viewer_px']:.2g} with the fit."
+        text = Message(
+            "'{file}', {n} of {n_all} points: {before:.3g} px off, {after:.2g} with the fit.",
+            file=found["measured"],
+            n=found["points"],
+            n_all=found["of"],
+            before=found["before_viewer_px"],
+            after=found["after_viewer_px"],
         )
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
         if found["left_out"]:
-            text = (
-                f"Left out, for they lie far from where the others have them:"
-                f" {', '.join(found['left_out'])}."
+            text = Message(
+                "Left out, for they lie far from where the others have them: {points}.",
+                points=", ".join(found["left_out"]),
             )
             sentence(layout, context, text, icon="ERROR")
         amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
@@ -98,9 +104,11 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
             sentence(layout, context, text.rstrip(), icon="DOT")
         n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
         condition = "infinite" if found["condition"] is None else f"{found['condition']:.1g}"
-        text = (
-            f"The photograph tells of {n_told} of {len(amounts)} amounts; condition number"
-            f" {condition}."
+        text = Message(
+            "The photograph tells of {n_told} of {n} amounts; condition number {condition}.",
+            n_told=n_told,
+            n=len(amounts),
+            condition=condition,
         )
         sentence(layout, context, text, icon="INFO")
         if found["extra_photographs"]:
@@ -118,10 +126,18 @@ class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
         layout = self.layout
         found = Numbers.read(context.scene.kiriko.calibration.found).by_name
         for group in found["alike"]:
-            sentence(layout, context, f"Almost alike: {', '.join(group)}.", icon="DUPLICATE")
+            sentence(
+                layout,
+                context,
+                Message("Almost alike: {amounts}.", amounts=", ".join(group)),
+                icon="DUPLICATE",
+            )
         if found["still"]:
             sentence(
-                layout, context, f"Not seen in it: {', '.join(found['still'])}.", icon="HIDE_ON"
+                layout,
+                context,
+                Message("Not seen in it: {amounts}.", amounts=", ".join(found["still"])),
+                icon="HIDE_ON",
             )
 
 
@@ -131,8 +147,17 @@ def advice(found: dict) -> str:
     rows = {entry["name"]: entry for entry in found["amounts"]}
     gains = sorted((extra["errors"][name] / entry["error"], name) for name, entry in rows.items())
     words = [
-        f"{name} to {extra['errors'][name]:.2g} instead of {rows[name]['error']:.2g}"
-        f" {rows[name]['unit']}".rstrip()
+        Message(
+            "{name} to {error:.2g} instead of {before:.2g} {unit}",
+            name=name,
+            error=extra["errors"][name],
+            before=rows[name]["error"],
+            unit=rows[name]["unit"],
+        ).rstrip()
         for _, name in gains[:2]
     ]
-    return f"A photograph from {extra['where']} would tell most: {', '.join(words)}."
+    return Message(
+        "A photograph from {where} would tell most: {amounts}.",
+        where=extra["where"],
+        amounts=", ".join(words),
+    )

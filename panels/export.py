@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.messages import Message
 from ..operators import watch
 from ..operators.export import unwritable
 from .words import Sidebar, sentence
@@ -20,7 +21,7 @@ class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
         layout.prop(ours, "export_path")
         layout.prop(ours, "export_format")
         for reason in unwritable(ours.export_format):
-            sentence(layout, context, f"{reason}.", icon="ERROR")
+            sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
         layout.prop(ours, "export_overwrite")
         if ours.result.source is not None and watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.messages import Message
 from ..operators import plate_material
 
 
@@ -14,6 +15,8 @@ class KIRIKO_preferences(bpy.types.AddonPreferences):
         path = plate_material.library_path()
         self.layout.label(text="Plate materials for Cycles, in the asset browser:")
         if path:
-            self.layout.label(text=f"In your asset libraries: {path}", icon="CHECKMARK")
+            self.layout.label(
+                text=Message("In your asset libraries: {path}", path=path), icon="CHECKMARK"
+            )
         else:
             self.layout.operator("kiriko.add_asset_library", icon="ASSET_MANAGER")

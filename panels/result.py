@@ -3,8 +3,9 @@
 import bpy
 
 from ..core.blender.kept import Numbers
+from ..core.messages import Message
 from ..core.words import number, percent, pixels
-from ..operators import watch, work
+from ..operators import needed, watch
 from .words import Sidebar, sentence
 
 
@@ -17,7 +18,7 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         if result.is_coarse:
-            sentence(layout, context, f"{work.COARSE}.", icon="ERROR")
+            sentence(layout, context, Message("{reason}.", reason=needed.COARSE), icon="ERROR")
         elif not result.summary:
             layout.label(text="Not solved yet.")
             return
@@ -30,7 +31,10 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             if result.summary:
                 # not the property, which is rounded: the sentence above tells the same number
                 coverage = details.get("picture_coverage", result.coverage)
-                layout.progress(factor=result.coverage, text=f"{percent(coverage)} of the picture")
+                layout.progress(
+                    factor=result.coverage,
+                    text=Message("{coverage} of the picture", coverage=percent(coverage)),
+                )
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
         if result.seen is not None and result.seen_summary:
             sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
@@ -51,28 +55,50 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             errors["map"] = details["map_error"]["percentile"]
         known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
         if known:
-            sentence(layout, context, f"Error: {', '.join(known)}", icon="DRIVER_DISTANCE")
+            sentence(
+                layout,
+                context,
+                Message("Error: {errors}", errors=", ".join(known)),
+                icon="DRIVER_DISTANCE",
+            )
         plate = details.get("plate")
         if plate:
             sentence(layout, context, plate_words(plate), icon="MESH_GRID")
-        sentence(layout, context, f"Solved in {number(details['total_seconds'])} s", icon="TIME")
+        sentence(
+            layout,
+            context,
+            Message("Solved in {seconds} s", seconds=number(details["total_seconds"])),
+            icon="TIME",
+        )
         cost = details["cost"]
         for name in ("half", "twice"):
             if name in cost:
                 other = cost[name]
-                text = f"Tolerance {other['tolerance']:.3g} px: about {number(other['seconds'])} s"
+                text = Message(
+                    "Tolerance {tolerance:.3g} px: about {seconds} s",
+                    tolerance=other["tolerance"],
+                    seconds=number(other["seconds"]),
+                )
                 sentence(layout, context, text, icon="BLANK1")
 
 
 def plate_words(plate: dict) -> str:
     """Brightness and blur by a plate's mirrors, with their standard errors."""
-    words = (
-        f"Plate: {percent(plate['brightness'])} (+- {percent(plate['brightness_error'])}) of the"
-        f" light, {percent(plate['least'])} to {percent(plate['most'])}"
+    words = Message(
+        "Plate: {brightness} (+- {error}) of the light, {least} to {most}",
+        brightness=percent(plate["brightness"]),
+        error=percent(plate["brightness_error"]),
+        least=percent(plate["least"]),
+        most=percent(plate["most"]),
     )
     if plate["blur"] is None:
         return words
-    return f"{words}; blur {number(plate['blur'])} (+- {plate['blur_error'] or 0:.1g}) viewer px"
+    return Message(
+        "{words}; blur {blur} (+- {error:.1g}) viewer px",
+        words=words,
+        blur=number(plate["blur"]),
+        error=plate["blur_error"] or 0,
+    )
 
 
 class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
@@ -90,17 +116,35 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
         layout = self.layout
         details = Numbers.read(context.scene.kiriko.result.details).by_name
         for read in details["materials"]:
-            where = f" of '{read['material_name']}'" if read["source"] != "default" else ""
-            text = f"{read['object_name']}: index {read['ior']:.4f} ({read['source']}{where})"
+            where = (
+                Message(" of '{material}'", material=read["material_name"])
+                if read["source"] != "default"
+                else ""
+            )
+            text = Message(
+                "{name}: index {ior:.4f} ({source}{where})",
+                name=read["object_name"],
+                ior=read["ior"],
+                source=read["source"],
+                where=where,
+            )
             sentence(layout, context, text, icon="MATERIAL")
         column = layout.column(align=True)
         column.scale_y = 0.8
         for part, seconds in details["seconds"].items():
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
-        column.label(text=f"Rays: {details['rays']}")
+        column.label(text=Message("Rays: {rays}", rays=details["rays"]))
         if details.get("glare"):
-            column.label(text=f"Light beside the glass: {percent(details['glare']['share'])}")
+            column.label(
+                text=Message(
+                    "Light beside the glass: {share}", share=percent(details["glare"]["share"])
+                )
+            )
         if details.get("tessellation_error"):
-            column.label(text=f"Tessellation: {pixels(details['tessellation_error'])}")
-        sentence(layout, context, f"Used: {', '.join(details['used'])}.")
-        sentence(layout, context, f"Left out: {', '.join(details['left_out'])}.")
+            column.label(
+                text=Message("Tessellation: {error}", error=pixels(details["tessellation_error"]))
+            )
+        sentence(layout, context, Message("Used: {parts}.", parts=", ".join(details["used"])))
+        sentence(
+            layout, context, Message("Left out: {parts}.", parts=", ".join(details["left_out"]))
+        )

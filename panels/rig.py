@@ -8,7 +8,8 @@ from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render
-from ..operators import work
+from ..core.messages import Message
+from ..operators import needed
 from ..operators.make_glass import can_be_given
 from .words import Sidebar, sentence
 
@@ -68,7 +69,12 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             self._draw_resolution(column, context, viewer)
         if scene.camera != viewer:
             shown = "no camera" if scene.camera is None else f"'{scene.camera.name}'"
-            sentence(column, context, f"Numpad 0 shows {shown}, not '{viewer.name}'.", icon="INFO")
+            sentence(
+                column,
+                context,
+                Message("Numpad 0 shows {shown}, not '{viewer}'.", shown=shown, viewer=viewer.name),
+                icon="INFO",
+            )
             switch = column.operator(
                 "wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA"
             )
@@ -76,9 +82,10 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             return
         shown = frame_of_render(scene.render)
         if not frame_of(viewer, scene.render).has_shape_of(shown):
-            text = (
-                f"Numpad 0 shows it in the shape of the render, {shown.size[0]} x {shown.size[1]}"
-                f" px."
+            text = Message(
+                "Numpad 0 shows it in the shape of the render, {width} x {height} px.",
+                width=shown.size[0],
+                height=shown.size[1],
             )
             sentence(column, context, text, icon="INFO")
 
@@ -91,7 +98,10 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             layout.prop(ours, "resolution")
         else:
             width, height = frame_of(camera, context.scene.render).size
-            layout.label(text=f"As the render: {width} x {height} px", icon="BLANK1")
+            layout.label(
+                text=Message("As the render: {width} x {height} px", width=width, height=height),
+                icon="BLANK1",
+            )
 
     def _draw_object(
         self, box: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
@@ -106,14 +116,23 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 sentence(
                     box,
                     context,
-                    f"{why[:1].upper()}{why[1:]}, and can be no part of the rig.",
+                    Message(
+                        "{first}{rest}, and can be no part of the rig.",
+                        first=why[:1].upper(),
+                        rest=why[1:],
+                    ),
                     icon="INFO",
                 )
             return
         box.prop(ours, "role")
         if why:
             sentence(
-                box, context, f"{why[:1].upper()}{why[1:]}: set the role to None.", icon="ERROR"
+                box,
+                context,
+                Message(
+                    "{first}{rest}: set the role to None.", first=why[:1].upper(), rest=why[1:]
+                ),
+                icon="ERROR",
             )
             return
         if ours.role == "GLASS" and thing.data is not None and min(thing.dimensions) == 0:
@@ -126,7 +145,10 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             sentence(
                 box,
                 context,
-                f"Its material does not refract: an index of {DEFAULT_IOR} is used.",
+                Message(
+                    "Its material does not refract: an index of {ior} is used.",
+                    ior=DEFAULT_IOR,
+                ),
                 icon="ERROR",
             )
             box.operator("kiriko.make_glass", icon="MATSPHERE")
@@ -176,7 +198,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         box.prop(plate, "phase")
 
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        found = work.parts(context.scene)
+        found = needed.parts(context.scene)
         for role, name, _, icon, _ in ROLE_ITEMS:
             if role == "PICTURE" and context.scene.kiriko.picture_source == "IMAGE":
                 continue  # the plane is not used, and the image stands above
@@ -188,6 +210,9 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             if hidden:
                 row = column.row()
                 row.active = False
-                row.label(text=f"{name}, hidden: {', '.join(hidden)}", icon="HIDE_ON")
-        for phrase in work.missing(context.scene):
-            sentence(column, context, f"{phrase}.", icon="ERROR")
+                row.label(
+                    text=Message("{name}, hidden: {names}", name=name, names=", ".join(hidden)),
+                    icon="HIDE_ON",
+                )
+        for phrase in needed.missing(context.scene):
+            sentence(column, context, Message("{reason}.", reason=phrase), icon="ERROR")

@@ -4,6 +4,8 @@ import textwrap
 
 import bpy
 
+from ..operators.telling import in_words
+
 LETTER = 6.2  # px at a scale of 1, a little more than the mean of Blender's font
 MARGIN = 60  # px beside the text: borders, icon
 
@@ -24,5 +26,5 @@ def sentence(
     columns = max(16, int((context.region.width / scale - MARGIN) / LETTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for n, line in enumerate(textwrap.wrap(text, columns)):
+    for n, line in enumerate(textwrap.wrap(in_words(text), columns)):
         column.label(text=line, icon=icon if n == 0 else ("NONE" if icon == "NONE" else "BLANK1"))

@@ -91,7 +91,7 @@ def update(times: Times) -> None:
     started = perf_counter()
     first = None
     wait = 0.0
-    while wait != live.IDLE:
+    while wait != live.live_follower.IDLE:
         turn = perf_counter()
         wait = live.tick()
         times.turns.append(perf_counter() - turn)

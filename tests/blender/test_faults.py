@@ -291,12 +291,13 @@ def rig(
 def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Window:
     """An interface, each of whose turns does one step."""
     window = Window()
-    work = part("operators.work")
     app = SimpleNamespace(
         background=False, handlers=bpy.app.handlers, is_job_running=bpy.app.is_job_running
     )
-    monkeypatch.setattr(work, "bpy", SimpleNamespace(app=app, context=window, data=bpy.data))
-    monkeypatch.setattr(work, "TURN", 0.0)
+    shown = SimpleNamespace(app=app, context=window, data=bpy.data)
+    monkeypatch.setattr(part("operators.work"), "bpy", shown)
+    monkeypatch.setattr(part("operators.long_work"), "bpy", shown)
+    monkeypatch.setattr(part("operators.long_work"), "TURN", 0.0)
     return window
 
 
@@ -306,7 +307,7 @@ ESC = SimpleNamespace(type="ESC")
 
 def asked(name: str) -> Any:
     """An operator that does long work, and was not started yet."""
-    return type("Long", (Asked, part("operators.work").LongWork), {})(name)
+    return type("Long", (Asked, part("operators.long_work").LongWork), {})(name)
 
 
 def pressed(name: str, window: Window) -> Any:
@@ -757,7 +758,7 @@ LIVE_STAGES = (
     "core.map.points.tracing",
     "core.solve.painting.find_strokes",
     "core.blender.result.set_pixels",
-    "operators.live.update_solution",
+    "operators.live_follower.update_solution",
     "core.blender.result_numbers.asdict",
 )
 
@@ -765,7 +766,7 @@ LIVE_STAGES = (
 def settle() -> None:
     """Take the turns of Live's timer until there is nothing left to do, or Live has ended."""
     live = part("operators.live")
-    assert any(live.tick() in {None, live.IDLE} for _ in range(MANY))
+    assert any(live.tick() in {None, live.live_follower.IDLE} for _ in range(MANY))
 
 
 def traces() -> list[str]:

@@ -22,7 +22,7 @@ def live(scene: bpy.types.Scene, kiriko: ModuleType) -> Iterator[ModuleType]:
 def settle(live: ModuleType) -> int:
     """Take the timer's turns until there is nothing left to do; returns their number."""
     for n in range(MANY):
-        if live.tick() == live.IDLE:
+        if live.tick() == live.live_follower.IDLE:
             return n
     raise AssertionError("Live never comes to rest.")
 
@@ -60,9 +60,11 @@ def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the writes that live does, in order."""
     calls = []
     for name in ("update_source", "update_solution"):
-        own = getattr(live, name)
+        own = getattr(live.live_follower, name)
         monkeypatch.setattr(
-            live, name, lambda *a, own=own, name=name: (calls.append(name), own(*a))[1]
+            live.live_follower,
+            name,
+            lambda *a, own=own, name=name: (calls.append(name), own(*a))[1],
         )
     return calls
 
@@ -104,7 +106,7 @@ def test_a_coarse_picture_comes_first(
     """A viewer of 192 pixels is solved with 64 first, into an
     image of full size that is near the final one.
     """
-    monkeypatch.setattr(live, "QUICK", 0.0)
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     assert written == ["update_source", "update_solution"]
     written.clear()
@@ -127,7 +129,7 @@ def test_what_was_quick_gets_no_coarse_picture(
     """How long a rig takes is known from its last solve: the
     final picture alone comes where that was soon there.
     """
-    monkeypatch.setattr(live, "QUICK", np.inf)
+    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
     rig = follow(live, viewer_resolution=192)
     assert written == ["update_source", "update_solution"]
     for _ in range(2):  # glass that was turned is ready, the first time it was not
@@ -155,7 +157,7 @@ def test_a_coarse_picture_is_not_exported(
     """Where Live is turned off before the final picture, that is said, until a solve has
     made it.
     """
-    monkeypatch.setattr(live, "QUICK", 0.0)
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
     turn(rig["GLASS"])
@@ -263,7 +265,7 @@ def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
 
     The final one comes when it stands still.
     """
-    monkeypatch.setattr(live, "QUICK", 0.0)
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
     for _ in range(100):
@@ -490,7 +492,7 @@ def test_long_step_is_announced_before_it_begins(
     texts = []
     begun = []
     monkeypatch.setattr(
-        live.Live,
+        live.live_follower.Live,
         "_say",
         lambda self, text: (texts.append(text), bool(text) and len(texts) == 1)[1],
     )
@@ -502,9 +504,9 @@ def test_long_step_is_announced_before_it_begins(
     turn(rig["GLASS"])
     # as if everything so far had been short
     followed._lasted = {step: 0.0 for step in followed._lasted}
-    known = live.Step(live.READING, (True,))
-    followed._lasted[known] = 2 * live.LONG
-    assert live.tick() == live.NOTICE
+    known = live.live_follower.Step(live.live_follower.READING, (True,))
+    followed._lasted[known] = 2 * live.live_follower.LONG
+    assert live.tick() == live.live_follower.NOTICE
     assert begun == []
     assert texts == ["Kiriko Live: reading the scene ..."]
     live.tick()

@@ -567,7 +567,7 @@ def test_live_follows_the_material(scene: bpy.types.Scene, kiriko: ModuleType) -
 
     def settled() -> np.ndarray:
         for _ in range(2000):
-            if live.tick() == live.IDLE:
+            if live.tick() == live.live_follower.IDLE:
                 break
         source = bpy.context.scene.kiriko.result.source
         return np.array(source.pixels[:], np.float32).reshape(-1, 4).max(axis=0)[:3]

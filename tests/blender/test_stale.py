@@ -319,7 +319,7 @@ def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) 
     for _ in range(2000):
         watch.tick()
         assert not watch.is_told_changed(bpy.context.scene)
-        if live.tick() == live.IDLE:
+        if live.tick() == live.live_follower.IDLE:
             break
     live.stop()
     assert not is_stale(watch)

@@ -1,0 +1,53 @@
+"""The settings of a scene by which its result may be another, read cheaply."""
+
+import bpy
+
+from ..core.blender.viewer import frame_of
+from . import needed, work
+
+
+def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
+    """All that Kiriko's own settings say, cheaply: Blender
+    does not tell when a script changes them.
+    """
+    ours = scene.kiriko
+    camera = ours.viewer or scene.camera
+    objects = [
+        (
+            thing.session_uid,
+            o.role,
+            o.use_ior,
+            o.ior,
+            o.priority,
+            o.surface,
+            *o.resolution,
+            uid(o.image),
+            mirrors_of(o),
+        )
+        for things in needed.parts(scene).values()
+        for thing in things
+        for o in (thing.kiriko,)
+    ]
+    return (
+        work.settings_of(scene),
+        *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
+        None if camera is None else frame_of(camera, scene.render),
+        ours.picture_source,
+        ours.calibration.offset,
+        tuple(sorted(objects)),
+    )
+
+
+def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:
+    """The mirrors of a plate by its object's settings, where it has any."""
+    if ours.role != "PLATE" or ours.plate.model == "IDEAL":
+        return ()
+    p = ours.plate
+    return p.model, p.pitch, p.height, p.ior, p.reflectance, p.crossing_error, p.fresnel, *p.phase
+
+
+def uid(block: bpy.types.ID | None) -> int:
+    """The number that a datablock keeps through undo, when its place in memory changes;
+    0 for none.
+    """
+    return 0 if block is None else block.session_uid

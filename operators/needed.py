@@ -1,0 +1,100 @@
+"""The parts that a rig has and still lacks, and the reason why a button is grey."""
+
+import bpy
+
+from ..core.blender.parts import hidden_words
+from ..core.blender.visibility import Shown, instance_hidden_by
+from ..core.messages import Message
+from ..core.rig import ROLES
+from .telling import in_words
+
+NEEDED = {
+    **{
+        role.name: Message("No {noun}: {remedy}", noun=role.noun, remedy=role.remedy)
+        for role in ROLES
+        if role.remedy and role.number is not None
+    },
+    "PICTURE": "No picture: set a textured plane's role to Picture, or choose an image",
+    "VIEWER": "No viewer: choose a camera",
+}
+NO_IMAGE = "No picture: choose an image, or set Picture to Plane"
+COARSE = "The source image is a coarse one: solve, or let Live finish"
+MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
+
+
+def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
+    """Objects of the scene by role, those in instanced
+    collections too, each with what hides it, '' if shown.
+    """
+    found: dict[str, dict[bpy.types.Object, str]] = {}
+    shown = Shown(scene, layer_of(scene))
+    seen: set[tuple[bpy.types.Object, bool]] = set()
+    todo = [(thing, True, "") for thing in scene.objects]
+    while todo:
+        thing, is_itself, by = todo.pop()
+        if thing.kiriko.role == "NONE" and thing.instance_collection is None:
+            continue
+        by = by or (shown.hidden_by(thing) if is_itself else instance_hidden_by(thing))
+        if (thing, not by) in seen:
+            continue
+        seen.add((thing, not by))
+        if thing.kiriko.role != "NONE":
+            things = found.setdefault(thing.kiriko.role, {})
+            things[thing] = by and things.get(thing, by)  # shown once is shown
+        if thing.instance_collection is not None:
+            todo.extend((other, False, by) for other in thing.instance_collection.all_objects)
+    return found
+
+
+def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The view layer in which a scene is worked on."""
+    return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
+
+
+def missing(scene: bpy.types.Scene) -> list[str]:
+    """One phrase for each part that the rig still lacks, or that is hidden."""
+    return list(_missing(scene).values())
+
+
+def _missing(scene: bpy.types.Scene) -> dict[str, str]:
+    """Parts that the rig lacks, by role, and a phrase on each."""
+    found = parts(scene)
+    ours = scene.kiriko
+    there = {role for role, things in found.items() if not all(things.values())}
+    if ours.viewer or scene.camera:
+        there.add("VIEWER")
+    lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
+    lacks |= {r: hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
+    if ours.picture_source == "IMAGE":
+        lacks.pop("PICTURE", None)
+        if ours.picture_image is None:
+            lacks["IMAGE"] = NO_IMAGE
+    return lacks
+
+
+def lacking(scene: bpy.types.Scene) -> list[str]:
+    """Missing parts that cannot be there all the same: modifiers
+    may instance objects from anywhere in a file.
+    """
+    lacks = _missing(scene)
+    if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
+        elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
+        lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
+    return list(lacks.values())
+
+
+def unsolved(scene: bpy.types.Scene) -> list[str]:
+    """The reason why nothing can be done with a source image, where there is none."""
+    result = scene.kiriko.result
+    if result.source is None:
+        return ["There is no source image yet: solve first"]
+    return [COARSE] if result.is_coarse else []
+
+
+def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
+    """The answer of `poll`: are there no reasons against it?
+    The first one is told where the button is grey.
+    """
+    if reasons:
+        operator.poll_message_set(in_words(Message("{reason}.", reason=reasons[0])))
+    return not reasons

@@ -1,0 +1,119 @@
+"""Solve to a folder: all images of a saved rig, and its numbers, as files."""
+
+import argparse
+import json
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import bpy
+import numpy as np
+
+from ..core import disk, image_io
+from ..core.blender.kept import Numbers
+from ..core.blender.preview import Preview
+from ..core.blender.result import write_solution
+from ..core.image.simulation import simulate
+from ..core.messages import Message
+from . import folder, work
+
+Result = TypeVar("Result")
+
+
+def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
+    """The files that solving writes, by the image in them."""
+    names = {
+        "source": str(image_io.named_for("source", arguments.format)),
+        "linear": "source.exr",
+        "ideal": "ideal.png",
+        "seen": "seen.png",
+        "coverage": "coverage.png",
+        "report": "report.json",
+    }
+    if arguments.preview:
+        names["preview"] = "preview.png"
+    if arguments.simulate:
+        names["simulated"] = "simulated.png"
+    return {image: arguments.out / name for image, name in names.items()}
+
+
+def told_in_tenths(steps: Generator[float, None, Result]) -> Generator[str, None, Result]:
+    """Run long work; yields a line for every tenth of it."""
+    told = 0
+    while True:
+        try:
+            done = int(10 * next(steps))
+        except StopIteration as end:
+            return end.value
+        if done > told:
+            told = done
+            yield f"{10 * done} %"
+
+
+def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Solve and write the files; yields lines of progress."""
+    image_io.openimageio()
+    files = file_names(arguments)
+    if not arguments.overwrite:
+        folder.refuse_existing(
+            arguments.out, (path.name for path in files.values()), "add --overwrite"
+        )
+    context = bpy.context
+    scene = context.scene
+    reading = work.read_to_solve(context)
+    yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
+    solution = yield from told_in_tenths(work.session().solve(reading.rig, work.settings_of(scene)))
+    text = write_solution(scene, reading, solution)
+    yield text
+
+    yield "looking beside the glass"
+    yield from told_in_tenths(solution.look_beside())
+
+    size = tuple(reading.display_size) if reading.display_size is not None else None
+    linear = arguments.format if arguments.format.startswith("EXR") else "EXR_FLOAT"
+    jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
+        ("source", solution.source, arguments.format, size),
+        ("linear", solution.source, linear, size),
+        ("ideal", solution.ideal(), "PNG8", None),
+        ("seen", solution.seen(beside=True), "PNG8", None),
+        ("coverage", solution.display_coverage, "PNG8", size),
+    ]
+    numbers = _numbers(scene, text)
+    if arguments.preview:
+        yield "rendering the preview in Cycles"
+        with Preview(
+            scene, reading, scene.kiriko.result.source, samples=arguments.samples
+        ) as preview:
+            jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
+        numbers["preview_notes"] = preview.notes
+    if arguments.simulate:
+        yield "simulating the plate's mirrors"
+        plan = work.session().plan(reading.rig, work.settings_of(scene))
+        found = yield from told_in_tenths(simulate(plan, solution.source, arguments.simulate))
+        jobs.append(("simulated", found.image, "PNG8", None))
+        numbers["simulated"] = {
+            "rays_a_pixel": found.spp,
+            "noise": found.error,
+            "luminance": {path.name.lower(): light for path, light in found.luminance.items()},
+            "luminance_error": {
+                path.name.lower(): error for path, error in found.luminance_error.items()
+            },
+        }
+    with disk.together(arguments.out) as scratch:
+        for image, pixels, form, area in jobs:
+            image_io.write(
+                scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
+            )
+        disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
+    yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
+
+
+def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
+    result = scene.kiriko.result
+    return {
+        "file": Path(bpy.data.filepath).name,
+        "blender": bpy.app.version_string,
+        "summary": text,
+        **Numbers.read(result.details).by_name,
+        "notes": result.notes.splitlines(),
+    }

@@ -1,0 +1,91 @@
+"""The border at which operators tell what they did: here every sentence may be translated."""
+
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import bpy
+
+from ..core.errors import KirikoError, one_line
+from ..core.messages import Message
+
+translate: Callable[[str], str] = str  # from a template to one of another language
+
+
+def in_words(text: str) -> str:
+    """A sentence as it is shown: a message by its translated template, a plain text as it is."""
+    return text.told(translate) if isinstance(text, Message) else text
+
+
+def report(operator: bpy.types.Operator, level: str, text: str) -> None:
+    """Have an operator report a sentence in one line, as "INFO", "WARNING" or "ERROR"."""
+    operator.report({level}, one_line(in_words(text)))
+
+
+def sentence(error: BaseException, label: str, stays: str = "") -> str:
+    """The report on an error, foreseen or not, in the work called
+    `label`, of which nothing stays but what is named.
+
+    The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
+    """
+    state = (
+        Message("{thing} stays (Undo takes it back)", thing=stays)
+        if stays
+        else Message("the scene is as it was")
+    )
+    if isinstance(error, KirikoError):
+        return one_line(in_words(_foreseen(error, stays)))
+    if isinstance(error, KeyboardInterrupt):
+        return in_words(Message("{work} was stopped; {state}.", work=label, state=state))
+    traceback.print_exception(error)
+    return in_words(_unforeseen(error, label, state))
+
+
+def _foreseen(error: KirikoError, stays: str) -> Message:
+    if not stays:
+        return error.message
+    thing = f"{stays[0].upper()}{stays[1:]}"
+    return Message("{error} {thing} stays (Undo takes it back).", error=error.message, thing=thing)
+
+
+def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
+    text = " ".join(str(error).split()).rstrip(".")
+    if isinstance(error, MemoryError):
+        return Message(
+            "{work} needs more memory than there is{why}; {state}: lower the resolution of display"
+            " or viewer, or raise the tolerance.",
+            work=label,
+            why=f" ({text})" if text else "",
+            state=state,
+        )
+    if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
+        return Message(
+            "{work} was stopped, for undo or a script took away what it worked on: start it again.",
+            work=label,
+        )
+    if isinstance(error, OSError):
+        return Message(
+            "{work} could not read or write a file ({text}); {state}: check the disk.",
+            work=label,
+            text=text,
+            state=state,
+        )
+    return Message(
+        "{work} failed ({kind}: {text}); {state}: please report this with the file and what the"
+        " console says.",
+        work=label,
+        kind=type(error).__name__,
+        text=text,
+        state=state,
+    )
+
+
+@contextmanager
+def told(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
+    """Report whatever goes wrong within, and what stays then,
+    as one sentence: no traceback reaches an artist.
+    """
+    try:
+        yield
+    except (Exception, KeyboardInterrupt) as error:
+        operator.report({"ERROR"}, sentence(error, operator.bl_label, stays()))
