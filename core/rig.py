@@ -93,6 +93,7 @@ class Rig:
 
     @property
     def viewer(self) -> Viewer:
+        """The first viewer, for scripts that know one; core takes the viewer it is told."""
         return self.viewers[0]
 
     @property

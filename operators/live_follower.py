@@ -273,7 +273,7 @@ def _sizes(rig: Rig) -> tuple[int, ...]:
     the number of triangles up to a factor of two.
     """
     n_triangles = sum(len(part.mesh.triangles) for part in (*rig.glasses, *rig.mirrors))
-    images = (side for part in (rig.viewer, rig.display) for side in (part.width, part.height))
+    images = (side for part in (*rig.viewers, rig.display) for side in (part.width, part.height))
     return (*images, n_triangles.bit_length())
 
 

@@ -48,7 +48,7 @@ def extra_photographs(
     The place of the second viewer is as uncertain as that
     of the first; its focal length is the same.
     """
-    viewer = bench.rig.viewer
+    viewer = bench.viewer
     pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
     away = viewer.axes[2]
 
@@ -119,11 +119,12 @@ def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Ben
     own (p,) : parameters of the viewer's own place: the second is shifted
         and turned about its own axes
     """
-    rig = replace(bench.rig, viewers=(moved(bench.rig.viewer, motion),))
+    viewer = moved(bench.viewer, motion)
+    rig = replace(bench.rig, viewers=(viewer,))
     theirs = {p.name: p for p in parameters(rig)}
     among = [
         theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)
     ]
-    there = Bench(rig, bench.settings, rig.viewer.project(points), among)
+    there = Bench(rig, bench.settings, viewer.project(points), among)
     at = there.seen(np.zeros(len(among)), display=bench.display)
     return Bench(rig, bench.settings, at, among)

@@ -19,6 +19,7 @@ from ..light.trace import trace_all
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import finish
+from ..viewer import Viewer
 from .offset import Parameter, parameters
 
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
@@ -71,6 +72,11 @@ class Bench:
         self.parameters = parameters(rig) if among is None else among
         self._kept = Kept()
         self.display, self._branch = self._land(self.plan(), self.view)
+
+    @property
+    def viewer(self) -> Viewer:
+        """The one in whose image the points are: the rig's first."""
+        return self.rig.viewers[0]
 
     def plan(self, amounts: Floats | None = None) -> Plan:
         """Of the bench, with amounts (p,) of its parameters."""
@@ -165,7 +171,7 @@ class Bench:
         xy = np.full(at.shape, np.nan)
         branch = np.zeros(len(at), np.uint64)
 
-        found = trace_all(plan, *plan.rig.viewer.rays(at[is_there]))
+        found = trace_all(plan, *plan.viewer.rays(at[is_there]))
         wanted = None if expected is None else expected[is_there]
         landings = main_landings(found, int(is_there.sum()), wanted)
         xy[is_there] = landings.xy

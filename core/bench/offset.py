@@ -49,9 +49,10 @@ def parameters(rig: Rig) -> list[Parameter]:
     """
     roles = _off_roles()
     found = []
+    axes = rig.viewers[0].axes
     for role in roles:
         for number, part in enumerate(rig.of(role)):
-            found += _poses(rig, role.field, number, part.name)
+            found += _poses(part, axes, role.field, number)
     for role in roles:
         for number, part in enumerate(rig.of(role)):
             found += OWN.get(role.name, _nothing)(part, number)
@@ -97,7 +98,7 @@ OWN = {"GLASS": _of_glass, "PLATE": _of_plate, "VIEWER": _of_viewer}
 def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str, ...]]:
     """The rig with amounts by the names of its parameters, and those names that it does not have.
 
-    The picture goes along with the viewer: all that is
+    The picture goes along with the first viewer: all that is
     wanted, and measured, is in the viewer's own image.
     """
     planned = rig
@@ -107,8 +108,9 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
         if amount:
             rig = parameter.applied(rig, amount)
 
-    if rig.viewer is not planned.viewer:
-        linear, shift = along_with(planned.viewer, rig.viewer)
+    before, after = planned.viewers[0], rig.viewers[0]
+    if after is not before:
+        linear, shift = along_with(before, after)
         pictures = tuple(
             p
             if p.mesh is None
@@ -156,28 +158,27 @@ def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
     return found
 
 
-def _poses(rig: Rig, kind: str, number: int, name: str) -> Iterator[Parameter]:
-    """Shifts of a part along the viewer's axes, in mm, and turns
+def _poses(part: Any, axes: Floats, kind: str, number: int) -> Iterator[Parameter]:
+    """Shifts of a part along axes (3, 3), those of the first viewer, in mm, and turns
     about these through its own middle, in degrees.
     """
-    part = getattr(rig, kind)[number]
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
 
-    for word, axis in zip(AXES, rig.viewer.axes, strict=True):
+    for word, axis in zip(AXES, axes, strict=True):
         shift = _changed(
             kind,
             number,
             lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
         )
-        yield Parameter(f"{name}: shift {word}", "mm", 1e-2, shift)
+        yield Parameter(f"{part.name}: shift {word}", "mm", 1e-2, shift)
 
-    for word, axis in zip(AXES, rig.viewer.axes, strict=True):
+    for word, axis in zip(AXES, axes, strict=True):
         turn = _changed(
             kind,
             number,
             lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)),
         )
-        yield Parameter(f"{name}: turn about {word}", "deg", 1e-2, turn)
+        yield Parameter(f"{part.name}: turn about {word}", "deg", 1e-2, turn)
 
 
 def turned(axis: Floats, degrees: float, about: Floats) -> Motion:

@@ -158,7 +158,7 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     display_frame : (4, 4) of the display, m
     """
     # the points that the viewer sees
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     points, uv, area = points_of(plan.rig.picture_place)
     xy = viewer.project(points)
     is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too

@@ -118,7 +118,7 @@ class _Sphere:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = replace(plan, settings=replace(plan.settings, brightness=True))
-        viewer = plan.rig.viewer
+        viewer = plan.viewer
         mesh = plan.rig.picture_place.mesh
         self.points, self.area = _points_of(mesh.corners)
         self.centre = mesh.bounds.mean(axis=0)

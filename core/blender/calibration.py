@@ -14,7 +14,8 @@ from ..bench.offset import along_with, part_motions, with_offset
 from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..light.display import display_pixel
-from ..rig import ROLES, WAVELENGTH, Rig
+from ..rig import ROLES, WAVELENGTH, Display, Rig
+from ..viewer import Viewer
 from .kept import Offset
 from .scene import Reading, length_of_unit, object_matrix
 
@@ -120,7 +121,7 @@ def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
     # the picture goes along with the viewer
     for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
         if a.mesh is not b.mesh:
-            moves[b.name] = along_with(reading.drawn.viewer, reading.rig.viewer)
+            moves[b.name] = along_with(reading.drawn.viewers[0], reading.rig.viewers[0])
 
     targets = []
     for name, (linear, shift) in moves.items():
@@ -154,9 +155,11 @@ def _change(reading: Reading, undo: _Undo) -> None:
             undo.set(ours, "crossing_error", b.array.crossing_error)
             undo.set(ours, "height", b.array.height / b.array.pitch)
 
-    drawn, fitted = (np.ptp(rig.viewer.window[:2]) for rig in (reading.drawn, reading.rig))
-    if drawn != fitted:
-        lens = _object(reading.rig.viewer.name).data
+    for a, b in zip(reading.drawn.viewers, reading.rig.viewers, strict=True):
+        drawn, fitted = (np.ptp(viewer.window[:2]) for viewer in (a, b))
+        if drawn == fitted:
+            continue
+        lens = _object(b.name).data
         if lens.type == "ORTHO":
             undo.set(lens, "ortho_scale", lens.ortho_scale * fitted / drawn)
         else:
@@ -165,7 +168,6 @@ def _change(reading: Reading, undo: _Undo) -> None:
 
 def _compare(found: Rig, wanted: Rig) -> None:
     """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
-    viewer = wanted.viewer
     pixel = display_pixel(wanted.display)
 
     # parts: place and make
@@ -176,26 +178,32 @@ def _compare(found: Rig, wanted: Rig) -> None:
             ):
                 raise _held(b.name)
 
-    # of a viewer pixel at unit distance, or of its plane
-    across = np.ptp(viewer.window[:2]) / viewer.width
-    reach = (
-        1.0
-        if viewer.projection == "perspective"
-        else np.abs(wanted.display.mesh.vertices - viewer.position).max()
-    )
-    if (
-        np.abs(found.viewer.position - viewer.position).max() > NEAR * pixel
-        or np.abs(found.viewer.axes - viewer.axes).max() * reach > NEAR * across
-        or np.abs(np.subtract(found.viewer.window, viewer.window)).max() > NEAR * across
-    ):
-        raise _held(viewer.name)
+    for a, b in zip(found.viewers, wanted.viewers, strict=True):
+        if not _is_viewer_like(a, b, wanted.display):
+            raise _held(b.name)
 
     # the picture, as the viewer sees its corners
     uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
     for a, b in zip(found.pictures, wanted.pictures, strict=True):
-        off = view_of_picture(a.place, found.viewer, uv) - view_of_picture(b.place, viewer, uv)
+        seen = view_of_picture(a.place, found.viewers[0], uv)
+        off = seen - view_of_picture(b.place, wanted.viewers[0], uv)
         if np.abs(off).max() > NEAR:
             raise _held(b.name)
+
+
+def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
+    """Are the places and images of two viewers the same, to a tenth of a pixel?"""
+    # of a viewer pixel at unit distance, or of its plane
+    across = np.ptp(wanted.window[:2]) / wanted.width
+    reach = (
+        1.0
+        if wanted.projection == "perspective"
+        else np.abs(display.mesh.vertices - wanted.position).max()
+    )
+    off = np.abs(found.position - wanted.position).max()
+    turned = np.abs(found.axes - wanted.axes).max() * reach
+    zoomed = np.abs(np.subtract(found.window, wanted.window)).max()
+    return not (off > NEAR * display_pixel(display) or max(turned, zoomed) > NEAR * across)
 
 
 def _held(name: str) -> RigError:

@@ -153,7 +153,7 @@ class PreviewParts:
             setattr(camera, name, getattr(evaluated.data, name))
 
         rigs = self._reading.drawn, self._reading.rig
-        drawn, window = (np.ptp(rig.viewer.window[:2]) for rig in rigs)
+        drawn, window = (np.ptp(rig.viewers[0].window[:2]) for rig in rigs)
         camera.lens = camera.lens * drawn / window
         camera.ortho_scale = camera.ortho_scale * window / drawn
         camera.dof.use_dof = False

@@ -74,7 +74,7 @@ def looking_beside(plan: Plan) -> Plan:
 
 def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     """Follow a sample of the viewer's rays, spread evenly over its image."""
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     along = np.arange(N_RAYS_A_SIDE)
     cell = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     within = np.random.default_rng(seed).random(cell.shape)

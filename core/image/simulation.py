@@ -59,7 +59,7 @@ def simulate(
     spp : rays a viewer pixel; one more where that is odd, for each of two
         halves is an image by itself, and their difference tells the error
     """
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
     texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
@@ -113,7 +113,7 @@ def _shown(
     texels : (H * W, 3) of the display, row by row
     """
     display = plan.rig.display
-    landings = trace(plan, *plan.rig.viewer.rays(xy), light=light)
+    landings = trace(plan, *plan.viewer.rays(xy), light=light)
     is_seen, index = landings.pixels(display.width, display.height)
     if light == "reflected":  # by ideal plates nothing is
         is_seen &= landings.plate_path == PlatePath.REFLECTED
@@ -150,7 +150,7 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     if not plan.arrays:
         return None
 
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     size = (viewer.width, viewer.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
     view = np.random.default_rng(seed).uniform(0, size, (N_PLATE_RAYS, 2))
@@ -188,7 +188,7 @@ def _moved(
     Of those that the mirrors image, by the view map's derivatives,
     where these are known. Yields progress 0.3..1.
     """
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     steps = DERIVATIVE_STEP_PX * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
     around = []
     for step in steps:

@@ -119,7 +119,7 @@ def splat(
     weighed by throughput, which the plan's settings have to ask for (`brightness`): white stays
     white.
     """
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     display = plan.rig.display
     place = plan.rig.picture_place
     pyramid = Pyramid(plan.rig.picture.image)

@@ -5,15 +5,14 @@ import numpy as np
 from ..errors import RigError
 from ..glass.solids import contains
 from ..glass.surfaces import Surface
-from ..rig import Glass, Rig, Viewer
+from ..rig import Glass, Viewer
 from .hits import slab
 
 
-def check_viewer_outside(rig: Rig, glass: Glass, solid: Surface) -> None:
-    """Raise RigError when the viewer is inside a solid, or a
+def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
+    """Raise RigError when a viewer is inside a solid, or a
     solid cuts an orthographic viewer's plane.
     """
-    viewer = rig.viewer
     if solid.n_open:
         return  # has no inside
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):

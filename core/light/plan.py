@@ -1,7 +1,7 @@
 """A rig made ready to be traced: the things it needs, and those it leaves out."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, Ints
 from ..rig import Rig
 from ..settings import Settings
+from ..viewer import Viewer
 from .display import DisplayPlane
 from .media import Media
 from .plate import ArrayFrame
@@ -124,6 +125,9 @@ class Counts:
 class Plan:
     """A rig made ready to be traced.
 
+    All is made for one wavelength, that of the settings, and serves every viewer: the viewer is
+    the one whose image is asked about, the rig's first unless `seen_by` says another.
+
     thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
     for. arrays: where mirror arrays stand, by the number of their part. merge_distance: m, faces
     nearer to each other than this are in the same place. used, left_out: needs that the rig has, or
@@ -132,6 +136,7 @@ class Plan:
 
     rig: Rig
     settings: Settings
+    viewer: Viewer
     triangles: Triangles
     parts: Parts
     open_parts: tuple[OpenPart, ...]
@@ -145,6 +150,10 @@ class Plan:
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     counts: Counts
+
+    def seen_by(self, viewer: Viewer) -> "Plan":
+        """The same plan for another viewer of the rig: nothing of it is made again."""
+        return self if viewer is self.viewer else replace(self, viewer=viewer)
 
     @property
     def is_flat(self) -> bool:

@@ -130,7 +130,8 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_So
         key, made, motion = yield from kept.get_solids(glass.mesh)
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
-            check_viewer_outside(rig, glass, surface)
+            for viewer in rig.viewers:
+                check_viewer_outside(viewer, glass, surface)
         solids += [
             _Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))
         ]
@@ -140,14 +141,15 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_So
 def make_plan(
     rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
 ) -> Plan:
-    """Make a rig ready to be traced, as by `planning`."""
+    """Make a rig ready to be traced, as by `planning`, after its own checks."""
+    rig.check()
     return finish(planning(rig, settings, kept, aside))
 
 
 def planning(
     rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
 ) -> Pauses[Plan]:
-    """Make a rig ready to be traced.
+    """Make a rig that was checked ready to be traced.
 
     Parameters
     ----------
@@ -160,7 +162,6 @@ def planning(
     RigError, MeshError
         One sentence on the fault of the rig.
     """
-    rig.check()
     kept = kept or Kept()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
     parts = _RigParts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
@@ -186,6 +187,7 @@ def planning(
     return Plan(
         rig=rig,
         settings=settings,
+        viewer=rig.viewers[0],
         triangles=parts.triangles,
         parts=_plan_parts(rig, parts, media, is_clear),
         open_parts=tuple(

@@ -49,7 +49,7 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     parts = []
     for first in range(0, len(view), RAYS_AT_ONCE):
         parts.append(
-            (yield from courses(plan, *plan.rig.viewer.rays(view[first : first + RAYS_AT_ONCE])))
+            (yield from courses(plan, *plan.viewer.rays(view[first : first + RAYS_AT_ONCE])))
         )
         yield len(parts[-1])
     width = max((part.shape[1] for part in parts), default=1)

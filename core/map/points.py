@@ -118,7 +118,7 @@ def trace_points(
 
     for first in range(0, n, RAYS_AT_ONCE):
         some = slice(first, first + RAYS_AT_ONCE)
-        origins, directions = plan.rig.viewer.rays(view[some])
+        origins, directions = plan.viewer.rays(view[some])
         steps = None if paths is None else []
         found = yield from tracing(
             plan, origins, directions, None if course is None else course[some], steps

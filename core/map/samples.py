@@ -36,7 +36,7 @@ def sample_cells(plan: Plan, corners: Floats) -> Generator[int, None, tuple[Poin
 
 
 def _check_memory(plan: Plan, corners: Floats) -> None:
-    viewer = plan.rig.viewer
+    viewer = plan.viewer
     effort = plan.settings.effort
     area = float((_sides(corners) ** 2).sum())
     check_free(

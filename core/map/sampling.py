@@ -57,7 +57,7 @@ class Sampling:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        viewer = plan.rig.viewer
+        viewer = plan.viewer
         display = plan.rig.display
         # what is asked for
         self.view_size = (viewer.width, viewer.height)

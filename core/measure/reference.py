@@ -22,11 +22,12 @@ from ..image.seen_image import lattice_shift
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
-from ..rig import Rig
+from ..rig import PicturePlace, Rig
 from ..settings import MOST_TOLERANCE, Settings
 from ..solve.session import Session
 from ..solve.solution import Solution
 from ..steps import within
+from ..viewer import Viewer
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
 
@@ -198,12 +199,11 @@ def zone_plate(pixels: int) -> Image:
     return np.stack([*rings, np.ones_like(phase)], axis=2).astype(np.float32)
 
 
-def picture_extent(rig: Rig) -> float:
-    """Side of the picture as the viewer sees it straight, the root
+def picture_extent(place: PicturePlace, viewer: Viewer) -> float:
+    """Side of a picture as a viewer sees it straight, the root
     of its area, in viewer px; 0 where it is unseen.
     """
-    viewer = rig.viewer
-    place = replace(rig.picture_place, width=1, height=1)
+    place = replace(place, width=1, height=1)
     x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
     points = picture_from_view(
         place, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3)
@@ -224,7 +224,8 @@ def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
     One pixel of the zone plate is one of the viewer's: shares are no larger,
     so that all methods read the same picture.
     """
-    side = int(np.clip(np.ceil(picture_extent(rig)), LEAST_SIDE, MOST_SIDE))
+    extent = max(picture_extent(rig.picture_place, viewer) for viewer in rig.viewers)
+    side = int(np.clip(np.ceil(extent), LEAST_SIDE, MOST_SIDE))
     about = "the picture that was given" if image is not None else (
         f"a zone plate of {side} x {side} px in the picture's place, period down to {FINEST:g}"
         f" viewer px"
@@ -256,7 +257,7 @@ def make_reference(
             display=detailed.display.name,
         )
     plan = make_plan(detailed, settings)
-    viewer = detailed.viewer
+    viewer = plan.viewer
     points = np.random.default_rng(0).random((N_CHECKED, 2)) * (viewer.width, viewer.height)
     clock = perf_counter()
     landings = trace_all(plan, *viewer.rays(points))

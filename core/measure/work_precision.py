@@ -217,7 +217,7 @@ def measure(
         times_finer=times_finer(rig),
         picture=about,
         choices=choices,
-        view_size=(rig.viewer.width, rig.viewer.height),
+        view_size=reference.solution.first.view_map.view_size,
         display_size=(rig.display.width, rig.display.height),
     )
 
@@ -290,7 +290,7 @@ def _splats(
     Where it goes to one run only, that is of the picture of fine detail.
     """
     plan = reference.plan
-    viewer = reference.plan.rig.viewer
+    viewer = plan.viewer
     plans = plan, replace(plan, rig=reference.dotted)  # the same is traced
     n_rays = viewer.width * viewer.height
     a_sample = reference.seconds_a_ray * n_rays

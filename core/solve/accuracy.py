@@ -12,8 +12,9 @@ from ..light.display import display_pixel
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..light.trace import tracing
-from ..rig import Rig
+from ..rig import PicturePlace
 from ..steps import Pauses, at, within
+from ..viewer import Viewer
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
@@ -87,7 +88,7 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
         return (0.0,) * n_glasses
-    rays, cover = _picture_rays(plan.rig)
+    rays, cover = _picture_rays(plan.rig.picture_place, plan.viewer)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
     weights = np.bincount(plan.parts.owner[landings.leak[leaked]], cover[leaked], n_glasses)
@@ -101,7 +102,7 @@ def caught(plan: Plan) -> Pauses[float]:
     Light comes into a whole solid as it goes out: light that never
     does so is held by faces that contradict each other.
     """
-    (origins, directions), _ = _picture_rays(plan.rig)
+    (origins, directions), _ = _picture_rays(plan.rig.picture_place, plan.viewer)
     landings = yield from tracing(plan, origins, directions)
     cut_off = np.flatnonzero(landings.reason == Reason.CUT_OFF)
     if not len(cut_off):
@@ -114,14 +115,14 @@ def caught(plan: Plan) -> Pauses[float]:
     return float((further.reason == Reason.CUT_OFF).mean())
 
 
-def _picture_rays(rig: Rig) -> tuple[tuple[Floats, Floats], Floats]:
-    """Origins and directions (n, 3) of rays on which the viewer sees the picture.
+def _picture_rays(picture: PicturePlace, viewer: Viewer) -> tuple[tuple[Floats, Floats], Floats]:
+    """Origins and directions (n, 3) of rays on which a viewer sees the picture.
 
     How much each sees of it, 0..1.
     """
     side = np.arange(LEAK_SAMPLES) + 0.5
     xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    xy *= np.array([rig.viewer.width, rig.viewer.height]) / LEAK_SAMPLES
-    cover = picture_from_view(rig.picture_place, rig.viewer, xy, of_square(1.0)).cover
+    xy *= np.array([viewer.width, viewer.height]) / LEAK_SAMPLES
+    cover = picture_from_view(picture, viewer, xy, of_square(1.0)).cover
     seen = cover > 0
-    return rig.viewer.rays(xy[seen]), cover[seen]
+    return viewer.rays(xy[seen]), cover[seen]

@@ -23,8 +23,8 @@ from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage
 from ..map.view_map import MapError, ViewMap
-from ..rig import Viewer
 from ..steps import finish
+from ..viewer import Viewer
 from .accuracy import Accuracy
 from .memory import check_memory
 
@@ -33,13 +33,13 @@ from .memory import check_memory
 class Traced:
     """The part of a channel that does not depend on the picture.
 
+    plan : the rig as it is traced for this viewer, at this wavelength
     plate : brightness and blur by a plate's mirrors, None where it is ideal
     beside : a sample of light beside the glass; None where that carries the picture, too
     weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
         light beside the glass, where it counts
     """
 
-    viewer: Viewer
     plan: Plan
     view_map: ViewMap
     accuracy: Accuracy
@@ -52,7 +52,7 @@ class Traced:
 class Channel:
     """One viewer at one wavelength, as a solve found it.
 
-    plan : the rig as it is traced at this wavelength
+    plan : the rig as it is traced for this viewer, at this wavelength
     plate : brightness and blur by a plate's mirrors, None where it is ideal
     glare : the light that comes beside the glass; None where that carries the picture, too
     shares : of all cells, some at a time
@@ -63,7 +63,6 @@ class Channel:
         no landing; with picture_coverage they make 1
     """
 
-    viewer: Viewer
     plan: Plan
     view_map: ViewMap
     accuracy: Accuracy
@@ -74,6 +73,11 @@ class Channel:
     view_coverage: Floats
     picture_coverage: float
     misses: dict[str, float]
+
+    @property
+    def viewer(self) -> Viewer:
+        """The one whose image all of this is about."""
+        return self.plan.viewer
 
     @property
     def wavelength(self) -> float:

@@ -4,16 +4,20 @@ from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import replace
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import KirikoError
-from ..rig import Rig
+from ..rig import Display, Rig
 from ..settings import Settings
 from ..steps import at
+from ..viewer import Viewer
 from .session import Session
 from .solution import Solution
+
+Sized = TypeVar("Sized", Viewer, Display)
 
 # On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in
 # linear values, at once; a display of half the resolution is off by 0.03. So a first picture saves
@@ -31,24 +35,32 @@ PAINTING = 0.4
 
 
 def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
-    """The rig seen by a viewer of about `side` pixels, for a first picture."""
-    viewer, display = rig.viewer, rig.display
-    n = -(-max(viewer.width, viewer.height) // side)
-    m = -(-max(display.width, display.height) // COARSE_DISPLAY)
-    return (
-        replace(
-            rig,
-            viewers=(replace(viewer, width=-(-viewer.width // n), height=-(-viewer.height // n)),),
-            displays=(
-                replace(display, width=-(-display.width // m), height=-(-display.height // m)),
-            ),
+    """The rig seen by viewers of about `side` pixels, for a first picture."""
+    display = rig.display
+    n = -(-max(display.width, display.height) // COARSE_DISPLAY)
+    coarse_rig = replace(
+        rig,
+        viewers=tuple(
+            _with_fewer_pixels(viewer, -(-_longer_side(viewer) // side)) for viewer in rig.viewers
         ),
-        replace(
-            settings,
-            tolerance=max(settings.tolerance, COARSE_TOLERANCE),
-            margin=-(-settings.margin // m),
-        ),
+        displays=(_with_fewer_pixels(display, n),),
     )
+    coarse_settings = replace(
+        settings,
+        tolerance=max(settings.tolerance, COARSE_TOLERANCE),
+        margin=-(-settings.margin // n),
+    )
+    return coarse_rig, coarse_settings
+
+
+def _with_fewer_pixels(part: Sized, n: int) -> Sized:
+    """A viewer or a display with one pixel in the place of n, each way."""
+    return replace(part, width=-(-part.width // n), height=-(-part.height // n))
+
+
+def _longer_side(part: Viewer | Display) -> int:
+    """Of the image of a viewer or a display, px."""
+    return max(part.width, part.height)
 
 
 def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
@@ -57,7 +69,7 @@ def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
     """
     rungs = []
     side = COARSE_VIEWER
-    while 2 * side < max(rig.viewer.width, rig.viewer.height):
+    while 2 * side < max(map(_longer_side, rig.viewers)):
         rungs.append(coarser(rig, settings, side))
         side *= FINER
     return [*rungs, (rig, settings)]
@@ -83,10 +95,7 @@ def solve_in_sight(
     many times the work. None is made where nothing has to be traced, since nothing coarse is
     faster.
     """
-    is_large = (
-        max(rig.viewer.width, rig.viewer.height, rig.display.width, rig.display.height)
-        > COARSE_DISPLAY
-    )
+    is_large = max(map(_longer_side, (*rig.viewers, rig.display))) > COARSE_DISPLAY
     worked, patience = 0.0, 1
     with closing(session.solve(rig, settings)) as solving:
         progress = next(solving)  # the glass is made ready

@@ -13,8 +13,9 @@ from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..messages import Message
-from ..rig import Mesh, Rig
+from ..rig import Display, Mesh, Rig
 from ..settings import Settings
+from ..viewer import Viewer
 
 # bytes; and those that batches of rays take more without the kernel
 ALWAYS = 45e6
@@ -52,7 +53,8 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     smaller, any viewer pixel that needs several quads may be cut.
     """
     place = rig.picture_place
-    display, viewer = (float(part.width) * part.height for part in (rig.display, rig.viewer))
+    display = _n_pixels(rig.display)
+    viewer = sum(map(_n_pixels, rig.viewers))
     meshes = [part.mesh for part in rig.curved_parts()]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
@@ -80,6 +82,11 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     }
 
 
+def _n_pixels(part: Viewer | Display) -> float:
+    """Of the image of a viewer or a display."""
+    return float(part.width) * part.height
+
+
 def _n_curved(mesh: Mesh) -> int:
     """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
     if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface == "facets":
@@ -93,7 +100,7 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     """Raise RigError when a solve would take more memory than is free."""
     parts = estimated(rig, settings)
     display = rig.display
-    viewer = rig.viewer
+    viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
     remedies = {
         "display": Message(
@@ -123,11 +130,10 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
 
 
-def check_borders(rig: Rig, settings: Settings, view_map: ViewMap) -> None:
+def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
     """Raise RigError when the shares of the pixels that borders
-    run through would take more memory than is free.
+    run through in a viewer's map would take more memory than is free.
     """
-    viewer = rig.viewer
     resolution = Message(
         "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
         viewer=viewer.name,

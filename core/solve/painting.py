@@ -17,9 +17,10 @@ from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import ViewMap
-from ..rig import PicturePlace, Viewer
+from ..rig import PicturePlace
 from ..settings import Settings
 from ..steps import Pauses, at, within
+from ..viewer import Viewer
 from .channel import shares_of
 from .reach import times_slower
 

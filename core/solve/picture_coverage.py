@@ -8,7 +8,8 @@ from ..errors import RigError
 from ..image.picture import cover_in_view, why_unseen
 from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
-from ..rig import PicturePlace, Viewer
+from ..rig import PicturePlace
+from ..viewer import Viewer
 
 UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = "finer than a viewer pixel"

@@ -18,6 +18,7 @@ from ..map.view_map import ViewMap
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import at
+from ..viewer import Viewer
 
 MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
@@ -31,13 +32,12 @@ AFTER_A_PIXEL = 0.8e-6
 AFTER_A_RAY = 1.1e-6
 
 
-def out_of_sight(rig: Rig) -> tuple[int, ...]:
-    """Glasses, by their number, that the viewer does not look at:
+def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
+    """Glasses, by their number, that a viewer does not look at:
     light may come to them by way of the others only.
     """
     if len(rig.glasses) == 1:
         return ()
-    viewer = rig.viewer
     aside = []
     for number, glass in enumerate(rig.glasses):
         low, high = glass.mesh.bounds
@@ -67,9 +67,9 @@ def times_slower() -> float:
 
 
 def sample_reached(
-    rig: Rig, settings: Settings, kept: Kept, lap: Callable[[str], None]
+    rig: Rig, viewer: Viewer, settings: Settings, kept: Kept, lap: Callable[[str], None]
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
-    """Plan and view map of a rig without the glass that no light
+    """Plan and view map of a viewer, without the glass that none of its light
     comes near; yields progress of a whole solve, 0..1.
 
     It ends where as much time has passed as it should have of a solve in which the work after it
@@ -84,7 +84,7 @@ def sample_reached(
     ------
     RigError, MeshError : as by make_plan
     """
-    aside = out_of_sight(rig)
+    aside = out_of_sight(rig, viewer)
     told = 0.0
     slower = times_slower()
     for start in range(MOST_STARTS):
@@ -92,11 +92,12 @@ def sample_reached(
         plan = yield from at(
             told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         )
+        plan = plan.seen_by(viewer)
         lap("plan")
         began = perf_counter()
         sampling = Sampling(plan)
         of_plan = began - started
-        n_pixels = rig.viewer.width * rig.viewer.height
+        n_pixels = viewer.width * viewer.height
         steps = sampling.sample()
         share = 0.0
         guess = DOUBT * slower * SECONDS_A_PIXEL * n_pixels

@@ -21,14 +21,16 @@ from ..image.simulation import plate_view
 from ..light.kept import Kept
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..light.planning import make_plan
-from ..rig import Picture, Rig, Viewer
+from ..light.planning import planning
+from ..rig import Picture, Rig
 from ..settings import Settings
 from ..steps import (
     at,
+    finish,
     last_told,
     within,
 )
+from ..viewer import Viewer
 from ..words import percent
 from .accuracy import measure
 from .channel import Channel, Traced
@@ -119,7 +121,10 @@ class Session:
 
         yield PAINTED
         channels = tuple(
-            _channel(replace(traced.plan, rig=rig, settings=settings), viewer, traced, one, source)
+            # of an equal rig, perhaps with other names
+            _channel(
+                replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, one, source
+            )
             for viewer, traced, one in zip(
                 rig.viewers, optics.channels, placed.channels, strict=True
             )
@@ -143,7 +148,7 @@ class Session:
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
         """The source image of a coarse rig alone, of which
-        nothing is measured; yields progress 0..1.
+        nothing is measured; yields progress 0..1. The rig was checked.
 
         The last solve stays known. So does the glass that is
         made ready: it may be called within a solve.
@@ -156,7 +161,7 @@ class Session:
         found = []
         n = len(rig.viewers)
         for k, viewer in enumerate(rig.viewers):
-            steps = sample_reached(rig, settings, self._kept, clock.lap)
+            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
             _, view_map = yield from within(steps, 0.5 * k / n, 0.5 * (k + 1) / n)
             found.append((view_map, place(view_map, rig.picture_place, viewer, settings)))
 
@@ -180,7 +185,7 @@ class Session:
         """The whole of a rig ready to be traced, with all that is kept from before."""
         rig.check()
         settings.check()
-        return make_plan(rig, settings, self._kept)
+        return finish(planning(rig, settings, self._kept))
 
     def _pyramid_of(self, picture: Picture) -> Pyramid:
         """The sizes of a picture's image, made once as long as it is the same."""
@@ -224,13 +229,14 @@ class Session:
         """
         self.is_tracing = True
         try:
-            sampling = within(sample_reached(rig, settings, self._kept, clock.lap), 0.0, PAINTED)
+            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
+            sampling = within(steps, 0.0, PAINTED)
             (plan, view_map), told = yield from last_told(sampling)
         finally:
             self.is_tracing = False
         clock.lap("tracing")
 
-        check_borders(rig, settings, view_map)
+        check_borders(rig, viewer, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
         after = told + MEASURED * (PAINTED - told)
         accuracy = yield from within(measure(plan, is_cut_off), told, after)
@@ -245,7 +251,6 @@ class Session:
         clock.lap("glare")
 
         traced = Traced(
-            viewer=viewer,
             plan=plan,
             view_map=view_map,
             accuracy=accuracy,
@@ -256,21 +261,18 @@ class Session:
         return traced, after
 
 
-def _channel(
-    plan: Plan, viewer: Viewer, traced: Traced, placed: Placed, source: NDArray[np.float32]
-) -> Channel:
+def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.float32]) -> Channel:
     """A channel, all shares of which are painted, in a source image (H, W, 3).
 
-    plan, viewer : of the rig that is solved; traced was an equal one, perhaps with other names
+    plan : as traced, of the very rig that is solved
     """
     if placed.covered is None:
         placed.view_coverage = placed.view_coverage_in(traced.view_map)
         placed.covered = of_the_picture(
-            plan.rig.picture_place, viewer, traced.view_map, placed.view_coverage
+            plan.rig.picture_place, plan.viewer, traced.view_map, placed.view_coverage
         )
     picture_coverage, misses = placed.covered
     return Channel(
-        viewer=viewer,
         plan=plan,
         view_map=traced.view_map,
         accuracy=traced.accuracy,

@@ -115,7 +115,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     has_curved = any(held.layer.curved is not None for held in plan.layers)
     if not (has_curved or plan.triangles.is_bent.any()):
         return Tessellation()
-    every = _sample(plan.rig.viewer, SAMPLES)
+    every = _sample(plan.viewer, SAMPLES)
     ways: tuple[list[Step], list[Step]] = [], []
     whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
@@ -165,7 +165,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
     if found.cause == "jumps" and found.jumps > COARSE:
         plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
-        drawn = yield from within(tessellation(plan_as_drawn), 0.9, 1.0)
+        seen = tessellation(plan_as_drawn.seen_by(plan.viewer))
+        drawn = yield from within(seen, 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
     return found
 

@@ -52,7 +52,7 @@ STAGES = {
     ),
     "simulate": (
         "core.blender.scene.read",
-        "core.solve.session.make_plan",
+        "core.solve.session.planning",
         "operators.simulate.pixels_from_image",
         "core.image.simulation.trace",
         "core.blender.image.set_pixels",
@@ -60,7 +60,7 @@ STAGES = {
     ),
     "visible_range": (
         "core.blender.scene.read",
-        "core.solve.session.make_plan",
+        "core.solve.session.planning",
         "core.bench.visible_range.trace_all",
         "operators.visible_range.grid_object",
     ),

@@ -32,7 +32,7 @@ def test_what_stands_far_aside_is_left_out_and_changes_nothing():
     a_rig = with_others(
         plain, icosphere(0.02, 3, centre=(0.6, -0.3, 0)), icosphere(0.02, 3, centre=(0, -1.5, 0))
     )
-    assert out_of_sight(a_rig) == (1, 2)
+    assert out_of_sight(a_rig, a_rig.viewer) == (1, 2)
     found = solve(a_rig)
     without = solve(plain)
     assert np.array_equal(found.source, without.source)
@@ -57,9 +57,9 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
         else icosphere(0.005, 3, centre=(0, 0.15, -0.08))
     )
     a_rig = with_others(ball_rig(3, pixels=128), mesh)
-    assert out_of_sight(a_rig) == (1,)
+    assert out_of_sight(a_rig, a_rig.viewer) == (1,)
     laps = []
-    plan, found = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
+    plan, found = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside.glasses == ()
     at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
@@ -84,7 +84,7 @@ def test_rays_that_come_near_are_told():
 
 def test_a_rig_whose_glass_nobody_looks_at_keeps_all_of_it():
     a_rig = rig(box([0.01] * 3, (0.5, 0, 0)), pixels=16)
-    assert out_of_sight(a_rig) == ()
+    assert out_of_sight(a_rig, a_rig.viewer) == ()
 
 
 def test_a_session_goes_on_when_glass_steps_aside_and_back():
@@ -106,7 +106,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     """
     plain = rig(box([0.1, 0.03, 0.1]), pixels=128)
     a_rig = with_others(plain, box([0.1, 1e-5, 1e-5], (0, 0.1537, -0.1)))
-    assert out_of_sight(a_rig) == (1,)
+    assert out_of_sight(a_rig, a_rig.viewer) == (1,)
     # with no walls of its box to pass by, none of the rays
     # comes near the rod: none raises ReachedError
     blind = replace(
@@ -114,7 +114,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     )
     assert drain(sample(blind)).n_rays > 1000
     laps = []
-    plan, _ = drain(sample_reached(a_rig, Settings(), Kept(), laps.append))
+    plan, _ = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside.glasses == ()
     assert not any("comes near" in text for text in plan.left_out)
@@ -126,6 +126,7 @@ def test_of_glass_none_of_which_is_in_sight_none_is_aside():
         Glass(name, box([0.02] * 3, (x, -3, 0))) for name, x in (("a", -0.1), ("b", 0.1))
     )
     before = Glass("c", box([0.02] * 3))
-    assert out_of_sight(rig(behind)) == ()
-    assert out_of_sight(rig((*behind, before))) == (0, 1)
-    assert out_of_sight(rig((before,))) == ()
+    viewer = rig(behind).viewer
+    assert out_of_sight(rig(behind), viewer) == ()
+    assert out_of_sight(rig((*behind, before)), viewer) == (0, 1)
+    assert out_of_sight(rig((before,)), viewer) == ()

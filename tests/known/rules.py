@@ -117,7 +117,7 @@ def with_another_aside() -> Rig:
 
 
 def without_the_other(a_rig: Rig) -> Plan:
-    return make_plan(a_rig, Settings(), aside=out_of_sight(a_rig))
+    return make_plan(a_rig, Settings(), aside=out_of_sight(a_rig, a_rig.viewer))
 
 
 def two_boxes() -> Rig:
