@@ -24,7 +24,8 @@ from ..core.measure.report import (
     plate_svg,
     table,
 )
-from ..core.measure.work_precision import BUDGET, WorkPrecision, measure
+from ..core.measure.rungs import WorkPrecision
+from ..core.measure.work_precision import BUDGET, Ladders, measure
 from ..core.messages import Message
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
@@ -63,7 +64,7 @@ def measured(
             yield from measure(
                 rig,
                 work.settings_of(context.scene),
-                budget=budget,
+                ladders=Ladders(budget=budget),
                 read=lambda: work.read(context),
                 write=save if _can_write() else None,
             )

@@ -10,7 +10,7 @@ from ..rig import Rig
 from ..settings import Settings
 from ..solve.session import Session
 from ..steps import within
-from .reference import psnr
+from .errors import psnr
 
 GLARES = (0.0, 0.5, 1.0)
 

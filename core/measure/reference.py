@@ -6,7 +6,7 @@ rig's own: where a picture is smooth, a wrong place has the right colour. The se
 image is simulated through the finer solve's shares.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Protocol
@@ -15,82 +15,92 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats
-from ..bench.placement import lattice
 from ..errors import RigError
-from ..image.picture import of_square, picture_from_view
 from ..image.seen_image import lattice_shift
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
-from ..rig import PicturePlace, Rig
+from ..map.view_map import MapError
+from ..rig import Display, Rig
 from ..settings import MOST_TOLERANCE, Settings
+from ..solve.channel import Channel
 from ..solve.session import Session
 from ..solve.solution import Solution
 from ..steps import within
-from ..viewer import Viewer
+from .charts import showing
+from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
 
 N_CHECKED = 1 << 16  # points of the viewer's image at which the map is compared with the trace
-PERCENTILE = 99.9
 HALF = 0.5  # a display pixel counts as covered from this share of its area on
 # a pixel is the picture's when this share of what it shows
 # is: where the outline runs, methods differ
 WHOLE = 0.99
-FINEST = 10.0  # px: the zone plate's shortest period, at the middle of its edges
-# px, of the zone plate
-LEAST_SIDE = 16
-MOST_SIDE = 4096
 TIMES_FINER = 4  # each way, the display's pixels from which the reference's source image is made
 MOST_FINE = 2048  # px: side of the largest such display, for the sake of memory
-PROBES = 256  # rays along each side of the viewer's image that look for the picture
 
 
 class Mapping(Protocol):
     """The part of a view map that is compared with the trace."""
+
+    @property
+    def error(self) -> MapError: ...
 
     def display_from_view(self, xy: Floats) -> Floats:
         """Display px (n, 2) of viewer px (n, 2), NaN where nothing lands."""
         ...
 
 
-@dataclass(frozen=True)
-class MapErrors:
-    """Distance of a view map from traced landings, over the points that both take to the display.
+@dataclass(frozen=True, eq=False)
+class ReferenceChannel:
+    """What the landings and the image of one viewer are compared with.
 
-    rms, percentile : rms and PERCENTILE of the distance,
-        display px; None where there are no such points
-    overlap : of the points that the map or the trace takes to
-        the display, the share that both do (IoU)
+    Parameters
+    ----------
+    plan : for the viewer, of the rig with the picture of fine detail
+    points, landed : (n, 2) viewer px and where their rays land,
+        display px, NaN where not on the display
+    seconds_a_ray : of the trace
+    is_seen : (h, w), viewer pixels in which nothing but the picture is seen
+    solved, dots : the channel, and that of the lattice of dots, at a much finer tolerance
     """
 
-    rms: float | None
-    percentile: float | None
-    overlap: float | None
+    plan: Plan
+    points: Floats
+    landed: Floats
+    seconds_a_ray: float
+    is_seen: Bools
+    solved: Channel
+    dots: Channel
 
+    def map_errors(self, view_map: Mapping) -> MapErrors:
+        """Compare a view map with the traced landings."""
+        here = _on_display(view_map.display_from_view(self.points), self.plan.rig.display)
+        has_landed = np.isfinite(self.landed[:, 0])
+        has_here = np.isfinite(here[:, 0])
+        both = has_landed & has_here
+        either = has_landed | has_here
+        distance = np.linalg.norm((here - self.landed)[both], axis=1)
+        is_known = len(distance) > 0
+        told = view_map.error
+        return MapErrors(
+            estimate=told.percentile,
+            facet_limited=told.facet_limited,
+            unresolved=told.unresolved,
+            rms=rms(distance) if is_known else None,
+            percentile=float(np.percentile(distance, PERCENTILE)) if is_known else None,
+            overlap=float(both.sum() / either.sum()) if either.any() else None,
+        )
 
-@dataclass(frozen=True)
-class ImageErrors:
-    """How far off a source image is, and its seen image.
-
-    source_rmse : linear values, over the display pixels that show
-        the picture and no more (Reference.is_shown)
-    holes : those of them that stay black, where the picture is
-        nowhere black; they count in source_rmse
-    seen_psnr : dB, white is 1, over the viewer's pixels that show the picture and no more: what is
-        seen of this source image, against what is seen of the reference's; None when there is no
-        difference
-    lattice_shift, lattice_largest : mean and largest displacement of the dots of the
-        lattice as seen, against the ideal image, viewer px; None where no dot is seen
-    lattice_seen : dots that are seen; None where the lattice was not painted
-    """
-
-    source_rmse: float
-    holes: int
-    seen_psnr: float | None
-    lattice_shift: float | None
-    lattice_largest: float | None
-    lattice_seen: int | None
+    def seen_errors(self, off: Image, dotted: Image | None) -> SeenErrors:
+        """Of a seen image that is off by so much (h, w, 3), and of the lattice's source image."""
+        if dotted is None:
+            shift = None, None, None
+        else:
+            found = lattice_shift(self.solved.seen(dotted), self.dots.ideal())
+            shift = (found.mean, found.largest, found.n_seen) if found.n_seen else (None, None, 0)
+        return SeenErrors(psnr(off[self.is_seen]), *shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,42 +109,28 @@ class Reference:
 
     Parameters
     ----------
-    plan : of the rig, with the picture of fine detail
-    dotted : the same rig with the lattice of dots as picture
-    solution, dots : solves of both at a much finer tolerance
+    dotted : the rig with the lattice of dots as picture
+    solution, dots : solves of both pictures at a much finer tolerance
     source : (H, W, 3), the display's image for the picture of
         fine detail: from a display of finer pixels
-    points, landed : (n, 2) viewer px and where their rays land,
-        display px, NaN where not on the display
     is_shown : (H, W), display pixels that the viewer sees by half
         or more, and that show nothing but the picture
-    is_seen : (h, w), viewer pixels in which nothing but the picture is seen
-    seconds_a_ray : of the trace
+    channels : one for each of the solution's
     """
 
-    plan: Plan
     dotted: Rig
     solution: Solution
     dots: Solution
     source: Image
-    points: Floats
-    landed: Floats
     is_shown: Bools
-    is_seen: Bools
-    seconds_a_ray: float
+    channels: tuple[ReferenceChannel, ...]
 
-    def map_errors(self, view_map: Mapping) -> MapErrors:
-        """Compare a view map with the traced landings."""
-        here = _on_display(view_map.display_from_view(self.points), self.plan.rig)
-        has_landed = np.isfinite(self.landed[:, 0])
-        has_here = np.isfinite(here[:, 0])
-        both = has_landed & has_here
-        either = has_landed | has_here
-        overlap = float(both.sum() / either.sum()) if either.any() else None
-        if not both.any():
-            return MapErrors(None, None, overlap)
-        distance = np.linalg.norm((here - self.landed)[both], axis=1)
-        return MapErrors(_rms(distance), float(np.percentile(distance, PERCENTILE)), overlap)
+    def map_errors(self, view_maps: Sequence[Mapping]) -> tuple[MapErrors, ...]:
+        """Compare each viewer's map with its traced landings."""
+        return tuple(
+            channel.map_errors(view_map)
+            for channel, view_map in zip(self.channels, view_maps, strict=True)
+        )
 
     def image_errors(self, detailed: Image, dotted: Image | None = None) -> ImageErrors:
         """Compare source images (H, W, 3) of the two
@@ -142,97 +138,40 @@ class Reference:
         """
         wanted = self.source[self.is_shown]
         found = detailed[self.is_shown]
-        seen = (self.solution.seen(detailed) - self.solution.seen(self.source))[self.is_seen]
         return ImageErrors(
-            _rms(found - wanted),
-            int((found == 0).all(axis=1).sum()),
-            psnr(seen),
-            *self._shift(dotted),
+            source_rmse=rms(found - wanted),
+            holes=int((found == 0).all(axis=1).sum()),
+            channels=tuple(
+                channel.seen_errors(
+                    channel.solved.seen(detailed) - channel.solved.seen(self.source), dotted
+                )
+                for channel in self.channels
+            ),
         )
 
     def own_errors(self) -> ImageErrors:
         """The rest, when only the reference's own errors are
         left: the PSNR is against the ideal image.
         """
-        seen = (self.solution.seen(self.source) - self.solution.ideal())[self.is_seen]
-        holes = int((self.source[self.is_shown] == 0).all(axis=1).sum())
-        return ImageErrors(0.0, holes, psnr(seen), *self._shift(self.dots.source))
-
-    def _shift(self, dotted: Image | None) -> tuple[float | None, float | None, int | None]:
-        if dotted is None:
-            return None, None, None
-        shift = lattice_shift(self.solution.seen(dotted), self.dots.ideal())
-        return (shift.mean, shift.largest, shift.n_seen) if shift.n_seen else (None, None, 0)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values, dtype=float)))) if values.size else 0.0
+        return ImageErrors(
+            source_rmse=0.0,
+            holes=int((self.source[self.is_shown] == 0).all(axis=1).sum()),
+            channels=tuple(
+                channel.seen_errors(
+                    channel.solved.seen(self.source) - channel.solved.ideal(), self.dots.source
+                )
+                for channel in self.channels
+            ),
+        )
 
 
-def psnr(difference: Floats) -> float | None:
-    """Peak signal-to-noise ratio, dB, of an image that is off by this; None where it is not."""
-    rms = _rms(difference)
-    return float(-20 * np.log10(rms)) if rms > 0 else None
-
-
-def _on_display(xy: Floats, rig: Rig) -> Floats:
+def _on_display(xy: Floats, display: Display) -> Floats:
     """Display px (n, 2), NaN where they are not on the display's
     image: landings just beside it are traced too.
     """
     with np.errstate(invalid="ignore"):
-        is_on = ((xy >= 0) & (xy <= (rig.display.width, rig.display.height))).all(axis=1)
+        is_on = ((xy >= 0) & (xy <= (display.width, display.height))).all(axis=1)
     return np.where(is_on[:, None], xy, np.nan)
-
-
-def zone_plate(pixels: int) -> Image:
-    """Rings that grow finer outward: detail in all directions, and
-    nowhere black, so that a black pixel is a hole.
-
-    Returns
-    -------
-    (pixels, pixels, 4) float32, linear 0.1..0.9, alpha 1; the
-    period is FINEST px at the middle of the edges
-    """
-    across = (np.arange(pixels) + 0.5) / pixels - 0.5
-    phase = 2 * np.pi * pixels / FINEST * (across[:, None] ** 2 + across**2)
-    rings = [0.5 + 0.4 * np.cos(phase + 2 * np.pi * channel / 3) for channel in range(3)]
-    return np.stack([*rings, np.ones_like(phase)], axis=2).astype(np.float32)
-
-
-def picture_extent(place: PicturePlace, viewer: Viewer) -> float:
-    """Side of a picture as a viewer sees it straight, the root
-    of its area, in viewer px; 0 where it is unseen.
-    """
-    place = replace(place, width=1, height=1)
-    x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
-    points = picture_from_view(
-        place, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3)
-    )
-    seen = points.footprint[points.cover > HALF]
-    return 1e-3 / float(np.median(seen)) if len(seen) else 0.0
-
-
-def showing(rig: Rig, image: Image) -> Rig:
-    """The same rig with another image (h, w, 4) where its picture is."""
-    return replace(rig, pictures=(rig.picture_place.showing(image),))
-
-
-def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
-    """The rig with a picture of fine detail and with the
-    lattice of dots, and the name of the first.
-
-    One pixel of the zone plate is one of the viewer's: shares are no larger,
-    so that all methods read the same picture.
-    """
-    extent = max(picture_extent(rig.picture_place, viewer) for viewer in rig.viewers)
-    side = int(np.clip(np.ceil(extent), LEAST_SIDE, MOST_SIDE))
-    about = "the picture that was given" if image is not None else (
-        f"a zone plate of {side} x {side} px in the picture's place, period down to {FINEST:g}"
-        f" viewer px"
-    )  # fmt: skip
-    image = zone_plate(side) if image is None else image
-    dots = lattice(side)
-    return showing(rig, image), showing(rig, np.dstack([dots, np.ones_like(dots[..., 0])])), about
 
 
 def make_reference(
@@ -257,23 +196,42 @@ def make_reference(
             display=detailed.display.name,
         )
     plan = make_plan(detailed, settings)
+    channels = tuple(
+        _traced(plan.seen_by(viewer), solved, of_dots, white)
+        for viewer, solved, of_dots in zip(
+            detailed.viewers, solution.channels, dots.channels, strict=True
+        )
+    )
+    yield 1.0
+    return Reference(
+        dotted=dotted,
+        solution=solution,
+        dots=dots,
+        source=source,
+        is_shown=is_shown,
+        channels=channels,
+    )
+
+
+def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> ReferenceChannel:
+    """The reference of one viewer.
+
+    white : (H, W, 3) the source image of white in the picture's place
+    """
     viewer = plan.viewer
     points = np.random.default_rng(0).random((N_CHECKED, 2)) * (viewer.width, viewer.height)
     clock = perf_counter()
     landings = trace_all(plan, *viewer.rays(points))
     seconds = perf_counter() - clock
-    yield 1.0
-    return Reference(
+    arrived = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+    return ReferenceChannel(
         plan=plan,
-        dotted=dotted,
-        solution=solution,
-        dots=dots,
-        source=source,
         points=points,
-        landed=_on_display(np.where(landings.has_arrived[:, None], landings.xy, np.nan), detailed),
-        is_shown=is_shown,
-        is_seen=solution.seen(white).max(axis=2) >= WHOLE,
+        landed=_on_display(arrived, plan.rig.display),
         seconds_a_ray=seconds / len(points),
+        is_seen=solved.seen(white).max(axis=2) >= WHOLE,
+        solved=solved,
+        dots=dots,
     )
 
 

@@ -15,14 +15,14 @@ from ..light.plate import PlatePath, light_by_angle
 from ..rig import MirrorArray
 from ..solve.cost import cost
 from .diagram import Curve, linear, log_log
-from .reference import PERCENTILE, ImageErrors, MapErrors
-from .work_precision import Rung, WorkPrecision
+from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors
+from .rungs import Rung, WorkPrecision
 
 NAMES = ("report.csv", "report.json", "report.svg")
 PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors
 ANGLES = range(0, 86)  # degrees, of incidence on it
 UNITS = {"adaptive": "px", "splat": "spp"}
-COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors
+COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors, SeenErrors
     "method": "method",
     "setting": "setting",
     "seconds": "seconds",
@@ -46,9 +46,17 @@ COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors
 
 
 def row(rung: Rung) -> dict[str, Any]:
-    """The numbers of a rung by name of column; None where they are not known."""
+    """The numbers of a rung by name of column, those of the first
+    viewer; None where they are not known.
+    """
+    first_map = rung.maps[0] if rung.maps else None
+    first_seen = rung.image.channels[0] if rung.image else None
     values = {field.name: getattr(rung, field.name) for field in fields(Rung)}
-    for part, kind in ((rung.map, MapErrors), (rung.image, ImageErrors)):
+    for part, kind in (
+        (first_map, MapErrors),
+        (rung.image, ImageErrors),
+        (first_seen, SeenErrors),
+    ):
         values |= {field.name: getattr(part, field.name, None) for field in fields(kind)}
     named = {name: _known(values[field]) for field, name in COLUMNS.items()}
     return named | {
@@ -79,7 +87,7 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
     whole = {
         "about": about or {},
         "statement": list(statement(found)),
-        "viewer_px": found.view_size,
+        "viewer_px": found.view_sizes[0],
         "display_px": found.display_size,
         "threads": 1,
         "tolerance_display_px": tolerance,
@@ -111,9 +119,10 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
 def statement(found: WorkPrecision) -> tuple[str, ...]:
     """The subjects and references of the numbers, a sentence a line."""
     finer = found.ladder[-1][0] / found.reference.setting
+    view_width, view_height = found.view_sizes[0]
     shown = f"{found.n_shown} display pixels that show nothing else"
     return (
-        f"Viewer {found.view_size[0]} x {found.view_size[1]} px, display {found.display_size[0]}"
+        f"Viewer {view_width} x {view_height} px, display {found.display_size[0]}"
         f" x {found.display_size[1]} px, one thread (numpy's own aside), medians of"
         f" {found.own.runs} runs (a long splat: 1 or 2).",
         f"Map: distance from {found.n_checked} rays traced in float64 at random points of the"

@@ -19,7 +19,7 @@ import numpy as np
 
 from environments import as_module
 from kiriko.core.light.engines import make_engine
-from kiriko.core.measure.work_precision import peak_memory
+from kiriko.core.measure.timing import peak_memory
 from kiriko.core.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session

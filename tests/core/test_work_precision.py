@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 
 from kiriko.core.errors import RigError
-from kiriko.core.measure import reference, work_precision
+from kiriko.core.measure import charts, reference, work_precision
 from kiriko.core.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
+from kiriko.core.measure.errors import quantisation
 from kiriko.core.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
-from kiriko.core.measure.work_precision import WorkPrecision, _splats, measure, quantisation
+from kiriko.core.measure.rungs import WorkPrecision
+from kiriko.core.measure.work_precision import Ladders, _splats, measure
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost
@@ -58,7 +60,9 @@ def found() -> WorkPrecision:
             patch.setattr(module, "Session", Shifted)
         return drain(
             measure(
-                small_rig(), Settings(tolerance=0.1), None, TOLERANCES, SPPS, runs=2, budget=60.0
+                small_rig(),
+                Settings(tolerance=0.1),
+                ladders=Ladders(TOLERANCES, SPPS, runs=2, budget=60.0),
             )
         )
 
@@ -77,10 +81,10 @@ def test_the_maps_error_is_the_one_that_was_put_in(found):
     """
     assert [rung.setting for rung in ladder(found)] == list(TOLERANCES)
     for rung in [*ladder(found), found.reference]:
-        assert rung.map.rms == pytest.approx(rung.setting, rel=0.02, abs=2e-3)
-        assert rung.map.percentile == pytest.approx(rung.setting, rel=0.02, abs=4e-3)
+        assert rung.maps[0].rms == pytest.approx(rung.setting, rel=0.02, abs=2e-3)
+        assert rung.maps[0].percentile == pytest.approx(rung.setting, rel=0.02, abs=4e-3)
         # a shift takes a strip at one border and gives one at the other
-        assert rung.map.overlap > 1 - 2.5 * rung.setting / 48
+        assert rung.maps[0].overlap > 1 - 2.5 * rung.setting / 48
 
 
 def test_image_errors_fall_along_the_ladder(found):
@@ -91,12 +95,12 @@ def test_image_errors_fall_along_the_ladder(found):
     rmse = [rung.image.source_rmse for rung in ladder(found)]
     assert (np.diff(rmse) < 0).all()
     assert rmse[0] > 5 * rmse[2]
-    assert (np.diff([rung.image.seen_psnr for rung in ladder(found)]) > 0).all()
+    assert (np.diff([rung.image.channels[0].seen_psnr for rung in ladder(found)]) > 0).all()
     assert all(rung.image.holes == 0 for rung in ladder(found))
-    assert all(rung.image.lattice_seen == 49 for rung in ladder(found))
+    assert all(rung.image.channels[0].lattice_seen == 49 for rung in ladder(found))
     # one display pixel is 64 / 48 viewer pixels; the dots are about 3 pixels wide
-    assert ladder(found)[0].image.lattice_shift == pytest.approx(64 / 48, rel=0.1)
-    assert found.reference.image.lattice_shift < 0.1
+    assert ladder(found)[0].image.channels[0].lattice_shift == pytest.approx(64 / 48, rel=0.1)
+    assert found.reference.image.channels[0].lattice_shift < 0.1
 
 
 def test_the_splat_converges_as_monte_carlo_does_and_fills_its_holes(found):
@@ -161,14 +165,15 @@ def test_times_are_kept_apart(found):
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
 def test_the_view_map_keeps_its_promise(tolerance):
     """The true session: 99.9 % of the map's errors are within the tolerance."""
-    result = drain(measure(small_rig(), Settings(tolerance=tolerance), None, (), (), runs=1))
-    assert result.own.map.percentile <= tolerance
-    assert result.own.map.overlap > 0.999
+    ladders = Ladders((), (), runs=1)
+    result = drain(measure(small_rig(), Settings(tolerance=tolerance), ladders=ladders))
+    assert result.own.maps[0].percentile <= tolerance
+    assert result.own.maps[0].overlap > 0.999
 
 
 def test_black_pixels_of_the_picture_are_holes():
     """Seven pixels blackened by hand are seven holes, and the RMSE is that of their values."""
-    rig, dotted, _ = reference.pictures(small_rig())
+    rig, dotted, _ = charts.pictures(small_rig())
     clock = perf_counter()
     judge = drain(reference.make_reference(rig, dotted, Settings(tolerance=0.01)))
     taken = perf_counter() - clock
@@ -182,15 +187,19 @@ def test_black_pixels_of_the_picture_are_holes():
         np.sqrt((lost.astype(float) ** 2).sum() / judge.is_shown.sum() / 3)
     )
     same = judge.image_errors(judge.source, judge.dots.source)
-    assert (same.source_rmse, same.holes, same.seen_psnr) == (0, 0, None)
-    assert same.lattice_shift < 0.1
+    (seen,) = same.channels
+    assert (same.source_rmse, same.holes, seen.seen_psnr) == (0, 0, None)
+    assert seen.lattice_shift < 0.1
     # the time of brute force, by the rays of the reference: where
     # there is no time for it that is told
-    assert 0 < judge.seconds_a_ray * reference.N_CHECKED < taken
+    (channel,) = judge.channels
+    assert 0 < channel.seconds_a_ray * reference.N_CHECKED < taken
     n_rays = rig.viewer.width * rig.viewer.height
-    for rung in drain(_splats(judge, (1, 10), runs=1, budget=0.0)):
+    for rung in drain(_splats(judge, Ladders((), (1, 10), runs=1, budget=0.0))):
         assert rung.runs == 0
-        assert rung.predicted_seconds == pytest.approx(judge.seconds_a_ray * n_rays * rung.setting)
+        assert rung.predicted_seconds == pytest.approx(
+            channel.seconds_a_ray * n_rays * rung.setting
+        )
 
 
 def test_times_of_reading_and_writing_are_those_of_the_calls_given():
@@ -200,10 +209,7 @@ def test_times_of_reading_and_writing_are_those_of_the_calls_given():
         measure(
             small_rig(),
             Settings(),
-            None,
-            (0.1,),
-            (),
-            runs=3,
+            ladders=Ladders((0.1,), (), runs=3),
             read=lambda: calls.append("read"),
             write=lambda image: calls.append(image.shape),
         )
@@ -257,7 +263,7 @@ def test_csv_and_json_agree_and_know_all_rungs(found):
         for name, text in line.items():
             value = row.get(name)
             assert text == ("" if value is None else str(value)), name
-    assert rows[1]["map_rms_display_px"] == ladder(found)[0].map.rms
+    assert rows[1]["map_rms_display_px"] == ladder(found)[0].maps[0].rms
     assert rows[-1]["seconds"] is None
     assert whole["quantisation_rms_encoded"]["8 bit"] > 0
 
