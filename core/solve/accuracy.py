@@ -15,6 +15,7 @@ from ..light.trace import tracing
 from ..rig import PicturePlace
 from ..steps import Pauses, at, within
 from ..viewer import Viewer
+from .progress import STAGES
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
@@ -44,9 +45,11 @@ def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accur
     """Accuracy of a plan; yields progress 0..1. is_cut_off: may
     some of its light be cut off by Max Events?
     """
-    found = yield from within(tessellation(plan), 0.0, 0.8)
-    open_light = yield from at(0.8, leaks(plan))
-    caught_light = (yield from at(0.9, caught(plan))) if is_cut_off else 0.0
+    found = yield from within(tessellation(plan), 0.0, STAGES.mesh_measured)
+    open_light = yield from at(STAGES.mesh_measured, leaks(plan))
+    caught_light = 0.0
+    if is_cut_off:
+        caught_light = yield from at(STAGES.leaks_measured, caught(plan))
     return Accuracy(found, rounding_error(plan), open_light, caught_light)
 
 

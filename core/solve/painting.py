@@ -22,11 +22,8 @@ from ..settings import Settings
 from ..steps import Pauses, at, within
 from ..viewer import Viewer
 from .channel import shares_of
-from .reach import times_slower
+from .progress import PACE, times_slower
 
-# seconds, about, that painting takes for each display pixel,
-# cell and share, where `reach.times_slower` is 1
-PAINTING = 0.48e-6, 0.67e-6, 0.14e-6
 MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
 
 
@@ -142,7 +139,11 @@ def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Se
     shares = _shares_to_paint(view_map, picture, viewer, settings)
     width, height = shares.display_size
     cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
-    seconds = times_slower() * float(np.dot(PAINTING, [width * height, cells[-1], n_shares[-1]]))
+    seconds = times_slower() * float(
+        PACE.painted_pixel * (width * height)
+        + PACE.painted_cell * cells[-1]
+        + PACE.painted_share * n_shares[-1]
+    )
     part = n_shares / max(n_shares[-1], 1)
     coverage = Coverage(shares.display_size, shares.view_size)
     return Placed(

@@ -2,7 +2,6 @@
 made ready to be traced until a ray comes by.
 """
 
-import timeit
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from time import perf_counter
@@ -19,17 +18,10 @@ from ..rig import Rig
 from ..settings import Settings
 from ..steps import at
 from ..viewer import Viewer
+from .progress import PACE, times_slower
 
 MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
-
-# Seconds, for the progress alone, of a machine on which the norms of PROBE take OF_PROBE seconds.
-OF_PROBE = 370e-6
-PROBE = np.ones((1 << 14, 3))
-SECONDS_A_PIXEL = 8e-6  # that a view map takes
-# that the work after it takes
-AFTER_A_PIXEL = 0.8e-6
-AFTER_A_RAY = 1.1e-6
 
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
@@ -59,11 +51,6 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
             if right < 0 or bottom < 0 or left > viewer.width or top > viewer.height:
                 aside.append(number)
     return tuple(aside) if len(aside) < len(rig.glasses) else ()
-
-
-def times_slower() -> float:
-    """How many times slower this machine is now than the one of the seconds above."""
-    return min(timeit.repeat(lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3)) / OF_PROBE
 
 
 def sample_reached(
@@ -100,13 +87,13 @@ def sample_reached(
         n_pixels = viewer.width * viewer.height
         steps = sampling.sample()
         share = 0.0
-        guess = DOUBT * slower * SECONDS_A_PIXEL * n_pixels
+        guess = DOUBT * slower * PACE.map_pixel * n_pixels
         try:
             while True:
                 so_far = perf_counter() - began
                 in_all = max(so_far, (so_far + guess) / (share + DOUBT))
                 n_rays = max(sampling.expected, sampling.n_done)
-                after = slower * (AFTER_A_PIXEL * n_pixels + AFTER_A_RAY * n_rays)
+                after = slower * (PACE.after_pixel * n_pixels + PACE.after_ray * n_rays)
                 # a solve that begins again has come no further
                 told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
                 yield told

@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
@@ -31,30 +31,16 @@ from ..steps import (
     within,
 )
 from ..viewer import Viewer
-from ..words import percent
 from .accuracy import measure
 from .channel import Channel, Traced
+from .dark import why_dark
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
+from .progress import STAGES
 from .reach import sample_reached
 from .remarks import remarks_on
 from .solution import Solution
-
-MOSTLY = 0.5  # share of the light: where more goes through gaps these are why all is dark
-MEASURED = 0.25  # of the work after tracing: until then errors are measured, then it is painted
-PAINTED = 0.97  # of the progress of a solve
-
-REMEDIES = {
-    Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
-    Reason.LOST_INSIDE: "every ray is lost inside the glass: look for faces that cut each other",
-    Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
-    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
-    " the plate",
-    Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
-    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the"
-    " glass",
-}
 
 
 class _Optics(NamedTuple):
@@ -108,18 +94,19 @@ class Session:
         if is_new:
             so_far = perf_counter() - started
             to_come = sum(one.seconds_to_paint for one in placed.channels)
-            told = max(told, min(PAINTED, so_far / (so_far + to_come)))
+            told = max(told, min(STAGES.painted, so_far / (so_far + to_come)))
         painting = yield from within(
-            paint(placed.channels, self._pyramid_of(rig.picture), clock), told, PAINTED
+            paint(placed.channels, self._pyramid_of(rig.picture), clock), told, STAGES.painted
         )
         if is_new:
-            _refuse_if_dark(optics.channels, placed.channels)
+            if not any(len(one.shares) for one in placed.channels):
+                raise why_dark(optics.channels[0])
             self._optics = optics
         beside = [traced.weight_beside for traced in optics.channels]
         source = finished(painting, placed.channels, beside, settings)
         clock.lap("painting")
 
-        yield PAINTED
+        yield STAGES.painted
         channels = tuple(
             # of an equal rig, perhaps with other names
             _channel(
@@ -160,14 +147,15 @@ class Session:
         clock = Clock()
         found = []
         n = len(rig.viewers)
+        traced = STAGES.glance_traced
         for k, viewer in enumerate(rig.viewers):
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            _, view_map = yield from within(steps, 0.5 * k / n, 0.5 * (k + 1) / n)
+            _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
             found.append((view_map, place(view_map, rig.picture_place, viewer, settings)))
 
         channels = [placed for _, placed in found]
         painting = yield from within(
-            paint(channels, self._pyramid_of(rig.picture), clock), 0.5, 1.0
+            paint(channels, self._pyramid_of(rig.picture), clock), traced, 1.0
         )
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
@@ -230,7 +218,7 @@ class Session:
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            sampling = within(steps, 0.0, PAINTED)
+            sampling = within(steps, 0.0, STAGES.painted)
             (plan, view_map), told = yield from last_told(sampling)
         finally:
             self.is_tracing = False
@@ -238,7 +226,7 @@ class Session:
 
         check_borders(rig, viewer, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        after = told + MEASURED * (PAINTED - told)
+        after = told + STAGES.measured * (STAGES.painted - told)
         accuracy = yield from within(measure(plan, is_cut_off), told, after)
         clock.lap("tessellation error")
 
@@ -284,30 +272,3 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.floa
         picture_coverage=picture_coverage,
         misses=misses,
     )
-
-
-def _refuse_if_dark(channels: Sequence[Traced], placed: Sequence[Placed]) -> None:
-    """Raise RigError when no ray arrives: nobody means a black source image.
-
-    The reason is the first viewer's.
-    """
-    if any(len(channel.shares) for channel in placed):
-        return
-
-    traced = channels[0]
-    leaks = traced.accuracy.leaks
-    leaked = max(leaks)
-    if leaked > MOSTLY:
-        glass = traced.plan.rig.glasses[leaks.index(leaked)]
-        raise RigError(
-            "The display stays dark: {share} of the picture's light goes through gaps in"
-            " the glass '{glass}': close them.",
-            share=percent(leaked),
-            glass=glass.name,
-        )
-
-    counts = np.bincount(traced.view_map.reason.ravel(), minlength=len(Reason))
-    counts[Reason.ARRIVED] = 0
-    beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
-    reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
-    raise RigError("The display stays dark: {remedy}.", remedy=REMEDIES[reason])

@@ -1,0 +1,41 @@
+"""The display stays dark: which fault keeps all light from it, and what helps."""
+
+import numpy as np
+
+from ..errors import RigError
+from ..light.landings import Reason
+from ..words import percent
+from .channel import Traced
+
+MOST_LEAKED = 0.5  # share of the light: where more goes through gaps these are why all is dark
+
+REMEDIES = {
+    Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
+    Reason.LOST_INSIDE: "every ray is lost inside the glass: look for faces that cut each other",
+    Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
+    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
+    " the plate",
+    Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
+    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the"
+    " glass",
+}
+
+
+def why_dark(traced: Traced) -> RigError:
+    """The reason why no ray of a viewer arrives: nobody means a black source image."""
+    leaks = traced.accuracy.leaks
+    leaked = max(leaks)
+    if leaked > MOST_LEAKED:
+        glass = traced.plan.rig.glasses[leaks.index(leaked)]
+        return RigError(
+            "The display stays dark: {share} of the picture's light goes through gaps in"
+            " the glass '{glass}': close them.",
+            share=percent(leaked),
+            glass=glass.name,
+        )
+
+    counts = np.bincount(traced.view_map.reason.ravel(), minlength=len(Reason))
+    counts[Reason.ARRIVED] = 0
+    beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
+    reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
+    return RigError("The display stays dark: {remedy}.", remedy=REMEDIES[reason])
