@@ -205,9 +205,10 @@ class Session:
         n = len(rig.viewers)
         for k, viewer in enumerate(rig.viewers):
             steps = self._trace(rig, viewer, settings, clock)
-            traced, told = yield from within(steps, k / n, (k + 1) / n)
+            start = k * STAGES.painted / n
+            traced, told = yield from within(steps, start, start + 1 / n)
             channels.append(traced)
-        return _Optics(key, tuple(channels)), (n - 1 + told) / n
+        return _Optics(key, tuple(channels)), start + told / n
 
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
