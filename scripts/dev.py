@@ -56,6 +56,11 @@ def pictures(arguments: argparse.Namespace) -> None:
     run_in_blender("pictures", arguments.rest)
 
 
+def pipeline(arguments: argparse.Namespace) -> None:
+    """Draw the pipeline and a cut pixel in it, into docs/pictures/pipeline.svg."""
+    run_with_tests("drawing.pipeline", arguments.rest)
+
+
 def fuzz(arguments: argparse.Namespace) -> None:
     """Try random rigs, broken and wild ones among them
     (further options go to scripts/fuzz/run.py).
@@ -264,6 +269,7 @@ def main() -> None:
         fuzz,
         paper,
         pictures,
+        pipeline,
         lint,
         build,
         setup,
