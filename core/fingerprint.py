@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-PLAIN = str, bytes, int, float, complex, bool, type(None), np.generic
+PLAIN_TYPES = str, bytes, int, float, complex, bool, type(None), np.generic
 
 
 def fingerprint(*things: object) -> str:
@@ -34,7 +34,7 @@ def fingerprint(*things: object) -> str:
             digest.update(f"({len(thing)}".encode())
             for item in thing:
                 add(item)
-        elif isinstance(thing, PLAIN):
+        elif isinstance(thing, PLAIN_TYPES):
             digest.update(repr(thing).encode())
         else:
             raise TypeError(

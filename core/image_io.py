@@ -37,7 +37,7 @@ FORMATS = {
 }
 
 
-PLAIN = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
+SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
@@ -63,7 +63,8 @@ def format_for(path: Path | str, form: str) -> str:
     if suffix == FORMATS[form].suffix:
         return form
     return next(
-        (name for name, kind in FORMATS.items() if kind.suffix == suffix and name in PLAIN), form
+        (name for name, kind in FORMATS.items() if kind.suffix == suffix and name in SUFFIX_FORMS),
+        form,
     )
 
 

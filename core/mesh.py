@@ -11,7 +11,9 @@ from .errors import MeshError
 
 SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
-FLAT = 1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
+FLAT_THICKNESS = (
+    1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class Mesh:
         _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
         thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
 
-        return bool(thick <= FLAT * wide + 4 * self.rounding)
+        return bool(thick <= FLAT_THICKNESS * wide + 4 * self.rounding)
 
     def check(self, owner: str) -> None:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from .arrays import Floats
 
-AT_ONCE = 1 << 10  # systems eliminated together: their arrays stay in the cache
+SYSTEMS_AT_ONCE = 1 << 10  # systems eliminated together: their arrays stay in the cache
 
 
 def turn(linear: Floats, vectors: Floats) -> Floats:
@@ -54,8 +54,8 @@ def solve_symmetric(matrices: Floats, right: Floats) -> Floats:
     n_systems, k, _ = right.shape
     solved = np.empty(right.shape)
 
-    for first in range(0, n_systems, AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, n_systems, SYSTEMS_AT_ONCE):
+        some = slice(first, first + SYSTEMS_AT_ONCE)
         # entries first, systems last: each step is of long contiguous rows
         a = np.concatenate([matrices[some], right[some]], axis=2).transpose(1, 2, 0).copy()
 

@@ -7,7 +7,8 @@ from typing import Any
 from .arrays import Bools, Floats, Ints
 from .errors import RigError
 from .index import WAVELENGTH, ConstantIndex, Index
-from .mesh import FLAT, Mesh, SurfaceChoice
+from .mesh import FLAT_THICKNESS as FLAT
+from .mesh import Mesh, SurfaceChoice
 from .messages import Message
 from .mirror_array import MOST_CROSSING_ERROR, PRESET_SIDES, PRESETS, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.blender.result import OURS, update_solution, update_source
+from ..core.blender.result import MATERIAL_MARK, update_solution, update_source
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
@@ -249,7 +249,7 @@ class Live:
         materials = [] if display is None else [slot.material for slot in display.material_slots]
         self.ours = {
             uid(scene.kiriko.result.source),
-            *(uid(m) for m in materials if m is not None and m.get(OURS)),
+            *(uid(m) for m in materials if m is not None and m.get(MATERIAL_MARK)),
         }
 
     def _show_problem(self, text: str) -> None:

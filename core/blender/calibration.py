@@ -20,8 +20,8 @@ from .kept import Offset
 from .scene import Reading, length_of_unit, object_matrix
 
 # px of display and viewer: so near, in single precision, everything has to come to be as fitted
-NEAR = 0.1
-SINGLE = 1e-6  # the error of numbers of about 1 in single precision
+FITTED_WITHIN_PX = 0.1
+FLOAT32_ERROR = 1e-6  # the error of numbers of about 1 in single precision
 PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
@@ -173,9 +173,9 @@ def _compare(found: Rig, wanted: Rig) -> None:
     # parts: place and make
     for role in (role for role in ROLES if role.kind is not None):
         for a, b in zip(found.of(role), wanted.of(role), strict=True):
-            if np.abs(a.mesh.vertices - b.mesh.vertices).max() > NEAR * pixel or not _is_made_like(
-                a, b
-            ):
+            if np.abs(
+                a.mesh.vertices - b.mesh.vertices
+            ).max() > FITTED_WITHIN_PX * pixel or not _is_made_like(a, b):
                 raise _held(b.name)
 
     for a, b in zip(found.viewers, wanted.viewers, strict=True):
@@ -187,7 +187,7 @@ def _compare(found: Rig, wanted: Rig) -> None:
     for a, b in zip(found.pictures, wanted.pictures, strict=True):
         seen = view_of_picture(a.place, found.viewers[0], uv)
         off = seen - view_of_picture(b.place, wanted.viewers[0], uv)
-        if np.abs(off).max() > NEAR:
+        if np.abs(off).max() > FITTED_WITHIN_PX:
             raise _held(b.name)
 
 
@@ -203,7 +203,10 @@ def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
     off = np.abs(found.position - wanted.position).max()
     turned = np.abs(found.axes - wanted.axes).max() * reach
     zoomed = np.abs(np.subtract(found.window, wanted.window)).max()
-    return not (off > NEAR * display_pixel(display) or max(turned, zoomed) > NEAR * across)
+    return not (
+        off > FITTED_WITHIN_PX * display_pixel(display)
+        or max(turned, zoomed) > FITTED_WITHIN_PX * across
+    )
 
 
 def _held(name: str) -> RigError:
@@ -217,10 +220,10 @@ def _held(name: str) -> RigError:
 def _is_made_like(a: Any, b: Any) -> bool:
     """Have two parts the same index, or mirrors, to single precision?"""
     if hasattr(a, "ior"):
-        return abs(a.ior.at(WAVELENGTH) - b.ior.at(WAVELENGTH)) < SINGLE
+        return abs(a.ior.at(WAVELENGTH) - b.ior.at(WAVELENGTH)) < FLOAT32_ERROR
     if getattr(a, "array", None) is not None:
-        return abs(a.array.crossing_error - b.array.crossing_error) < SINGLE and (
-            abs(a.array.height - b.array.height) < SINGLE * a.array.pitch
+        return abs(a.array.crossing_error - b.array.crossing_error) < FLOAT32_ERROR and (
+            abs(a.array.height - b.array.height) < FLOAT32_ERROR * a.array.pitch
         )
     return True
 

@@ -13,7 +13,7 @@ from ..errors import ImageError
 from ..image_io import encode
 
 # its names through the versions
-LINEAR = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")
+LINEAR_SPACES = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")
 
 
 @contextmanager
@@ -42,7 +42,7 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
             item.identifier
             for item in image.colorspace_settings.bl_rna.properties["name"].enum_items
         }
-        linear = next((space for space in LINEAR if space in spaces), None)
+        linear = next((space for space in LINEAR_SPACES if space in spaces), None)
 
         # else a colour configuration of the user's own: a new float image is scene linear there
         if linear is not None:

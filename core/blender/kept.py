@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
-VERSION = 1
+RECORD_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Offset:
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": VERSION, "sets": self.sets})
+        return json.dumps({"version": RECORD_VERSION, "sets": self.sets})
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Ladder:
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": VERSION, "rungs": self.rungs})
+        return json.dumps({"version": RECORD_VERSION, "rungs": self.rungs})
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Numbers:
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": VERSION, **self.by_name})
+        return json.dumps({"version": RECORD_VERSION, **self.by_name})
 
 
 def _items(text: str, name: str) -> list[Any]:

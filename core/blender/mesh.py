@@ -21,7 +21,7 @@ NO_AREA = 1e-12
 # of a mesh's size: two copies of a vertex, each rounded to float32 once or twice, differ by less
 COPIED = 4 * 2.0**-23
 
-SAME = 1e-6  # normals that differ by less are the same but for float32
+SAME_FLOAT32_NORMAL = 1e-6  # normals that differ by less are the same but for float32
 
 
 def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
@@ -88,7 +88,10 @@ def has_means(mesh: bpy.types.Mesh) -> bool:
         means = column(mesh.vertex_normals, "vector", 3, np.float32)
         means = means[column(mesh.loops, "vertex_index", 1, np.int32)]
         return bool(
-            (np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means) < SAME).all()
+            (
+                np.abs(column(mesh.corner_normals, "vector", 3, np.float32) - means)
+                < SAME_FLOAT32_NORMAL
+            ).all()
         )
 
     given = mesh.attributes["custom_normal"]
@@ -162,7 +165,10 @@ def read_local(
 ) -> LocalMesh:
     """Triangles of an evaluated Blender mesh in its own coordinates.
 
-    Parameters as for `read_mesh`.
+    Parameters
+    ----------
+    has_normals, has_uv : are corner normals, is a UV map wanted
+    uv_map : name of the UV map; the one used in renders when there is none of that name
     """
     mesh.calc_loop_triangles()
     found = mesh.loop_triangles
@@ -195,7 +201,18 @@ def read_local(
 def in_world(
     local: LocalMesh, matrix: Floats, surface: SurfaceChoice = "smooth"
 ) -> tuple[Mesh, int]:
-    """A mesh as read, in the world; parameters and result as for `read_mesh`."""
+    """A mesh as read, in the world.
+
+    Parameters
+    ----------
+    matrix : (4, 4) float64, metres in the world from local coordinates. Where it
+        mirrors (det < 0) the winding is turned, so that the front stays in front.
+    surface : the choice of what smooth-shaded faces stand for
+
+    Returns
+    -------
+    the Mesh, and the number of triangles left out because they have no area
+    """
     linear = matrix[:3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         vertices = turn(linear, local.vertices) + matrix[:3, 3]
@@ -234,38 +251,9 @@ def in_world(
     ), n_dropped
 
 
-def read_mesh(
-    mesh: bpy.types.Mesh,
-    matrix: Floats,
-    *,
-    has_normals: bool = False,
-    has_uv: bool = False,
-    uv_map: str = "",
-    surface: SurfaceChoice = "smooth",
-) -> tuple[Mesh, int]:
-    """Triangles of a Blender mesh in the world.
-
-    Parameters
-    ----------
-    mesh : an evaluated mesh
-    matrix : (4, 4) float64, metres in the world from local coordinates. Where it
-        mirrors (det < 0) the winding is turned, so that the front stays in front.
-    has_normals, has_uv : are corner normals, is a UV map wanted
-    uv_map : name of the UV map; the one used in renders when there is none of that name
-    surface : the choice of what smooth-shaded faces stand for
-
-    Returns
-    -------
-    the Mesh, and the number of triangles left out because they have no area
-    """
-    return in_world(
-        read_local(mesh, has_normals=has_normals, has_uv=has_uv, uv_map=uv_map), matrix, surface
-    )
-
-
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
     """A Blender mesh of triangles in the world, with their
-    corner normals; the inverse of `read_mesh`.
+    corner normals; the inverse of `in_world`.
 
     Each triangle has vertices of its own, so that normals need
     no sharp edges to differ between neighbours.

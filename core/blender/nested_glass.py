@@ -18,7 +18,7 @@ from ..rig import WAVELENGTH, Glass
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid
-SAME = 1e-3  # volumes that differ by less than this share are the same
+SAME_VOLUMES = 1e-3  # volumes that differ by less than this share are the same
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def interfaces(glasses: tuple[Glass, ...]) -> tuple[list[Interface], list[str]]:
             if owner == k
         ]
         side = _side(glass, own)
-        if abs(abs(side) - 1) > SAME:
+        if abs(abs(side) - 1) > SAME_VOLUMES:
             reasons[
                 Message(
                     "some faces of '{glass}' look inward: recalculate its normals", glass=glass.name

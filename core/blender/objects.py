@@ -11,7 +11,7 @@ from mathutils import Matrix
 
 from ..arrays import Bools, Floats
 
-OURS = "kiriko_object"  # marks an object that Kiriko made and may make anew
+OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
 
 
 class Workbench:
@@ -130,10 +130,10 @@ def grid_object(
         raise
 
     # the object of before gets the new mesh
-    thing = next((o for o in scene.objects if o.get(OURS) == name), None)
+    thing = next((o for o in scene.objects if o.get(OBJECT_MARK) == name), None)
     if thing is None:
         thing = bpy.data.objects.new(name, mesh)
-        thing[OURS] = name
+        thing[OBJECT_MARK] = name
         thing.hide_render, thing.show_wire = True, True
         scene.collection.objects.link(thing)
     else:

@@ -8,11 +8,14 @@ from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
 
-LINEAR = {"Linear Rec.709", "scene_linear"}  # byte images in these hold linear numbers already
+LINEAR_BYTE_SPACES = {
+    "Linear Rec.709",
+    "scene_linear",
+}  # byte images in these hold linear numbers already
 # types of image that Blender shows and has no pixels of for others
 UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}
 OF_PIXEL = 16  # bytes that reading takes: four float32
-AT_ONCE = 1 << 18  # pixels that are decoded at once
+DECODED_AT_ONCE = 1 << 18  # pixels that are decoded at once
 
 
 def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,7 +124,7 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
     pixels = four_channels(stored)
     space = image.colorspace_settings
     is_encoded = not image.is_float and space.name == "sRGB"
-    if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR):
+    if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR_BYTE_SPACES):
         raise ImageError(
             "The image '{image}' of {owner} is in the colour space {space}, which Kiriko"
             " does not know for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color.",
@@ -132,7 +135,7 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
 
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-    step = max(1, AT_ONCE // pixels.shape[1])
+    step = max(1, DECODED_AT_ONCE // pixels.shape[1])
 
     # in place, a few rows at a time: there may be gigabytes of them
     for first in range(0, len(pixels), step):

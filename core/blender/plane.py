@@ -14,10 +14,10 @@ from .material import Texture, find_texture, read_texture
 from .mesh import column, used_slots, uv_layer
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides, uv_axes
-from .resize import NEAR, refuse_held, rescale
+from .resize import RESIZED_WITHIN, refuse_held, rescale
 
 MATERIAL = "Kiriko Picture"
-UNSEEN = 0.005  # share of a side: an image squeezed by less looks as it should
+UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should
 ALONG = 1e-5  # of its length: how far a direction may be off an axis that it goes along
 FIT_BUTTON = "press Fit to Image in the Kiriko tab"
 
@@ -153,7 +153,7 @@ def squeeze(size: tuple[float, float] | None, image: bpy.types.Image) -> float:
 
 def squeezed_words(factor: float) -> str:
     """By how much an image is squeezed, to follow 'is'; '' where no one would see it."""
-    if abs(factor - 1) <= UNSEEN:
+    if abs(factor - 1) <= UNSEEN_SQUEEZE:
         return ""
     side, share = ("width", factor) if factor < 1 else ("height", 1 / factor)
     return Message("squeezed to {share} of its {side}", share=percent(share), side=side)
@@ -178,7 +178,9 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     if squeezed_words(before):
         refuse_held(thing)
         factors = _factors(axes, np.sqrt(before))
-        rescale(context, thing, points, factors, lambda after: abs(factor(after) - 1) <= NEAR)
+        rescale(
+            context, thing, points, factors, lambda after: abs(factor(after) - 1) <= RESIZED_WITHIN
+        )
 
     return before
 

@@ -19,7 +19,7 @@ from .roles import InBlender, Studio, in_blender
 from .scene import Reading, object_matrix
 from .temporary import mark
 
-SHEARED = 1e-6  # of an object's scale: less shear is rounding
+LEAST_SHEAR = 1e-6  # of an object's scale: less shear is rounding
 
 
 class PreviewParts:
@@ -202,7 +202,7 @@ def _without_shear(matrix: Matrix) -> tuple[Matrix, tuple[tuple[float, ...], ...
     turned = turned * sign
     upper = upper * sign[:, None]
     scale = np.diag(upper)
-    if not (scale > 0).all() or np.abs(upper - np.diag(scale)).max() <= SHEARED * scale.max():
+    if not (scale > 0).all() or np.abs(upper - np.diag(scale)).max() <= LEAST_SHEAR * scale.max():
         return matrix, None
 
     place = np.eye(4)

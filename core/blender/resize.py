@@ -13,9 +13,11 @@ from ..errors import RigError
 from .mesh import column
 
 # of its size: an object no thicker along an axis of its own is perpendicular to that axis
-FLAT = 1e-5
-NEAR = 1e-4  # of a side: so near an object has to come to its size and stay in its place
-SINGLE = 2.0**-22  # of its place: the error, in single precision, of a sum of two or three numbers
+FLAT_AXIS = 1e-5
+RESIZED_WITHIN = 1e-4  # of a side: so near an object has to come to its size and stay in its place
+FLOAT32_SUM_ERROR = (
+    2.0**-22
+)  # of its place: the error, in single precision, of a sum of two or three numbers
 SQUARE = 1e-3  # of a side, by which the other may differ
 
 
@@ -36,7 +38,7 @@ def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) 
         thing,
         points,
         factors,
-        lambda after: np.abs(_factors(after, points, side) - 1).max() <= NEAR,
+        lambda after: np.abs(_factors(after, points, side) - 1).max() <= RESIZED_WITHIN,
     )
 
 
@@ -83,9 +85,9 @@ def rescale(
 
         context.view_layer.update()
         moved = (after - before)[:3, :3] @ middle + (after - before)[:3, 3]
-        rounding = SINGLE * np.abs(after[:3, 3]).max()
+        rounding = FLOAT32_SUM_ERROR * np.abs(after[:3, 3]).max()
         size = np.ptp(points @ after[:3, :3].T, axis=0).max()
-        if not is_right(after) or np.abs(moved).max() > NEAR * size + rounding:
+        if not is_right(after) or np.abs(moved).max() > RESIZED_WITHIN * size + rounding:
             raise RigError("a constraint or a driver holds it")
     except BaseException:
         for owner, name, value in kept:
@@ -130,7 +132,7 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
     """
     extent = np.ptp(points, axis=0)
     thin = int(extent.argmin())
-    if extent[thin] <= FLAT * extent.max():
+    if extent[thin] <= FLAT_AXIS * extent.max():
         lengths = np.delete(np.linalg.norm(matrix[:3, :3], axis=0) * extent, thin)
         if not lengths.all():
             raise RigError("it has no size")

@@ -19,7 +19,7 @@ from .result_numbers import numbers_of
 from .scene import Reading
 
 SOURCE = "Kiriko Source"
-OURS = "kiriko_display"  # marks a material that Kiriko made and may write to
+MATERIAL_MARK = "kiriko_display"  # marks a material that Kiriko made and may write to
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -86,7 +86,7 @@ def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
     materials = [slot.material for slot in display.material_slots]
     return bool(materials) and all(
         m is not None
-        and m.get(OURS)
+        and m.get(MATERIAL_MARK)
         and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
         for m in materials
     )
@@ -120,12 +120,17 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
         ]
 
     old = next(
-        (s.material for s in display.material_slots if s.material and s.material.get(OURS)), None
+        (
+            s.material
+            for s in display.material_slots
+            if s.material and s.material.get(MATERIAL_MARK)
+        ),
+        None,
     )
     ours = bpy.data.materials.new(f"{display.name} Source")
 
     try:
-        ours[OURS] = True
+        ours[MATERIAL_MARK] = True
         shaders.show_image(ours, image)
     except BaseException:
         bpy.data.materials.remove(ours)
@@ -144,7 +149,7 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     notes = []
     for slot in display.material_slots:
         theirs = slot.material
-        if theirs is not None and not theirs.get(OURS):
+        if theirs is not None and not theirs.get(MATERIAL_MARK):
             theirs.use_fake_user = True
             notes.append(
                 Message(

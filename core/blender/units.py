@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 # metres in the units a scene can be set to, and how they are written
-UNITS = {
+LENGTH_UNITS = {
     "KILOMETERS": (1e3, "km"),
     "METERS": (1.0, "m"),
     "CENTIMETERS": (1e-2, "cm"),
@@ -36,7 +36,7 @@ def length_text(scene: bpy.types.Scene, metres: float) -> str:
     if units.system == "NONE":
         return f"{_plain(metres)} units"
 
-    size, symbol = UNITS.get(units.length_unit, (0.0, ""))
+    size, symbol = LENGTH_UNITS.get(units.length_unit, (0.0, ""))
     if size and (metres == 0 or READABLE[0] <= abs(metres) / size < READABLE[1]):
         return f"{_plain(metres / size)} {symbol}"
 

@@ -9,7 +9,7 @@ from ..arrays import Floats
 from ..errors import RigError
 from ..rig import Viewer
 
-SHEARED = 1e-4  # axes further from perpendicular than this are no float32 noise
+MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
 SAME_SHAPE = 1e-3  # of width to height: nobody sees less
 PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
 
@@ -99,7 +99,7 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     columns = matrix[:3, :3] / np.maximum(
         np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny
     )
-    if not np.abs(columns.T @ columns - np.eye(3)).max() < SHEARED:
+    if not np.abs(columns.T @ columns - np.eye(3)).max() < MOST_SHEAR:
         raise RigError(
             "The viewer '{name}' is sheared or has no size: undo the uneven scale of it or"
             " of its parents.",

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Matrix
 
 from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
-from kiriko.core.blender.mesh import read_mesh
+from kiriko.core.blender.mesh import in_world, read_local
 from kiriko.core.rig import Mesh
 
 SIZE = 0.05  # m
@@ -224,7 +224,7 @@ def evaluated(thing: bpy.types.Object, place: Matrix) -> Mesh:
     """The mesh of an object with its modifiers, at a place in the world."""
     bpy.context.view_layer.update()
     result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh, _ = read_mesh(result.to_mesh(), np.array(place), has_normals=True)
+    mesh, _ = in_world(read_local(result.to_mesh(), has_normals=True), np.array(place))
     result.to_mesh_clear()
     return mesh
 

@@ -366,7 +366,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     for metres in (1.0, 0.001):
         made, matrix = module.mesh_from_triangles("made", drawn, metres)
         to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(matrix, dtype=float)
-        found, n_dropped = module.read_mesh(made, to_metres, has_normals=True)
+        found, n_dropped = module.in_world(module.read_local(made, has_normals=True), to_metres)
         assert n_dropped == 0
         # the place is stored in float32
         assert np.abs(found.corners - drawn.corners).max() < 100 * 2.0**-23
