@@ -50,4 +50,5 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
         first = first or solution  # its map knows light beside the glass: all are seen through that
         seen = first.seen(solution.source, beside=True)
         found.append(Choice(ghosts, glare, psnr(seen - first.ideal())))
+
     return tuple(sorted(found))

@@ -33,8 +33,11 @@ class Curve:
 
 @dataclass(frozen=True)
 class Axis:
-    """ticks: values and how they are written, from the axis's one end to its other."""
+    """label: with its unit; ticks: values and how they are
+    written, from the axis's one end to its other.
+    """
 
+    label: str
     ticks: tuple[tuple[float, str], ...]
     is_log: bool = False
 
@@ -51,36 +54,25 @@ def log_log(
 ) -> str:
     """Draw curves on logarithmic axes with ticks at powers of ten.
 
-    Parameters are those of `draw`.
+    title, x_label, y_label : text; the labels name their units
+    notes : lines below the title
     """
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
-    return draw(title, x_label, y_label, curves, _decades(x), _decades(y), notes)
+    return draw(title, curves, _decades(x_label, x), _decades(y_label, y), notes)
 
 
 def linear(
     title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()
 ) -> str:
-    """Draw curves on linear axes from 0 on; parameters are those of `draw`."""
+    """Draw curves on linear axes from 0 on; parameters are those of `log_log`."""
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
-    return draw(title, x_label, y_label, curves, _from_zero(x), _from_zero(y), notes)
+    return draw(title, curves, _from_zero(x_label, x), _from_zero(y_label, y), notes)
 
 
 def draw(
-    title: str,
-    x_label: str,
-    y_label: str,
-    curves: Sequence[Curve],
-    x_axis: Axis,
-    y_axis: Axis,
-    notes: Sequence[str] = (),
+    title: str, curves: Sequence[Curve], x_axis: Axis, y_axis: Axis, notes: Sequence[str] = ()
 ) -> str:
-    """Draw curves.
-
-    Parameters
-    ----------
-    title, x_label, y_label : text; the labels name their units
-    notes : lines below the title
-    """
+    """Draw curves; notes are lines below the title."""
     top = TOP + 16 * len(notes)
 
     def place(x: float, y: float) -> tuple[float, float]:
@@ -95,50 +87,59 @@ def draw(
     )
     low = place(left, bottom)
     high = place(right, above)
+
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0'
         f' {WIDTH} {HEIGHT}"'
         f' font-family="{FONT}" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-        _text(LEFT, 28, title, size=16),
-        *(_text(LEFT, 48 + 16 * n, note, fill="#555555") for n, note in enumerate(notes)),
+        _text((LEFT, 28), title, size=16),
+        *(_text((LEFT, 48 + 16 * n), note, fill="#555555") for n, note in enumerate(notes)),
     ]
+
     for value, text in x_axis.ticks:
         x, _ = place(value, bottom)
-        parts += [_line(x, low[1], x, high[1]), _text(x, low[1] + 18, text, "middle", css="x tick")]
+        parts += [
+            _line(x, low[1], x, high[1]),
+            _text((x, low[1] + 18), text, "middle", css="x tick"),
+        ]
+
     for value, text in y_axis.ticks:
         _, y = place(left, value)
-        parts += [_line(low[0], y, high[0], y), _text(LEFT - 8, y + 4, text, "end", css="y tick")]
+        parts += [_line(low[0], y, high[0], y), _text((LEFT - 8, y + 4), text, "end", css="y tick")]
+
     middle = (low[1] + high[1]) / 2
     parts += [
         f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}"'
         f' height="{low[1] - high[1]:.2f}"'
         ' fill="none" stroke="black"/>',
-        _text((low[0] + high[0]) / 2, HEIGHT - 18, x_label, "middle", size=14),
+        _text(((low[0] + high[0]) / 2, HEIGHT - 18), x_axis.label, "middle", size=14),
         f'<g transform="translate(24 {middle:.2f})'
-        f' rotate(-90)">{_text(0, 0, y_label, "middle", size=14)}</g>',
+        f' rotate(-90)">{_text((0, 0), y_axis.label, "middle", size=14)}</g>',
     ]
+
     for n, curve in enumerate(curves):
         parts += _drawn(curve, n, [place(*point) for point in curve.points])
     parts.append(_legend(curves, high[0] - 12, high[1] + 20))
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _decades(values: Sequence[float]) -> Axis:
+def _decades(label: str, values: Sequence[float]) -> Axis:
     """Powers of ten around all values, at least one decade apart."""
     low, high = (floor(log10(min(values))), ceil(log10(max(values)))) if values else (0, 1)
     powers = range(low, max(high, low + 1) + 1)
-    return Axis(tuple((10.0**k, _power(k)) for k in powers), is_log=True)
+    return Axis(label, tuple((10.0**k, _power(k)) for k in powers), is_log=True)
 
 
-def _from_zero(values: Sequence[float]) -> Axis:
+def _from_zero(label: str, values: Sequence[float]) -> Axis:
     """Round numbers from 0 to the largest value, four to ten of them."""
     most = max(values, default=1.0) or 1.0
     power = 10.0 ** floor(log10(most))
     step = next(
         power * part for part in (0.1, 0.2, 0.5, 1.0, 2.0) if most <= 10 * power * part * (1 + 1e-9)
     )
-    return Axis(tuple((step * k, f"{step * k:.4g}") for k in range(ceil(most / step - 1e-9) + 1)))
+    n_steps = ceil(most / step - 1e-9)
+    return Axis(label, tuple((step * k, f"{step * k:.4g}") for k in range(n_steps + 1)))
 
 
 def _power(k: int) -> str:
@@ -150,6 +151,7 @@ def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]
     line = " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
     parts = [f'<g class="curve" fill="{colour}">', f"<title>{escape(curve.name)}</title>"]
     parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
+
     written: list[tuple[float, float]] = []
     for (x, y), label in zip(at, curve.labels, strict=bool(curve.labels)):
         parts.append(_mark(n, x, y))
@@ -157,9 +159,10 @@ def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]
             is_last = x > WIDTH - RIGHT - LABEL[0]
             at_x, anchor = (x - 7, "end") if is_last else (x + 7, "start")
             parts.append(
-                _text(at_x, y + (14 if n % 2 else -5), label, anchor, size=10, fill=colour)
+                _text((at_x, y + (14 if n % 2 else -5)), label, anchor, size=10, fill=colour)
             )
             written.append((x, y))
+
     return [*parts, "</g>"]
 
 
@@ -173,7 +176,10 @@ def _legend(curves: Sequence[Curve], right: float, top: float) -> str:
     parts = []
     for n, curve in enumerate(curves):
         y = top + 18 * n
-        parts += [_mark(n, right - 4, y - 4), _text(right - 16, y, curve.name, "end", fill="black")]
+        parts += [
+            _mark(n, right - 4, y - 4),
+            _text((right - 16, y), curve.name, "end", fill="black"),
+        ]
         parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
     return "\n".join(['<g class="legend">', *parts, "</g>"])
 
@@ -183,14 +189,14 @@ def _line(x0: float, y0: float, x1: float, y1: float) -> str:
 
 
 def _text(
-    x: float,
-    y: float,
+    at: tuple[float, float],
     text: str,
     anchor: str = "start",
     size: int = 12,
     fill: str = "black",
     css: str = "",
 ) -> str:
+    x, y = at
     kind = f' class="{css}"' if css else ""
     return (
         f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}"'

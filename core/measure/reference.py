@@ -82,6 +82,7 @@ class ReferenceChannel:
         both = has_landed & has_here
         either = has_landed | has_here
         distance = np.linalg.norm((here - self.landed)[both], axis=1)
+
         is_known = len(distance) > 0
         told = view_map.error
         return MapErrors(
@@ -188,6 +189,7 @@ def make_reference(
     solution = yield from within(session.solve(detailed, settings), 0.0, 0.4)
     dots = yield from within(session.solve(dotted, settings), 0.4, 0.45)
     source, white = yield from within(_fine_sources(detailed, settings), 0.45, 0.9)
+
     is_shown = (solution.display_coverage >= HALF) & (white.max(axis=2) >= WHOLE)
     if not is_shown.any():
         raise RigError(
@@ -195,6 +197,7 @@ def make_reference(
             " to compare: raise its resolution.",
             display=detailed.display.name,
         )
+
     plan = make_plan(detailed, settings)
     channels = tuple(
         _traced(plan.seen_by(viewer), solved, of_dots, white)
@@ -202,6 +205,7 @@ def make_reference(
             detailed.viewers, solution.channels, dots.channels, strict=True
         )
     )
+
     yield 1.0
     return Reference(
         dotted=dotted,
@@ -224,6 +228,7 @@ def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> Referen
     landings = trace_all(plan, *viewer.rays(points))
     seconds = perf_counter() - clock
     arrived = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+
     return ReferenceChannel(
         plan=plan,
         points=points,
@@ -252,6 +257,7 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     place = rig.picture_place
     white = showing(fine, np.ones((place.height, place.width, 4), np.float32))
     session = Session()
+
     here = replace(settings, tolerance=min(k * settings.tolerance, MOST_TOLERANCE))
     one = yield from within(session.solve(fine, here), 0.0, 0.9)
     other = yield from within(session.solve(white, here), 0.9, 1.0)
@@ -265,4 +271,5 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
         joined(weight * solution.source) / np.where(total > 0, total, 1)
         for solution in (one, other)
     )
+
     return tuple(source.astype(np.float32) for source in sources)

@@ -58,6 +58,7 @@ def row(rung: Rung) -> dict[str, Any]:
         (first_seen, SeenErrors),
     ):
         values |= {field.name: getattr(part, field.name, None) for field in fields(kind)}
+
     named = {name: _known(values[field]) for field, name in COLUMNS.items()}
     return named | {
         f"{part.replace(' ', '_')}_seconds": _known(seconds) for part, seconds in rung.parts
@@ -113,6 +114,7 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
             for c in found.choices
         ],
     }
+
     return json.dumps(whole, indent=2, allow_nan=False) + "\n"
 
 
@@ -167,21 +169,25 @@ def table(found: WorkPrecision) -> str:
         if rung.predicted_seconds is not None:
             lines.append(f"{head:<18} not run: would take about {rung.predicted_seconds:.0f} s")
             continue
+
         numbers = row(rung)
         cells = (
             "-" if numbers[column] is None else form.format(numbers[column])
             for _, column, form in TABLE
         )
         lines.append(f"{head:<18}" + "".join(f" {cell:>11}" for cell in cells))
+
     own = found.own
     splat = found.splat_seconds(found.own.image.source_rmse)
     at_same_error = "not known: it was not run that far" if splat is None else (
         f"about {splat:.2g} s, {splat / own.seconds:.1f} times as long"
     )  # fmt: skip
+
     lines += [
         "",
         f"Time of the splat at the source RMSE of the scene's tolerance: {at_same_error}.",
     ]
+
     times = [
         ("reading the scene", found.read_seconds),
         *found.own.parts,
@@ -194,8 +200,10 @@ def table(found: WorkPrecision) -> str:
         "Ghosts and Suppress Glare, PSNR of all that is seen, light beside the glass"
         " too, against the ideal:",
     ]
+
     for ghosts, glare, seen in found.choices:
         lines.append(f"  {ghosts:<10} {glare:<5g} {'exact' if seen is None else f'{seen:.1f} dB'}")
+
     lines.append(f"Tessellation: about {found.tessellation_error:.2g} display px rms.")
     rounding = ", ".join(f"{name} {rms:.1e}" for name, rms in found.quantisation.items())
     lines.append(f"Quantisation of the encoded image, rms of 0..1: {rounding}.")
@@ -222,12 +230,14 @@ def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") 
         n_exact += len(run) - len(drawn)
         points = tuple((rung.seconds, rung.image.source_rmse) for rung in drawn)
         curves.append(Curve(name, points, tuple(f"{rung.setting:g} {unit}" for rung in drawn)))
+
     size = "{} x {}".format(*found.display_size)
     notes = [f"Display {size} px, one thread; reference: {found.reference.setting:g} px,"
     f" {found.times_finer}"
              " times finer display pixels"]  # fmt: skip
     if n_exact:
         notes.append(f"Not drawn: {n_exact} without any difference from the reference")
+
     return log_log(
         title, "time (s)", "error of the source image (RMSE, linear 0..1)", curves, notes
     )
@@ -256,15 +266,18 @@ def plate_svg(array: MirrorArray, name: str) -> str:
         "straight through": light[PlatePath.THROUGH],
         "reflected by the glass": light[PlatePath.REFLECTED],
     }
+
     curves = [
         Curve(name, tuple(zip(ANGLES, share.tolist(), strict=True)))
         for name, share in shares.items()
     ]
+
     note = (
         f"{array.layout}, {1e3 * array.pitch:g} mm from mirror to mirror, {1e3 * array.height:g}"
         f" mm high, index {array.ior:g}, reflectance {array.reflectance:g}"
     )
     title = f"Light that leaves the plate '{name}', of that which comes to it"
+
     return linear(
         title, "angle to the plate's normal (degrees)", "share of the light", curves, [note]
     )

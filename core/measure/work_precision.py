@@ -82,6 +82,7 @@ def measure(
     own_settings = settings or Settings()
     own_settings.check()
     rig.check()
+
     # a margin would fill holes; the splat knows neither glare nor paths, of which `choices` tells
     settings = replace(own_settings, margin=0, suppress_glare=0.0, ghosts="mean")
     ladders, own = (ladders or Ladders()).with_tolerance(settings.tolerance)
@@ -158,6 +159,7 @@ def _adaptive(
             if run == 0:
                 image = reference.image_errors(solution.source, dots.source)
                 rungs.append(replace(_unmeasured(tolerance, solution, reference), image=image))
+
             yield (run * len(tolerances) + k + 1) / (runs * len(tolerances))
 
     return [
@@ -195,6 +197,7 @@ def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, li
     budget = ladders.budget
     seconds_a_sample = first.seconds_a_ray * n_rays
     spent = 0.0
+
     rungs: list[Rung] = []
     for spp in ladders.spps:
         predicted = seconds_a_sample * spp
@@ -216,6 +219,7 @@ def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, li
         rungs.append(
             Rung("splat", float(spp), median(seconds), n_runs, n_rays=spp * n_rays, image=errors)
         )
+
     return rungs
 
 

@@ -79,8 +79,10 @@ def rounding_error(plan: Plan) -> float:
         has_area = area > 0
         if not has_area.any():
             continue
+
         tilt = part.mesh.rounding * float(np.average(1 / edge[has_area], weights=area[has_area]))
         off = max(off, TILTED * tilt * way_from(rig, part))
+
     return off / display_pixel(rig.display)
 
 

@@ -45,6 +45,7 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
         ),
         displays=(_with_fewer_pixels(display, n),),
     )
+
     coarse_settings = replace(
         settings,
         tolerance=max(settings.tolerance, COARSE_TOLERANCE),
@@ -111,6 +112,7 @@ def solve_in_sight(
                 ):
                     patience *= FINER**2
                     yield from _shown(session, *rungs.pop(0), rig, show, progress)
+
                 started = perf_counter()
                 progress = next(solving)
                 worked += perf_counter() - started

@@ -38,4 +38,5 @@ def why_dark(traced: Traced) -> RigError:
     counts[Reason.ARRIVED] = 0
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
+
     return RigError("The display stays dark: {remedy}.", remedy=REMEDIES[reason])

@@ -58,6 +58,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     meshes = [part.mesh for part in rig.curved_parts()]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
+
     n_quads = min(QUADS * sides, MOST_QUADS * viewer)
     n_cells = CELLS * sides**0.4
     n_rays = (
@@ -65,12 +66,14 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         if n_cells < n_curved
         else MOST_RAYS * min(n_quads, viewer)
     )
+
     n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
     n_kept = min(n_shares, MOST_KEPT)
     n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
     n_cut, n_points = (
         (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
     )
+
     return {
         "display": OF_DISPLAY * display + OF_SHARE * n_kept,
         "viewer": OF_VIEWER * viewer,
@@ -102,6 +105,7 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     display = rig.display
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
+
     remedies = {
         "display": Message(
             "lower the resolution of the display '{display}' ({width} x {height})",
@@ -127,6 +131,7 @@ def check_memory(rig: Rig, settings: Settings) -> None:
         "glass": "give the glass fewer triangles",
         "always": "close other programs",
     }
+
     check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
 
 
@@ -140,6 +145,7 @@ def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMa
         viewer_width=viewer.width,
         viewer_height=viewer.height,
     )
+
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
         estimated(rig, settings, view_map)["borders"],

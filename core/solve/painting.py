@@ -130,6 +130,7 @@ def _add(
         )
         told = max(told, float(part))  # another solve may be half way through the same batches
         yield told
+
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
 

@@ -35,6 +35,7 @@ def of_the_picture(
     within = _reasons_within(view_map)
     cover_of_view = cover_in_view(picture, viewer)
     shown = float(cover_of_view.sum())
+
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
         cover = cover_of_view[first : first + rows].ravel()
@@ -42,9 +43,10 @@ def of_the_picture(
         unseen += missing.sum()
         some = np.flatnonzero(missing)
         top = view_map.reason[first : first + rows + 1]
-        by_corner = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]]).reshape(
-            4, -1
-        )[:, some]
+        corners = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]])
+        by_corner = corners.reshape(4, -1)[:, some]
+
+        # each ray of a pixel has a vote on the reason for what is missing in it
         of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
         votes = of_reason.sum(axis=1) + within[:, first * w + some]
         votes[Reason.ARRIVED] = 0
@@ -53,6 +55,7 @@ def of_the_picture(
         )
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
+
     if shown < UNSEEN:
         raise RigError(
             "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
@@ -60,12 +63,14 @@ def of_the_picture(
             picture=picture.name,
             why=why_unseen(picture, viewer),
         )
+
     misses = {
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0
     }
     between = float((unseen - lost.sum()) / shown)
     if between > ROUNDING:
         misses[TOO_FINE] = between
+
     return float(1 - unseen / shown), misses
 
 

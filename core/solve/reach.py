@@ -41,6 +41,7 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
                 for z in (low[2], high[2])
             ]
         )
+
         xy = viewer.project(corners)
         is_before = np.isfinite(xy).all(axis=1)
         if not is_before.any():
@@ -50,6 +51,7 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
             right, bottom = xy.max(axis=0)
             if right < 0 or bottom < 0 or left > viewer.width or top > viewer.height:
                 aside.append(number)
+
     return tuple(aside) if len(aside) < len(rig.glasses) else ()
 
 
@@ -81,11 +83,14 @@ def sample_reached(
         )
         plan = plan.seen_by(viewer)
         lap("plan")
+
         began = perf_counter()
         sampling = Sampling(plan)
         of_plan = began - started
         n_pixels = viewer.width * viewer.height
         steps = sampling.sample()
+
+        # the map's own progress, and a guess of before until that is known well
         share = 0.0
         guess = DOUBT * slower * PACE.map_pixel * n_pixels
         try:
@@ -105,4 +110,5 @@ def sample_reached(
                 number for k, number in enumerate(plan.aside.glasses) if k not in found.boxes
             )
             lap("tracing")
+
     raise AssertionError("with everything in the plan nothing else can be reached")

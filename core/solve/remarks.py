@@ -74,6 +74,7 @@ def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remar
     rig = plan.rig
     accuracy = channel.accuracy
     error = channel.map_error
+
     yield from _on_gaps(rig, plan, accuracy.leaks)
     yield from _on_normals(rig, plan)
     yield from _on_doubted(rig, plan)
@@ -136,6 +137,7 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
     most = plan.settings.max_events
     if share <= LEAST_LOST:
         return
+
     if caught > MOST_CAUGHT:
         yield warning(
             "{share} of the picture's light is caught in the glass, however high Max Events is:"
@@ -162,6 +164,7 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
         if n == 1
         else Message("up to {n} rays stand for a viewer pixel", n=n)
     )
+
     text = Message(
         "Light is chaotic in {share} of what is seen: {rays} there, {n} in all. Four times the"
         " Effort takes four times as many, and halves their noise.",
@@ -169,11 +172,13 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
         rays=rays,
         n=error.n_samples,
     )
+
     facetted = facetted_glass(rig)
     if facetted:
         text = joined(
             [text, Message("Shade '{name}' smooth if it is meant to be curved.", name=facetted)]
         )
+
     yield Remark(text, is_warning=True)
 
 
@@ -186,6 +191,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
             share=percent(beyond),
             remedy=remedy_for(rig, mesh, error),
         )
+
     if mesh.undecided > UNDECIDED:
         yield warning(
             "{share} of the light meets gaps or overlaps of glass that are thinner than its mesh"
@@ -211,6 +217,7 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
         drawn = Message(
             "normals contradict its shape: mark edges sharp there, or subdivide the glass"
         )
+
     remedies = {
         "drawn": drawn,
         "order": Message("it is coarse: subdivide the glass"),
@@ -223,6 +230,7 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
             remedy=remedy_for_irregular(rig, mesh),
         ),
     }
+
     yield note(
         "The mesh costs up to about {error} display pixels, for {remedy}.",
         error=number(mesh.error),
@@ -268,6 +276,7 @@ def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
         if plan.settings.suppress_glare == 1
         else Message("raise Suppress Glare, or cover what is seen of the plate there")
     )
+
     yield note(
         "Glare: {share} of the light that the viewer gets comes beside the glass, {where}:"
         " {remedy}.",

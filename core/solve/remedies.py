@@ -24,8 +24,10 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
             name=name_of(rig, mesh.uneven),
             remedy=remedy_for_irregular(rig, mesh),
         )
+
     if bends and mesh.error > 0:
         return Message("use a finer mesh, or raise the viewer's resolution")
+
     facetted = facetted_glass(rig)
     if facetted:
         return Message(
@@ -63,10 +65,12 @@ def is_facetted(mesh: Mesh) -> bool:
     edges = find_edges(mesh.triangles)
     normals = geometric_normals(mesh.corners)
     apart = np.linalg.norm(normals[edges.first] - normals[edges.second], axis=1)
+
     meets = (
         is_flat[edges.first]
         & is_flat[edges.second]
         & (apart > SAME_NORMAL)
         & (apart < 2 * np.sin(ROUND / 2))
     )
+
     return int(meets.sum()) >= FACETTED

@@ -90,18 +90,22 @@ class Session:
             optics, told = yield from self._look(rig, settings, key, clock)
         yield told
 
+        # how far it is by now is told anew, by the shares that are to be painted
         placed = self._place(rig, settings, optics)
         if is_new:
             so_far = perf_counter() - started
             to_come = sum(one.seconds_to_paint for one in placed.channels)
             told = max(told, min(STAGES.painted, so_far / (so_far + to_come)))
-        painting = yield from within(
-            paint(placed.channels, self._pyramid_of(rig.picture), clock), told, STAGES.painted
-        )
+
+        steps = paint(placed.channels, self._pyramid_of(rig.picture), clock)
+        painting = yield from within(steps, told, STAGES.painted)
+
+        # from here on the optics are known to be of use
         if is_new:
             if not any(len(one.shares) for one in placed.channels):
                 raise why_dark(optics.channels[0])
             self._optics = optics
+
         beside = [traced.weight_beside for traced in optics.channels]
         source = finished(painting, placed.channels, beside, settings)
         clock.lap("painting")
@@ -116,22 +120,12 @@ class Session:
                 rig.viewers, optics.channels, placed.channels, strict=True
             )
         )
+
         self._placed = placed
         clock.lap("coverage")
 
         yield 1.0
-        first = optics.channels[0].plan
-        return Solution(
-            rig=rig,
-            source=source,
-            channels=channels,
-            seconds=clock.seconds,
-            n_rays=sum(channel.view_map.n_rays for channel in channels) if is_new else 0,
-            used=first.used,
-            left_out=first.left_out
-            + (() if is_new else ("tracing (the optics have not changed)",)),
-            remarks=remarks_on(channels, source),
-        )
+        return _solution(rig, source, channels, clock.seconds, is_new)
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
         """The source image of a coarse rig alone, of which
@@ -167,6 +161,7 @@ class Session:
                 placed.picture, placed.viewer, view_map, placed.view_coverage_in(view_map)
             )
             beside.append((yield from at(1.0, weight_beside(view_map, settings))))
+
         return finished(painting, channels, beside, settings)
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
@@ -191,6 +186,7 @@ class Session:
         if self._placed is not None:  # or there would be twice as many
             for placed in self._placed.channels:
                 placed.let_go()
+
         channels = (
             place(traced.view_map, picture, viewer, settings)
             for traced, viewer in zip(optics.channels, rig.viewers, strict=True)
@@ -250,6 +246,28 @@ class Session:
         return traced, after
 
 
+def _solution(
+    rig: Rig,
+    source: NDArray[np.float32],
+    channels: tuple[Channel, ...],
+    seconds: dict[str, float],
+    is_new: bool,
+) -> Solution:
+    """The result; is_new: were the view maps traced for it?"""
+    plan = channels[0].plan
+    left_out = () if is_new else ("tracing (the optics have not changed)",)
+    return Solution(
+        rig=rig,
+        source=source,
+        channels=channels,
+        seconds=seconds,
+        n_rays=sum(channel.view_map.n_rays for channel in channels) if is_new else 0,
+        used=plan.used,
+        left_out=plan.left_out + left_out,
+        remarks=remarks_on(channels, source),
+    )
+
+
 def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.float32]) -> Channel:
     """A channel, all shares of which are painted, in a source image (H, W, 3).
 
@@ -260,6 +278,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.floa
         placed.covered = of_the_picture(
             plan.rig.picture_place, plan.viewer, traced.view_map, placed.view_coverage
         )
+
     picture_coverage, misses = placed.covered
     return Channel(
         plan=plan,

@@ -1,16 +1,15 @@
 """How far off is the surface that is followed from the one that was meant?"""
 
 from collections.abc import Callable, Generator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from .. import kernel
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Floats, Ints
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
-from ..kinds import Kind
 from ..light.display import display_pixel
 from ..light.landings import Landings
 from ..light.plan import Plan, PlannedLayer
@@ -19,6 +18,7 @@ from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
 from ..rig import ROLES, Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
+from .undecided import undecided
 
 SAMPLES = 32  # rays along each side of the viewer's image
 # of a face's tilt: normals are means of some faces, and light turns by half of their turn
@@ -29,7 +29,6 @@ COARSE = 0.25  # display px: where the surface may be further off than this it i
 IRREGULAR = 3.0
 # times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
 WORSE = 2.0
-NEAR = 1e-3  # of the glass's size
 
 
 class Tessellation(NamedTuple):
@@ -102,6 +101,41 @@ def _difference(one: Landings, other: Landings) -> float:
     )
 
 
+@dataclass(eq=False)
+class _Sample:
+    """A sample of a viewer's rays, and their way as a plan has it.
+
+    every : origins and directions (n, 3)
+    steps : where they meet surfaces
+    here : landings of those that arrive; with the others nothing is compared
+    rays : origins and directions of these alone
+    """
+
+    plan: Plan
+    every: tuple[Floats, Floats]
+    steps: list[Step]
+    here: Landings
+    rays: list[Floats]
+
+    def landings(self, layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
+        """The same rays through other layers."""
+        held = tuple(
+            replace(planned, layer=layer)
+            for planned, layer in zip(self.plan.layers, layers, strict=True)
+        )
+        return tracing(replace(self.plan, layers=held), *self.rays, steps=steps)
+
+    def changed(
+        self, change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
+    ) -> Pauses[Landings]:
+        """The same rays through curved faces that are changed."""
+        layers = [held.layer for held in self.plan.layers]
+        changed_ones = [
+            layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in layers
+        ]
+        return self.landings(changed_ones, steps)
+
+
 def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     """The error that the mesh leaves open of the surface that was meant.
 
@@ -112,63 +146,80 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
     of that. Yields progress 0..1.
     """
-    has_curved = any(held.layer.curved is not None for held in plan.layers)
-    if not (has_curved or plan.triangles.is_bent.any()):
+    curved = [held.layer.curved for held in plan.layers if held.layer.curved is not None]
+    if not (curved or plan.triangles.is_bent.any()):
         return Tessellation()
-    every = _sample(plan.viewer, SAMPLES)
-    ways: tuple[list[Step], list[Step]] = [], []
-    whole = yield from at(0.0, tracing(plan, *every, steps=ways[0]))
-    here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
-    rays = [values[here.sample] for values in every]  # with the others nothing is compared
-    is_met = np.zeros(len(plan.triangles), bool)
-    for step in ways[0]:
-        is_met[step.triangle] = True
-    is_drawn = [
-        bool((plan.triangles.is_bent & is_met)[held.numbers].any()) and held.layer.has_engine
-        for held in plan.layers
-    ]
+
+    sample = yield from at(0.0, _sampled(plan))
     yield 0.2
 
-    def landings(layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
-        held = zip(plan.layers, layers, strict=True)
-        layers_of = tuple(replace(planned, layer=layer) for planned, layer in held)
-        return tracing(replace(plan, layers=layers_of), *rays, steps=steps)
+    found = Tessellation(drawn=(yield from at(0.2, _error_of_facets(sample))))
+    if curved:
+        found = yield from within(_with_curved(found, sample), 0.4, 0.8)
+    if any(faces.has_straight_edges for faces in curved):
+        let_go = yield from at(0.8, sample.changed(_let_go))
+        found = found._replace(straight=_difference(sample.here, let_go))
 
-    def changed(
-        change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
-    ) -> Pauses[Landings]:
-        layers = [held.layer for held in plan.layers]
-        changed_ones = [
-            layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in layers
-        ]
-        return landings(changed_ones, steps)
-
-    found = Tessellation()
-    if any(is_drawn):
-        drawn = zip(plan.layers, is_drawn, strict=True)
-        layers = [_as_parabolic(plan, held) if so else held.layer for held, so in drawn]
-        found = found._replace(drawn=_difference(here, (yield from at(0.2, landings(layers)))))
-    if has_curved:
-        square = yield from at(0.4, changed(lambda curved: curved.lowered(2)))
-        cubic = yield from at(0.6, changed(lambda curved: curved.lowered(3), ways[1]))
-        yield 0.8
-        last = _difference(here, cubic)
-        before = _difference(cubic, square)
-        found = found._replace(
-            order=last * min(1.0, last / before) if before else last,
-            undecided=_undecided(plan, (here, cubic), (every[0], rays[0]), ways),
-        )
-        jumps, uneven = _turned_by_jumps(plan, ways[0], here.sample)
-        found = found._replace(jumps=jumps, uneven=uneven)
-    curved = (held.layer.curved for held in plan.layers)
-    if any(faces is not None and faces.has_straight_edges for faces in curved):
-        found = found._replace(straight=_difference(here, (yield from at(0.8, changed(_let_go)))))
     if found.cause == "jumps" and found.jumps > COARSE:
         plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
         seen = tessellation(plan_as_drawn.seen_by(plan.viewer))
         drawn = yield from within(seen, 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
     return found
+
+
+def _sampled(plan: Plan) -> Pauses[_Sample]:
+    """Rays spread evenly over the viewer's image, followed to the display."""
+    every = _spread_rays(plan.viewer, SAMPLES)
+    steps: list[Step] = []
+    whole = yield from tracing(plan, *every, steps=steps)
+    here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
+    return _Sample(
+        plan=plan,
+        every=every,
+        steps=steps,
+        here=here,
+        rays=[values[here.sample] for values in every],
+    )
+
+
+def _error_of_facets(sample: _Sample) -> Pauses[float]:
+    """Because facets with bent normals are no curved faces, display px rms."""
+    plan = sample.plan
+    is_met = np.zeros(len(plan.triangles), bool)
+    for step in sample.steps:
+        is_met[step.triangle] = True
+
+    is_bent = plan.triangles.is_bent & is_met
+    is_drawn = [bool(is_bent[held.numbers].any()) and held.layer.has_engine for held in plan.layers]
+    if not any(is_drawn):
+        return 0.0
+
+    layers = [
+        _as_parabolic(plan, held) if so else held.layer
+        for held, so in zip(plan.layers, is_drawn, strict=True)
+    ]
+    return _difference(sample.here, (yield from sample.landings(layers)))
+
+
+def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:
+    """With the errors of curved faces, by their degree and their normals; yields progress 0..1."""
+    steps: list[Step] = []
+    square = yield from at(0.0, sample.changed(lambda curved: curved.lowered(2)))
+    cubic = yield from at(0.5, sample.changed(lambda curved: curved.lowered(3), steps))
+    yield 1.0
+
+    last = _difference(sample.here, cubic)
+    before = _difference(cubic, square)
+    ways = sample.steps, steps
+    origins = sample.every[0], sample.rays[0]
+    jumps, uneven = _turned_by_jumps(sample.plan, sample.steps, sample.here.sample)
+    return found._replace(
+        order=last * min(1.0, last / before) if before else last,
+        undecided=undecided(sample.plan, (sample.here, cubic), origins, ways),
+        jumps=jumps,
+        uneven=uneven,
+    )
 
 
 def _drawn(rig: Rig) -> Rig:
@@ -183,32 +234,10 @@ def _drawn(rig: Rig) -> Rig:
     return replace(rig, **drawn)
 
 
-def _sample(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
+def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
     """Origins and directions (side^2, 3) of rays spread evenly over the viewer's image."""
     x, y = ((np.arange(side) + 0.5) / side * size for size in (viewer.width, viewer.height))
     return viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-
-
-def _undecided(
-    plan: Plan,
-    landings: tuple[Landings, Landings],
-    origins: tuple[Floats, Floats],
-    ways: tuple[list[Step], list[Step]],
-) -> float:
-    """Share of the light that arrives elsewhere by another
-    degree, having passed near two solids on either way.
-    """
-    here, other = landings
-    is_changed = other.branch != here.branch
-    if not is_changed.any():
-        return 0.0
-    with np.errstate(invalid="ignore"):
-        off = np.abs(other.xy - here.xy).max(axis=1)
-        is_changed &= ~(other.has_arrived & (off <= plan.settings.tolerance))
-    is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(
-        plan, origins[1], ways[1]
-    )
-    return float((is_changed & is_near).mean())
 
 
 def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
@@ -228,6 +257,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
             continue
         place = np.full(len(plan.triangles), -1)
         place[held.numbers] = np.arange(len(held.numbers))
+
         for step in steps:
             some = (place[step.triangle] >= 0) & (step.rays < n_rays)
             rays = step.rays[some]
@@ -241,25 +271,6 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
         return 0.0, -1
     by_part = np.sqrt(squares[:, arrived].mean(axis=1)) / display_pixel(plan.rig.display)
     return float(np.linalg.norm(by_part)), int(np.argmax(by_part))
-
-
-def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
-    """Which rays (n,) meet two solids one after the other
-    within NEAR of the glass's size of each other?
-    """
-    size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
-    last = origins.copy()
-    solid = np.full(len(origins), -1)
-    is_near = np.zeros(len(origins), bool)
-    for step in steps:
-        part = plan.triangles.part[step.patch]  # a patch has the number of one of its triangles
-        part = np.where(plan.parts.kind[part] == Kind.GLASS, part, -1)
-        is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
-        is_near[step.rays] |= is_other & (
-            np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size
-        )
-        last[step.rays], solid[step.rays] = step.place, part
-    return is_near
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:
