@@ -63,6 +63,42 @@ def mirrors(array, axes, faces):
     return found
 
 
+def follow_one(p, d, families, slits, pitch, forward, end):
+    """Follow one ray (3,) to the plane at height `end`; returns place, direction, reflections.
+
+    In Python's floats, which step fifty times as fast as arrays of one row: light that grazes the
+    plate meets a hundred thousand mirrors.
+    """
+
+    def along(a, b):
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+    p, d, forward = p.tolist(), d.tolist(), forward.tolist()
+    layers = [
+        (normal[0].tolist(), float(np.ravel(first)[0]), float(slit[0]))
+        for (normal, first), slit in zip(families, slits, strict=True)
+    ]
+    counts = [0] * len(layers)
+    while True:
+        nearest = (end - along(p, forward)) / along(d, forward)
+        hit = None
+        for k, (normal, first, slit) in enumerate(layers):
+            slope = along(d, normal)
+            if slope:
+                gap = pitch * (slit + (slope > 0)) - (along(p, normal) - first)
+                way = gap / slope
+                if way < nearest:
+                    nearest, hit = way, k
+        p = [x + nearest * e for x, e in zip(p, d, strict=True)]
+        if hit is None:
+            return p, d, counts
+
+        normal = layers[hit][0]
+        slope = 2 * along(d, normal)
+        d = [e - slope * m for e, m in zip(d, normal, strict=True)]
+        counts[hit] += 1
+
+
 def through_layer(p, d, families, pitch, forward, end):
     """Follow light (n, 3) to the plane at height `end` along
     `forward`: from mirror to mirror of its own slits.
@@ -83,6 +119,9 @@ def through_layer(p, d, families, pitch, forward, end):
     for family, slit in zip(families, slits, strict=True):
         inside = beyond(*family) - pitch * slit
         clearance = np.minimum(clearance, np.minimum(inside, pitch - inside))
+    if len(rays) == 1:
+        p[0], d[0], counts[:, 0] = follow_one(p[0], d[0], families, slits, pitch, forward, end)
+        rays = rays[:0]
     while len(rays):
         to_end = (end - p[rays] @ forward) / (d[rays] @ forward)
         ways = [to_end]
