@@ -143,6 +143,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
         *(memory.find(ctypes.addressof(of.structure))[0] for of in (of_plan, made)),
         N_RAYS,
     ]
+
     with path.open("wb") as file:
         file.write(struct.pack(f"<{len(numbers)}q", *numbers))
         for _, content in memory.blocks:
@@ -150,10 +151,12 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
         for pointer in pointers:
             file.write(struct.pack("<4q", *pointer))
         file.write(struct.pack(f"<{len(outputs)}q", *outputs))
+
     kernel.library().kiriko_follow(
         ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure), 0, N_RAYS, 2
     )
     assert (rays.reason == 0).mean() > 0.1
+
     return b"".join(getattr(rays, name).tobytes() for name in names)
 
 
@@ -178,6 +181,7 @@ def check(target: Target, runner: Runner, folder: Path) -> bool:
     driver = folder / "follow.exe"
     compile_library(target, library)
     compile_for(target, driver, "-O1", DRIVER)
+
     is_same = True
     for name, a_rig in rigs().items():
         case = folder / "case"
@@ -196,6 +200,7 @@ def check(target: Target, runner: Runner, folder: Path) -> bool:
             f"{target.platform:<14} {name:<12} {N_RAYS} rays:"
             f" {'the same bits' if found == expected else verdict}"
         )
+
     return is_same
 
 
@@ -211,6 +216,7 @@ def main() -> None:
     if kernel.library() is None or platform.machine() not in ("x86_64", "AMD64"):
         print("Not run: this takes a kernel on x64.")
         return
+
     is_same = True
     for target in TARGETS:
         if target.platform not in arguments.platform:
@@ -221,6 +227,7 @@ def main() -> None:
             continue
         with tempfile.TemporaryDirectory() as folder:
             is_same &= check(target, runner, Path(folder))
+
     sys.exit(not is_same)
 
 

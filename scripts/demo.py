@@ -123,9 +123,11 @@ def run(name: str, out: Path) -> list[str]:
         image_io.write(
             folder / f"{file}.png", pixels, "PNG8", title=f"Kiriko {file}", overwrite=True
         )
+
     for form, file in (("PNG8", "source.png"), ("EXR_FLOAT", "source.exr")):
         scene.kiriko.export_format = form
         bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
+
     bpy.ops.kiriko.preview(samples=32, filepath=str(folder / "preview.png"), overwrite=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rig.blend"))
     seconds = perf_counter() - started
@@ -149,6 +151,7 @@ def run(name: str, out: Path) -> list[str]:
     disk.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
     before = in_cycles["before"]
     after = in_cycles["after"]
+
     return [
         name,
         f"{100 * solution.picture_coverage:.2f} %",
@@ -168,17 +171,20 @@ def main() -> None:
         "rigs", nargs="*", choices=[*RIGS, []], help="which rigs; both when none is named"
     )
     arguments = parser.parse_args()
+
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
     for name in arguments.rigs or RIGS:
         print(f"{name}: solving, rendering, measuring ...", flush=True)
         with quiet():
             rows.append(run(name, arguments.out.resolve()))
+
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     print()
     for row in rows:
         print(
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         )
+
     print(
         f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across."
         f" Files: {arguments.out}/"

@@ -279,6 +279,7 @@ def main() -> None:
         verbs.add_parser(
             verb.__name__, help=verb.__doc__, description=said, add_help=is_own
         ).set_defaults(call=verb)
+
     options = verbs.choices["test"]
     options.add_argument(
         "--all", action="store_true", help="fail when a Blender's Python is missing"
@@ -290,6 +291,7 @@ def main() -> None:
     if rest and arguments.call in OWN:
         parser.error(f"unknown: {' '.join(rest)}")
     arguments.rest = rest
+
     try:
         arguments.call(arguments)
     except ToolError as error:

@@ -105,6 +105,7 @@ def candidates(version: str) -> Iterator[list[str]]:
     for name in (f"python{version}", "python3", "python"):
         if path := shutil.which(name):
             yield [path]
+
     if launcher := shutil.which("py"):
         yield [launcher, f"-{version}"]
     versions = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
@@ -115,6 +116,7 @@ def candidates(version: str) -> Iterator[list[str]]:
     )
     for folder in newest_first:
         yield [str(folder / ("python.exe" if WINDOWS else "bin/python"))]
+
     if uv := shutil.which("uv"):
         # Its own Pythons only: those of the system have been tried, and may lack ensurepip.
         ask([uv, "python", "install", version])
@@ -159,12 +161,14 @@ def set_up(name: str, python: Path) -> Path:
     requirements = ROOT / "scripts" / f"requirements-{name}.txt"
     stamp = folder / "kiriko.stamp"
     wanted = hashlib.sha256(pins(requirements).encode()).hexdigest()
+
     if stamp.exists() and interpreter.exists():
         if stamp.read_text(encoding="utf-8") == wanted:
             return interpreter
         stamp.unlink()
     else:
         run([python, "-m", "venv", "--clear", folder])
+
     print(f"Installing the packages of {folder} ...", flush=True)
     quiet = [] if sys.stdout.isatty() else ["--quiet"]
     run(
@@ -184,6 +188,7 @@ def set_up(name: str, python: Path) -> Path:
     if name == BENCH:
         provide_llvm(interpreter)
     stamp.write_text(wanted, encoding="utf-8")
+
     return interpreter
 
 
@@ -250,6 +255,7 @@ def missing_library(interpreter: Path) -> str | None:
             capture_output=True,
             text=True,
         )
+
     if tried.returncode == 0:
         return None
     found = re.search(r"(\S+): cannot open shared object file", tried.stderr)
@@ -258,6 +264,7 @@ def missing_library(interpreter: Path) -> str | None:
         raise ToolError(
             f"bpy is installed in {interpreter.parent.parent} and cannot be imported: {last}"
         )
+
     return found[1]
 
 

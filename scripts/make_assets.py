@@ -76,6 +76,7 @@ def emblem(size: int = 256) -> np.ndarray:
         0,
         1,
     ]
+
     return light.astype(np.float32)
 
 
@@ -102,6 +103,7 @@ def stage(
     render.resolution_y = pixels
     scene.cycles.samples, scene.cycles.use_denoising = samples, False
     scene.view_settings.view_transform = "Standard"
+
     return scene
 
 
@@ -137,6 +139,7 @@ def asset(name: str) -> bpy.types.Material:
     preview = material.preview_ensure()
     preview.image_size = PIXELS, PIXELS
     preview.image_pixels_float.foreach_set(picture[::-1].ravel())
+
     return material
 
 
@@ -149,6 +152,7 @@ def main() -> None:
             f"Assets are saved by Blender {oldest}, the oldest that has to open them; this is"
             f" {bpy.app.version_string}."
         )
+
     bpy.ops.wm.read_factory_settings(use_empty=True)
     FOLDER.mkdir(exist_ok=True)
     path = FOLDER / "kiriko_plate.blend"

@@ -67,6 +67,7 @@ def fetch_wheel(path: Path) -> None:
         "--requirement",
         WHEELS_PINS,
     )
+
     if not path.exists():
         sys.exit(
             f"The manifest lists {path.name}, and {WHEELS_PINS.name} gives another file: make"
@@ -86,17 +87,20 @@ def build() -> None:
             sys.exit(
                 f"The manifest lists {name}, which build_kernel.py does not make: make them agree."
             )
+
     extension_tool("validate", ROOT)
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):
         old.unlink()
     extension_tool("build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms")
     zips = sorted(DIST.glob("kiriko-*.zip"))
+
     if len(zips) != len(manifest["platforms"]):
         sys.exit(
             f"dist/ has {len(zips)} zips for {len(manifest['platforms'])} platforms: see the"
             f" output above."
         )
+
     for path in zips:
         extension_tool("validate", path)
 

@@ -35,6 +35,7 @@ def star_pattern(size: int = 1024) -> np.ndarray:
     y = -y
     radius = np.hypot(x, y)
     light = np.zeros((size, size))
+
     for k in range(6):
         angle = np.pi * k / 6
         across = (x * np.cos(angle) + y * np.sin(angle)) / (
@@ -44,6 +45,7 @@ def star_pattern(size: int = 1024) -> np.ndarray:
         light = np.maximum(
             light, np.clip((0.012 - away) * size / 3, 0, 1) * (0.55 if k % 2 else 1.0)
         )
+
     to_edge = np.maximum(np.abs(x), np.abs(y))
     light = np.maximum(
         light * (to_edge < 0.93), np.clip((0.02 - np.abs(to_edge - 0.95)) * size / 3, 0, 1)
@@ -55,6 +57,7 @@ def star_pattern(size: int = 1024) -> np.ndarray:
     colour = np.where(
         hue < 0.5, gold + (cyan - gold) * hue * 2, cyan + (blue - cyan) * (hue * 2 - 1)
     )
+
     return (light[..., None] * colour).astype(np.float32)
 
 
@@ -69,6 +72,7 @@ def light_the_glass() -> None:
         0.02,
         1,
     )
+
     for x, size, power in ((-0.6, 0.4, 0.9), (0.7, 0.25, 0.35)):
         light = bpy.data.objects.new("Window", bpy.data.lights.new("Window", "AREA"))
         light.data.size, light.data.energy = size, power
@@ -98,11 +102,13 @@ def run(name: str, folder: Path) -> None:
         Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
     ).source
     light_the_glass()
+
     for what, source in (("warped", plain), ("corrected", solution.source)):
         seen = render_preview(
             scene, reading, source, size=(PIXELS, PIXELS), samples=SAMPLES, surroundings=True
         )
         image_io.write(folder / f"{name}_{what}.png", seen[..., :3], "PNG8", overwrite=True)
+
     small = solution.source.reshape(512, 4, 512, 4, 3).mean(axis=(1, 3))
     image_io.write(folder / f"{name}_source.png", small, "PNG8", overwrite=True)
 

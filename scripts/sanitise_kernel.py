@@ -34,6 +34,7 @@ def main() -> None:
     if library is None:
         print("Not run: this takes Linux and gcc with libasan.")
         return
+
     built = DEV / "kernel-sanitised.so"
     sources = sorted(SOURCES.glob("*.c"))
     run(

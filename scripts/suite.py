@@ -153,6 +153,7 @@ def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
     for name in dict.fromkeys(step.environment for step in todo):
         if python := find_python(PYTHONS[name]):
             interpreters[name] = set_up(name, python)
+
     started = time.monotonic()
     results = run_steps([step for step in todo if step.environment in interpreters], interpreters)
     print_slowest([step.name for step in todo], time.monotonic() - started)
@@ -162,6 +163,7 @@ def run_suite(*, tools: str, prefixes: Sequence[str], need_all: bool) -> bool:
             results[step.name] = (
                 Result(failed=1, remark=remark) if need_all else Result(skipped=1, remark=remark)
             )
+
     return print_results(results)
 
 
@@ -190,6 +192,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
         return Result(failed=1, remark=f"not run, since {step.after} failed")
     counted = [f"--junit-xml={report}"] if "pytest" in step.arguments else []
     started = time.monotonic()
+
     with log.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
             [interpreter, *step.arguments, *counted],
@@ -203,6 +206,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
             stderr=subprocess.STDOUT,
         )
         code = wait_while_it_prints(process, log)
+
     result = count(report) if report.exists() else Result(passed=int(code == 0))
     if code is None:
         hung = f"stopped, since it printed nothing for {STILL_MINUTES:g} minutes"
@@ -210,6 +214,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
     elif code and not result.failed:
         # Blender may crash after the last test.
         result = Result(result.passed, 1, result.skipped, f"exit code {code}")
+
     text = log.read_text(encoding="utf-8", errors="replace")
     shown = f"{text}\n(this was {step.name})\n" if result.failed else ""
     verdict = "failed" if result.failed else "passed"

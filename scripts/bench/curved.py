@@ -41,6 +41,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5)
     arguments = parser.parse_args()
     print(f"{N_RAYS} rays\n{'mesh':<28} {'curved s':>9} {'drawn s':>9} {'ratio':>7}")
+
     for name, make in MESHES.items():
         rigs = [
             rig(replace(make(), surface=surface), pixels=PIXELS) for surface in ("smooth", "facets")

@@ -47,6 +47,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     kiriko.register()
+
     rows = [
         f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}"
         f"{'apart %':>9}{'compared %':>12}"
@@ -59,6 +60,7 @@ def main() -> None:
             both = 100 * found["both"]
             told = f"{found['median']:11.4f}{found['most']:9.4f}{apart:9.2f}{both:12.1f}"
             rows.append(f"{name:<16}{choice:>10}{told}")
+
     print("", *rows, sep="\n")  # apart from the lines that Blender prints
 
 

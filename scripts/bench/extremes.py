@@ -70,6 +70,7 @@ def main() -> None:
     counts: dict[str, int] = {}
     avoid: dict[str, str] = {}
     last, group = "", ""
+
     for case, row, seconds in run(chosen, arguments.quick):
         counts[row.verdict] = counts.get(row.verdict, 0) + 1
         if row.verdict == LIMIT:
@@ -87,11 +88,13 @@ def main() -> None:
                 f"  {row.measured:<96} {error:>14} {bound:>14} {time:>7} s  {verdict}", flush=True
             )
         last, group = case.name, case.group
+
     print("\n" + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
     if avoid:
         print("\n### What to avoid\n" if arguments.markdown else "what to avoid:")
         for sentence, name in avoid.items():
             print(f"- {name}: {sentence}")
+
     sys.exit(WRONG in counts)
 
 

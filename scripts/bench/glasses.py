@@ -83,6 +83,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     kernel.use_threads(arguments.threads)
+
     with kernel.off() if arguments.numpy else nullcontext():
         (print_light if arguments.light else print_rays if arguments.rays else print_table)(
             arguments
@@ -157,6 +158,7 @@ def print_light(arguments: argparse.Namespace) -> None:
         f"{'0.5':>7}{'1':>7}  where"
     )
     settings = Settings(effort=arguments.effort)
+
     for name in arguments.glass:
         a_rig = rig_of(name, replace(made(name), surface="automatic"))
         seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
@@ -205,6 +207,7 @@ def print_rays(arguments: argparse.Namespace) -> None:
         f"{'glass':<16}{'surface':>10}{'rays':>9}{'pixels':>8}"
         f"{'mean':>7}{'99 %':>6}{'99.9 %':>8}{'most':>6}"
     )
+
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:
@@ -230,6 +233,7 @@ def print_table(arguments: argparse.Namespace) -> None:
     )
     print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
     settings = Settings(effort=arguments.effort)
+
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:

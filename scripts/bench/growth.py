@@ -29,6 +29,7 @@ def measure(a_rig: Rig, runs: int) -> tuple[float, float, int]:
     solve = []
     tracing = []
     finish(session.solve(a_rig))
+
     for _ in range(runs):
         viewer = a_rig.viewer
         a_rig = replace(
@@ -37,6 +38,7 @@ def measure(a_rig: Rig, runs: int) -> tuple[float, float, int]:
         solution = finish(session.solve(a_rig))
         solve.append(sum(solution.seconds.values()))
         tracing.append(solution.seconds["tracing"])
+
     return statistics.median(solve), statistics.median(tracing), solution.n_rays
 
 

@@ -147,6 +147,7 @@ def main() -> None:
     print(f"{'':<34}" + "".join(f"{choice:>30}" for choice in CHOICES))
     columns = f"{'median':>10}{'rms':>10}{'99 % px':>10}" * 3
     print(f"{'mesh':<16}{'aside':>8}{'noise':>8}  {columns}{'curved':>9}{'worse':>9}")
+
     worst = 0.0
     for name in arguments.mesh:
         if name in REBUILT:
@@ -163,6 +164,7 @@ def main() -> None:
             worst = max(
                 worst, print_row(name, MESHES[name][0], disturbed(name, aside, noise), aside, noise)
             )
+
     print(
         f"Automatic is at most {worst:.3f} px further off, rms, than the better of the other two.\n"
     )

@@ -143,6 +143,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     d = d[::every]
     is_straight = plan.rig.glasses[0].ior.at(0) == STRAIGHT
     found = Leaks(0, 0, 0, 0, 0)
+
     for first in range(0, len(d), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)
         rays = Rays(np.broadcast_to(start, d[some].shape), d[some], None, False)
@@ -158,6 +159,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
         found += Leaks(
             len(lost), int(certain[some].sum()), int(lost.sum()), int(odd.sum()), int(missed.sum())
         )
+
     return found
 
 
@@ -191,6 +193,7 @@ def print_verdicts(n: int, seed: int) -> None:
         f"{'what':<32} {'cases':>7} {'worst error':>12} {'of its mark':>12} {'wrong':>6} {'off':>8}"
     )
     print(f"{head} {'kept':>5} {'s':>5}  where")
+
     for ask in JUDGES:
         started = time.process_time()
         for v in ask(n, seed):
@@ -208,6 +211,7 @@ def print_leaks() -> None:
         f"{'mesh':<16} {'triangles':>9} {'rays':>8} {'lost inside':>12} {'side unseen':>12}"
         f" {'missed':>7} {'s':>5}"
     )
+
     for size in (0, 1):
         for shape, kind, mesh in leak_cases(size):
             started = time.process_time()

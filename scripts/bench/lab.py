@@ -182,6 +182,7 @@ def off_in_cycles(scene: bpy.types.Scene, chart: Floats, samples: int) -> tuple[
         reading = read()
         viewers.append(reading.rig.viewer)
         images.append(render_preview(scene, reading, chart, samples=samples, fresnel=False))
+
     return rig, dots_off(rig, viewers, images, chart)
 
 
@@ -198,6 +199,7 @@ def print_distances(pixels: int, samples: int) -> Rig:
         f" {'sideways':>9} {'up':>8}"
     )
     chart = lattice(CHART_PIXELS)
+
     for distance in DISTANCES:
         with quiet():
             build(distance, pixels)
@@ -213,6 +215,7 @@ def print_distances(pixels: int, samples: int) -> Rig:
                 f" {np.abs(away).max():8.4f} {right.mean():9.4f} {up.mean():8.4f}",
                 flush=True,
             )
+
     print(f"Sideways by the layers' thickness, closed form: {1e3 * sideways_shift(real):.4f} mm")
     return rig
 
@@ -265,6 +268,7 @@ def measured_mtf(rig: Rig, phases: int, seed: int) -> tuple[Floats, Floats]:
     is_near = (part >= 0) & (part < 2 * reach)
     light = np.zeros((2, 2 * reach))
     random = np.random.default_rng(seed)
+
     for k in np.ndindex(phases, phases):
         phase = tuple((np.array(k) + random.random(2)) / phases)
         real = with_mirrors(rig, replace(plate.array, phase=phase))
@@ -277,6 +281,7 @@ def measured_mtf(rig: Rig, phases: int, seed: int) -> tuple[Floats, Floats]:
             light[channel] += np.bincount(
                 part[is_near], found.image[..., channel].ravel()[is_near], 2 * reach
             )
+
     line = np.diff(light[0] / light[1])
     frequencies = np.fft.rfftfreq(PADDED, pixel / PARTS)
     size = np.ptp(display.mesh.vertices, axis=0).max() / display.width
@@ -285,6 +290,7 @@ def measured_mtf(rig: Rig, phases: int, seed: int) -> tuple[Floats, Floats]:
     pixels = np.prod(
         [np.sinc(side * along) for side in (pixel, size) for along in (across, down)], axis=0
     )
+
     return frequencies, np.abs(np.fft.rfft(line, PADDED)) / pixels
 
 
@@ -299,6 +305,7 @@ def mtf_by_formula(rig: Rig, frequencies: Floats) -> Floats:
     right, up, ahead = rig.viewer.axes
     depth = np.sqrt(1 - (1 - (ahead @ mirrors.axes[2]) ** 2) / array.ior**2)
     contrast = np.ones(len(frequencies))
+
     for sign in (1, -1):
         mirror = (mirrors.axes[0] + sign * mirrors.axes[1]) / np.sqrt(2)
         crossed = abs(ahead @ mirror) * array.height / (array.ior * depth * array.pitch)
@@ -308,6 +315,7 @@ def mtf_by_formula(rig: Rig, frequencies: Floats) -> Floats:
             * (mirror @ (np.cos(TILT) * right - np.sin(TILT) * up))
         )
         contrast *= np.abs(np.sinc(2 * most * frequencies))
+
     return contrast
 
 
@@ -339,6 +347,7 @@ def print_sharpness(rig: Rig, runs: int) -> None:
     for wanted in np.arange(0.1, 1.05, 0.1):
         k = int(np.argmin(np.abs(frequencies - 1e3 * wanted)))
         print(f"{1e-3 * frequencies[k]:11.3f} {measured[k]:9.4f} {error[k]:7.4f} {formula[k]:8.4f}")
+
     half = 1e-3 * np.mean(halves)
     half_error = 1e-3 * np.std(halves, ddof=1) / np.sqrt(runs)
     print(
@@ -368,6 +377,7 @@ def traced_shares(rig: Rig, angle: float, n: int, seed: int) -> dict[str, tuple[
     for name, paths in CLASSES.items():
         shares = landings.throughput * np.isin(landings.plate_path, paths)
         found[name] = float(shares.mean()), float(shares.std() / np.sqrt(n))
+
     return found
 
 
@@ -389,6 +399,7 @@ def print_brightness(rig: Rig, n: int) -> None:
     )
     print(f"{'degrees':>7} " + " ".join(f"{name:>9} {'by rays':>18}" for name in CLASSES))
     formula = shares_by_formula(array, np.radians(ANGLES))
+
     for k, angle in enumerate(ANGLES):
         traced = traced_shares(rig, np.radians(angle), n, k)
         cells = (
@@ -396,12 +407,14 @@ def print_brightness(rig: Rig, n: int) -> None:
             for name in CLASSES
         )
         print(f"{angle:7.1f} " + " ".join(cells))
+
     print("\nBy geometry alone (reflectance 1, no Fresnel)")
     print(f"{'degrees':>7} " + " ".join(f"{name:>9} {'told':>6}" for name in CLASSES))
     angles = np.union1d(ANGLES, list(TOLD))
     formula = shares_by_formula(
         replace(array, reflectance=1.0, has_fresnel=False), np.radians(angles)
     )
+
     for k, angle in enumerate(angles):
         told = [f"{share:.3f}" for share in TOLD[angle]] if angle in TOLD else [""] * len(CLASSES)
         cells = (

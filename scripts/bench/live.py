@@ -89,6 +89,7 @@ def update(times: Times) -> None:
     followed.longest.clear()
     before = followed.n_pictures
     started = perf_counter()
+
     first = None
     wait = 0.0
     while wait != live.live_follower.IDLE:
@@ -97,6 +98,7 @@ def update(times: Times) -> None:
         times.turns.append(perf_counter() - turn)
         if first is None and followed.n_pictures > before:
             first = perf_counter() - started
+
     if first is None:
         raise SystemExit(f"Nothing was updated: {live.status()[0]}")
     times.first.append(first)
@@ -146,6 +148,7 @@ def main() -> None:
         f" {'late':>7}"
     )
     print(f"{'glass, change':<28} {heads}")
+
     for triangles, of_glass in GLASS.items():
         if arguments.case not in (None, triangles):
             continue

@@ -96,10 +96,12 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
     splat.sums(SPP)  # compiled by now
     theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
+
     with kernel.off() if arguments.numpy else nullcontext():
         our_rig = finer(a_rig, arguments.finer)
         drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
         seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
+
     of_theirs, of_drawn = (
         f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}"
         for image in (image_from_sums(sums), drawn.source)

@@ -60,6 +60,7 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
     d = bench.sensitivity()
     tolerances = tolerances_of(bench)
     wanted = PAPER_DX[SOURCE]
+
     rows = [
         [
             "off by one unit",
@@ -91,12 +92,14 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
                 alone.strip(),
             ]
         )
+
     low, middle, high = np.quantile(spread(d, tolerances, N_SPREAD), [0.05, 0.5, 0.95])
     about = (
         f"How far the lattice moves. On {N_SPREAD} random benches with the deviations to expect"
         f" the mean displacement"
         f" is {middle:.1f} px in the median, {low:.1f} to {high:.1f} px in 90 % of them"
     )
+
     return {about: rows}
 
 
@@ -111,6 +114,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
     conditions = []
     failed = 0
     advised = Counter()
+
     gains = []
     for k in range(n):
         random = np.random.default_rng([seed, k])
@@ -132,6 +136,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
             best = finish(extra_photographs(bench, found, tolerances, NOISE))[0]
             advised[best.where] += 1
             gains.append((best.gain, best.errors / tolerances))
+
     good = sum(x < 1 for x in left) / n
     places = ", ".join(f"{where} ({k})" for where, k in advised.most_common())
     about = (
@@ -147,6 +152,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
     two = np.median([errors for _, errors in gains], axis=0)
     rows = [["amount", "by one photograph", "with the other"]]
     rows += [[bench.parameters[k].name, f"{one[k]:.1%}", f"{two[k]:.1%}"] for k in np.argsort(one)]
+
     return {about: rows}
 
 

@@ -55,10 +55,12 @@ class Rectangle:
         uv = mesh.uv.reshape(-1, 2)
         system = np.column_stack([uv, np.ones(len(uv))])
         fit, *_ = np.linalg.lstsq(system, points, rcond=None)
+
         if np.abs(system @ fit - points).max() > 1e-9 or np.ptp(uv, axis=0).min() < 1:
             raise ValueError(
                 "Plate, display and picture have to be flat rectangles under a whole UV square."
             )
+
         right, up, corner = fit
         normal = np.cross(right, up)
         self.corner = mi.Point3f(_vector(corner))
@@ -183,6 +185,7 @@ def follow(
     has_arrived = mi.Bool(False)
     is_live = mi.Bool(True)
     n_events = mi.UInt32(0)
+
     while is_live & (n_events < MOST_EVENTS):
         ray = mi.Ray3f(o, d)
         # coherent: neighbours are samples of one pixel; three times as fast as without
@@ -210,6 +213,7 @@ def follow(
         has_met_plate |= at_plate
         is_live &= at_glass | at_plate
         n_events += 1
+
     return has_arrived, uv
 
 
@@ -227,6 +231,7 @@ class MitsubaSplat:
             raise ValueError(
                 "The Mitsuba loop follows one glass, one plate and the display, and nothing else."
             )
+
         self.rig = rig
         mesh = rig.glasses[0].mesh
         self.ior = float(rig.glasses[0].ior.at(WAVELENGTH))
@@ -285,6 +290,7 @@ class MitsubaSplat:
         has_arrived &= (column < display.width) & (row < display.height)
         total = dr.zeros(mi.Float, 4 * display.width * display.height)
         dr.scatter_reduce(dr.ReduceOp.Add, total, value, row * display.width + column, has_arrived)
+
         return np.array(total).reshape(display.height, display.width, 4)
 
 

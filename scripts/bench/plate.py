@@ -99,6 +99,7 @@ class MirrorMesh:
         corners = []
         self.n_mirrors = []
         self.normals = np.empty((2, 3))
+
         for layer, angle in enumerate((np.pi / 4, 3 * np.pi / 4 + array.crossing_error)):
             c = np.cos(angle)
             s = np.sin(angle)
@@ -128,10 +129,12 @@ class MirrorMesh:
                 ]
             )
             self.n_mirrors.append(len(at))
+
         quads = np.concatenate([np.stack(quad, axis=1) for quad in corners]) + frame.centre
         triangles = (MM * quads)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
         self.layer = np.repeat([0, 1], 2 * np.array(self.n_mirrors))
         self.scene = EmbreeScene()
+
         # kept: the scene does not own it
         self.mesh = TriangleMesh(self.scene, triangles.astype(np.float32))
 
@@ -151,6 +154,7 @@ class MirrorMesh:
         places = MM * positions - (half / np.abs(slope))[:, None] * directions
         n_reflections = np.zeros((2, len(places)), np.int64)
         live = np.arange(len(places))
+
         for _ in range(MOST_MEETINGS):
             hits = self.scene.run(
                 places[live].astype(np.float32), d[live].astype(np.float32), output=True
@@ -167,6 +171,7 @@ class MirrorMesh:
             places[live] += way[:, None] * d[live] - offset * np.sign(towards) * mirror
             d[live] -= 2 * towards * mirror
             n_reflections[layer, live] += 1
+
         across = d @ normal
         left = half - np.sign(slope) * ((places - centre) @ normal)
         places += (left / depth)[:, None] * d
@@ -175,6 +180,7 @@ class MirrorMesh:
         throughput = transmittance(np.abs(slope), depth, 1 / array.ior) ** 2
         is_odd = n_reflections % 2 == 1
         path = PATHS[is_odd[0] + 2 * is_odd[1]]
+
         return Crossing(
             places / MM, d, throughput * array.reflectance ** n_reflections.sum(axis=0), path
         )
@@ -234,6 +240,7 @@ def print_agreement(n_rays: int) -> None:
         f"{'rays':>8} {'within':>10} {'offset':>9} {'same path':>11} {place:>12}"
         f" {'median apart':>14}"
     )
+
     for side in (SIDE, MIDDLE):
         light = random_light(mesh.frame, n_rays, side)
         for offset in OFFSETS:
@@ -284,6 +291,7 @@ def print_ball_rig(runs: int) -> None:
     }
     times = seconds_in_turns(list(ways.values()), runs)
     print(f"\n{'path through the ball rig':<28} {'paths a second':>15} {'costs':>22}")
+
     for k, name in enumerate(ways):
         ratio = statistics.median(times[:, k] / times[:, 0])
         print(

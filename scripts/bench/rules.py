@@ -23,6 +23,7 @@ def measure(rule: Rule, runs: int) -> list[float]:
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, (w, h), (N_RAYS, 2)))
     rule.obeyed(a_rig)  # the parts that a rule keeps are there from now on
     seconds: list[list[float]] = [[], [], [], []]
+
     for _ in range(runs):
         for k, make in enumerate((rule.obeyed, rule.broken)):
             started = perf_counter()
@@ -31,6 +32,7 @@ def measure(rule: Rule, runs: int) -> list[float]:
             trace_all(plan, *rays)
             seconds[2 * k].append(planned - started)
             seconds[2 * k + 1].append(perf_counter() - planned)
+
     return [statistics.median(times) for times in seconds]
 
 

@@ -67,6 +67,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     print("viewer display    shares  rasterise  to_display  to_view   (seconds)")
+
     for n, size in [(128, 512), (512, 512), (2048, 512), (512, 4096)] + [
         (4096, 512)
     ] * arguments.large:

@@ -209,6 +209,7 @@ def take_turns(ways: Sequence[Way], rounds: int) -> list[Rung]:
             painted.append(way.run())
             seconds[count, k] = perf_counter() - started
             processor[count, k] = process_time() - busy
+
     passed = np.median(seconds[1:], axis=0)
     busy = np.median(processor[1:], axis=0)
     return [
@@ -329,6 +330,7 @@ def draw(path: Path, curves: dict[str, Sequence[Rung]]) -> None:
                 xytext=(4, 4),
                 textcoords="offset points",
             )
+
     axes.set(
         xlabel="seconds, alone on the machine",
         ylabel="RMSE of the source image, linear",
@@ -369,6 +371,7 @@ def compare(rounds: int, judge_spp: int, embreex_spp: int) -> dict[str, Sequence
     mitsuba = mitsuba[: len(LADDER)]
     kiriko = kiriko[: len(TOLERANCES)]
     print_speed_up(mitsuba, embreex.alone * SPP / embreex_spp, kiriko)
+
     return {"Mitsuba's splat": mitsuba, "splat over embreex": [embreex], "Kiriko": kiriko}
 
 
@@ -431,6 +434,7 @@ def print_speed_up(mitsuba: Sequence[Rung], embreex_alone: float, kiriko: Sequen
     default = kiriko[TOLERANCES.index(DEFAULT)]
     print(f"\nAt the error of {SPP} spp, {at_spp.error:.5f}, each alone on the machine:")
     good = [rung for rung in kiriko if rung.error <= at_spp.error]
+
     if good:
         fastest = min(good, key=lambda rung: rung.alone)
         print(
@@ -443,6 +447,7 @@ def print_speed_up(mitsuba: Sequence[Rung], embreex_alone: float, kiriko: Sequen
             f"  Kiriko reaches it at no tolerance; its least error is"
             f" {min(rung.error for rung in kiriko):.5f}."
         )
+
     spp = spp_for(default.error, mitsuba)
     print(
         f"\nAt Kiriko's error at {default.name}, {default.error:.5f}, for which a splat needs"

@@ -64,6 +64,7 @@ def measure(name: str, runs: int) -> dict[str, object]:
     a_rig = CASES[name]()
     settings = Settings(tolerance=TOLERANCES.get(name, Settings().tolerance))
     before = peak()
+
     whole = []
     again = []
     parts = []
@@ -77,6 +78,7 @@ def measure(name: str, runs: int) -> dict[str, object]:
         started = perf_counter()
         finish(session.solve(a_rig, settings))
         again.append(perf_counter() - started)
+
     return {
         "solve": statistics.median(whole),
         "repaint": statistics.median(again),
@@ -112,6 +114,7 @@ def measure_engine(name: str, level: int) -> dict[str, float]:
     engine.shoot(origins, directions)
     shot = process_time()
     finish(Session().solve(ball_rig(level, image=lattice_image(PICTURE))))
+
     return {
         "build": built - started,
         "ray": (shot - shot_from) / N_RAYS * 1e6,
@@ -166,17 +169,21 @@ def main() -> None:
     if arguments.engine:
         print(json.dumps(measure_engine(arguments.engine, arguments.level)))
         return
+
     if arguments.engines:
         compare_engines(arguments.runs)
         return
+
     if arguments.case:
         print(json.dumps(measure(arguments.case, arguments.runs)))
         return
+
     heads = (
         f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8}"
         f" {'rays':>9} {'peak MB':>8}"
     )
     print(f"{'case':<40} {heads} {'told MB':>8}")
+
     for name in CASES:
         m = ask("--case", name, "--runs", str(arguments.runs))
         print(

@@ -113,6 +113,7 @@ def judged(shape: str) -> Judged:
     lands = is_regular & (np.abs(xy / [display.width, display.height] - 0.5) < MIDDLE / 2).all(
         axis=1
     )
+
     return Judged(
         o[lands],
         d[lands],
@@ -222,6 +223,7 @@ def table(curves: dict[str, dict[str, Curve]]) -> None:
                 )
             )
         print(f"{'order':>9} " + " ".join(f"{c.order:12.2f}{'':19}" for c in kinds.values()))
+
     print(f"\nOrders are fitted to the rms from {FIT_FROM} segments on, above {FLOOR} px.")
 
 
@@ -263,6 +265,7 @@ def plot(curves: dict[str, dict[str, Curve]], file: str) -> None:
         panel.minorticks_off()
         panel.grid(alpha=0.3)
         panel.legend(fontsize=8, loc="lower left")
+
     for panel in panels[-1]:
         panel.set_xlabel("triangles")
     for panel in panels[:, 0]:

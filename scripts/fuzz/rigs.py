@@ -105,6 +105,7 @@ def torus(dice: Dice) -> bpy.types.Mesh:
     right = np.roll(index, -1, axis=0)
     up = np.roll(index, -1, axis=1)
     faces = np.stack([index, right, np.roll(right, -1, axis=1), up], axis=-1).reshape(-1, 4)
+
     return from_arrays(points, faces.tolist())
 
 
@@ -177,6 +178,7 @@ def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
     dice.told.append(f"mesh: {flaw}")
     some = [k for k in range(len(faces)) if rng.random() < 0.2] or [0]
     at = int(rng.integers(n))
+
     if flaw == "open":
         faces = [face for k, face in enumerate(faces) if k not in some] or faces[:1]
     elif flaw == "duplicated faces":
@@ -226,6 +228,7 @@ def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
         faces = [list(range(a, b)) for a, b in pairwise(starts)]
     elif flaw == "flat":
         points[:, 2] = 0.0
+
     return from_arrays(points, faces, edges)
 
 
@@ -281,6 +284,7 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
     )
     dice.told.append(f"modifier {kind}")
     modifier = thing.modifiers.new(kind, kind)
+
     if kind == "SUBSURF":
         modifier.levels = int(dice.rng.integers(1, 3))
         modifier.use_limit_surface = dice.chance(0.7)
@@ -314,6 +318,7 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
     if dice.wild(0.05, f"{role} without UV"):
         return mesh
     layer = mesh.uv_layers.new(name="UVMap")
+
     if len(mesh.loops):
         corners = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", corners)
@@ -321,6 +326,7 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
         if dice.wild(0.15, f"{role} with strange UV"):
             uv = strange_uv(dice, uv)
         layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
+
     return mesh
 
 
@@ -345,6 +351,7 @@ def folded(dice: Dice) -> bpy.types.Mesh:
     mesh.uv_layers.new(name="UVMap").uv.foreach_set(
         "vector", np.stack([across, up], axis=1).astype(np.float32).ravel()
     )
+
     return mesh
 
 
@@ -365,6 +372,7 @@ def rolled(dice: Dice) -> bpy.types.Mesh:
     mesh = from_arrays(points, [[k, k + 1, n + k + 2, n + k + 1] for k in range(n)])
     uv = [(u[k + i], j) for k in range(n) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
     mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
+
     return mesh
 
 
@@ -403,18 +411,22 @@ def displaced(dice: Dice, matrix: Floats, size: float, role: str) -> Matrix:
             @ there
             @ dice.turn()
         )
+
     if dice.wild(0.05, f"{role} edge-on"):
         return there @ Matrix.Rotation(
             np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4)), 4, dice.pick("XY")
         )
+
     if dice.wild(0.04, f"{role} turned away"):
         return there @ Matrix.Rotation(np.pi, 4, "X")
     if dice.wild(0.04, f"{role} sheared"):
         return there @ Matrix.Shear("XY", 4, dice.rng.uniform(-3, 3, 2).tolist())
+
     if dice.wild(0.03, f"{role} without scale"):
         return there @ Matrix.Diagonal(
             [*dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1))), 1.0]
         )
+
     tilt = (
         Euler(dice.rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist())
         .to_matrix()
@@ -445,10 +457,12 @@ def glass_material(dice: Dice) -> bpy.types.Material | None:
             "diffuse": "ShaderNodeBsdfDiffuse",
         }.get(kind, "ShaderNodeBsdfPrincipled")
     )
+
     if "IOR" in node.inputs:
         node.inputs["IOR"].default_value = dice.rng.uniform(1.2, 2.0)
         if dice.wild(0.1, "odd index"):
             node.inputs["IOR"].default_value = dice.pick((0.0, 0.5, 1.0, 1 + 1e-6, 4.0, 1000.0))
+
     if kind == "principled":
         node.inputs["Transmission Weight"].default_value = 1.0
     output = tree.nodes.new("ShaderNodeOutputMaterial")
@@ -470,6 +484,7 @@ def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Obje
     ours.use_ior = True
     ours.ior = dice.rng.uniform(1.3, 1.9)
     ours.surface = dice.pick(("AUTOMATIC", "SMOOTH", "FACETS"))
+
     return thing
 
 
@@ -486,11 +501,13 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     at = shift if dice.chance(0.3) else shift @ dice.turn()
     mesh = glass_mesh(dice)
     thing = add(mesh, scaled(displaced(dice, at, size, "glass"), aspect * size), "GLASS")
+
     if dice.wild(0.12, "glass beneath a sheared parent"):
         parent = add(
             None, Matrix.Diagonal([*dice.rng.uniform(0.3, 2, 3).tolist(), 1.0]) @ dice.turn()
         )
         thing.parent = parent
+
     if dice.wild(0.2, "modified glass"):
         modify(dice, thing)
     material = glass_material(dice)
@@ -502,6 +519,7 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     if dice.wild(0.15, "odd index"):
         ours.use_ior = True
         ours.ior = dice.pick((0.1, 0.75, 1.0, 1 + 1e-7, 1.0001, 4.0, 10.0))
+
     ours.surface = dice.pick(("AUTOMATIC", "AUTOMATIC", "SMOOTH", "FACETS"))
     if dice.wild(0.2, "priority"):
         ours.priority = int(dice.rng.integers(-3, 4))
@@ -542,6 +560,7 @@ def add_odd_object(dice: Dice, size: float) -> None:
         data = bpy.data.lattices.new("Lattice")
     else:
         data = bpy.data.lights.new("Light", "POINT")
+
     role = dice.pick(("GLASS", "PLATE", "DISPLAY", "PICTURE", "MIRROR", "BLOCKER"))
     add(data, scaled(displaced(dice, np.eye(4), size, role), size), role)
 
@@ -553,6 +572,7 @@ def add_plate(dice: Dice, frame: Floats, size: float) -> None:
     )
     ours = thing.kiriko.plate
     ours.model = dice.pick(("IDEAL", *MODELS)) if not dice.is_tame else "IDEAL"
+
     if dice.wild(0.4, "odd plate"):
         ours.pitch = dice.log(1e-3, 1e4)
         ours.height = dice.log(0.01, 1000)
@@ -579,6 +599,7 @@ def picture_image(dice: Dice) -> bpy.types.Image:
     image.update()
     if dice.wild(0.05, "odd colour space"):
         image.colorspace_settings.name = dice.pick(("Non-Color", "Linear Rec.709", "Filmic Log"))
+
     return image
 
 
@@ -591,6 +612,7 @@ def add_picture(dice: Dice, frame: Floats, size: float) -> None:
     thing = add(rectangle(dice, "picture"), at, "PICTURE")
     if dice.wild(0.04, "picture without image"):
         return
+
     if dice.chance(0.5):
         thing.kiriko.image = picture_image(dice)
     else:
@@ -631,10 +653,12 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
         lens.shift_x, lens.shift_y = dice.rng.normal(0, 0.05, 2)
     if dice.wild(0.03, "panoramic viewer"):
         lens.type = "PANO"
+
     if dice.wild(0.1, "odd lens"):
         lens.lens = dice.log(1, 1e6)
         lens.ortho_scale = dice.log(1e-6, 1e6)
         lens.shift_x, lens.shift_y = dice.rng.normal(0, dice.log(0.01, 10), 2)
+
     at = displaced(dice, frame, size, "viewer")
     if dice.wild(0.05, "viewer inside the glass"):
         at.translation = frame[:3, 3] - distance * frame[:3, 2]
@@ -648,14 +672,17 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
     if dice.chance(0.3):
         thing.kiriko.use_resolution = True
         thing.kiriko.resolution = (dice.pixels(), dice.pixels())
+
     render = scene.render
     render.resolution_x = dice.pixels()
     render.resolution_y = dice.pixels()
     render.resolution_percentage = 100
+
     if dice.wild(0.08, "odd frame"):
         render.resolution_percentage = int(dice.rng.integers(1, 100))
         render.pixel_aspect_x = dice.log(1, 200)
         render.pixel_aspect_y = dice.log(1, 200)
+
     if dice.wild(0.05, "viewer of a few pixels"):
         render.resolution_x, render.resolution_y = dice.pick(((4, 4), (4, 96), (96, 4)))
 
@@ -675,6 +702,7 @@ def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
             )
             mesh = rectangle(dice, role.lower()) if dice.chance(0.6) else glass_mesh(dice)
             add(mesh, at, role)
+
     if dice.wild(0.05, "mirrors face to face"):
         for z, turn in ((-1, 0.0), (1, np.pi)):
             at = Matrix(np.asarray(frames[1]).tolist()) @ Matrix.Translation((0, 0, z * size))
@@ -700,6 +728,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
     ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
     ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"
     ours.margin = dice.pick((0, 0, 1, 1024)) if not dice.is_tame else 0
+
     if dice.wild(0.15, "picture in the viewer's pixels"):
         ours.picture_source = "IMAGE"
         if dice.chance(0.9):
@@ -713,14 +742,17 @@ def make_rig(rng: np.random.Generator) -> Dice:
     units = scene.unit_settings
     size = SIZE
     centre = np.zeros(3)
+
     if dice.chance(0.4):
         units.system, units.scale_length = dice.pick(
             (("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0))
         )
         size /= 1.0 if units.system == "NONE" else units.scale_length
+
     if dice.wild(0.1, "odd unit"):
         units.system = "METRIC"
         units.scale_length = dice.log(1e-5, 1e5)
+
     if dice.wild(0.15, "odd size"):
         size = dice.log(1e-4, 1e4)
     if dice.wild(0.12, "far away"):
@@ -729,6 +761,7 @@ def make_rig(rng: np.random.Generator) -> Dice:
     stand = place(
         centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi)
     )
+
     if not dice.wild(0.03, "no glass"):
         n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
         glasses = [
@@ -743,6 +776,7 @@ def make_rig(rng: np.random.Generator) -> Dice:
                 + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
             )
             add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
+
     if not dice.wild(0.03, "no plate"):
         add_plate(dice, stand.plate, size)
     if not dice.wild(0.03, "no display"):
@@ -758,4 +792,5 @@ def make_rig(rng: np.random.Generator) -> Dice:
         setattr(dice.pick(scene.objects), dice.pick(("hide_render", "hide_viewport")), True)
     set_up(dice, scene)
     bpy.context.view_layer.update()
+
     return dice

@@ -109,12 +109,14 @@ def told_of(value: Any, depth: int = 4) -> Any:
         return value.hex()
     if isinstance(value, str | int | bool | set | None):
         return repr(value)
+
     if isinstance(value, bpy.types.bpy_prop_collection):
         return (
             [told_of(item, depth - 1) for item in value]
             if depth and len(value) <= 1000
             else len(value)
         )
+
     return np.array(value).tobytes() if hasattr(value, "__len__") else repr(value)
 
 
@@ -151,6 +153,7 @@ def inventory() -> dict[str, dict[str, Any]]:
             if group == "images" and block.size[0] * block.size[1] > 0:
                 told["pixels"] = pixels_from_image(block).tobytes()
             found[f"{group} {block.name}"] = told
+
     return found
 
 
@@ -194,6 +197,7 @@ def refusal(error: RuntimeError) -> str:
         raise WrongError(text)
     text = re.sub(r"^Operator bpy\.ops\.\S+ (failed, )?", "", text)
     plain = QUOTED.sub("''", text)
+
     for is_wrong, why in (
         (not text.endswith("."), "does not end with a full stop"),
         ("\n" in text or SECOND_SENTENCE.search(plain), "is more than one sentence"),
@@ -202,6 +206,7 @@ def refusal(error: RuntimeError) -> str:
     ):
         if is_wrong:
             raise WrongError(f"the error {why}: {text}")
+
     return text
 
 
@@ -218,6 +223,7 @@ def call(operator: Any, **options: object) -> str:
         if changed:
             raise WrongError(f"refused ({text}), but changed {', '.join(changed[:5])}") from None
         return text
+
     if result != {"FINISHED"}:
         raise WrongError(f"{operator.idname()} returned {result}")
     bpy.context.view_layer.update()
@@ -225,6 +231,7 @@ def call(operator: Any, **options: object) -> str:
     changed = [text for text in differences(before, inventory()) if not allowed.fullmatch(text)]
     if changed:
         raise WrongError(f"{operator.idname()} changed {', '.join(changed[:5])}")
+
     return ""
 
 
@@ -276,6 +283,7 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
     )
     for note in result.notes.splitlines():
         need(note.endswith(".") and not NONSENSE.search(QUOTED.sub("", note)), f"the note: {note}")
+
     return pixels
 
 
@@ -358,12 +366,14 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
     is_theirs = carried[:, 2] > 0.5
     theirs = (carried[:, :2] * [1, -1] + [0, 1]) * [rig.display.width, rig.display.height]
     both = is_ours & is_theirs
+
     if not both.any():
         return (
             None
             if not is_theirs.any()
             else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
         )
+
     off = np.linalg.norm(xy - theirs, axis=1)[both]
     return {
         "median": float(np.median(off)),
@@ -385,6 +395,7 @@ def add_rig_around(dice: Dice) -> str:
             thing.select_set(thing.visible_get())
         elif not dice.chance(0.05):
             bpy.data.objects.remove(thing)
+
     text = call(
         bpy.ops.kiriko.add_rig,
         viewer_resolution=dice.pixels(),
@@ -396,6 +407,7 @@ def add_rig_around(dice: Dice) -> str:
         field=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
         viewer_distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
     )
+
     return text or call(bpy.ops.kiriko.solve) or ""
 
 
@@ -430,10 +442,12 @@ def also(dice: Dice, outcome: Outcome) -> None:
             outcome.also["solve again"] = call(bpy.ops.kiriko.solve)
             if not outcome.also["solve again"]:
                 check_result(scene)
+
     n_faces = sum(len(o.data.polygons) for o in scene.objects if o.type == "MESH")
     if dice.chance(0.04) and n_faces < FEW_FACES:
         scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
         outcome.also["visible range"] = call(bpy.ops.kiriko.visible_range)
+
     if dice.chance(0.05):
         outcome.also["add rig"] = add_rig_around(dice)
         if not outcome.also["add rig"]:
@@ -448,6 +462,7 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
     importlib.import_module(f"{package}.work").forget()
     started = perf_counter()
     outcome = Outcome(k, "failed")
+
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         dice = make_rig(np.random.default_rng([seed, k]))
@@ -467,6 +482,7 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
         except WrongError as error:
             outcome.verdict = "failed"
             outcome.text = str(error)
+
     outcome.warnings = [
         f"{Path(w.filename).name}:{w.lineno} {w.message}" for w in warned if "kiriko" in w.filename
     ]
@@ -538,6 +554,7 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
                     tell(seed, outcome)
             found += new
             print(f"{len(found)} of {len(rigs)}", flush=True)
+
     return found
 
 
@@ -564,6 +581,7 @@ def print_summary(found: list[Outcome], seconds: float) -> None:
     kinds = Counter(kind_of(outcome.text) for outcome in found if outcome.verdict == "refused")
     for text, n in kinds.most_common():
         print(f"{n:6d}  {text}")
+
     for name in sorted({name for outcome in found for name in outcome.also}):
         said = Counter(
             kind_of(outcome.also[name]) or "done" for outcome in found if name in outcome.also
@@ -571,12 +589,14 @@ def print_summary(found: list[Outcome], seconds: float) -> None:
         print(f"\n{name}:")
         for text, n in said.most_common(12):
             print(f"{n:6d}  {text}")
+
     warned = Counter(text for outcome in found for text in set(outcome.warnings))
     if warned:
         print("\nnumpy warned of, in rigs:")
         for text, n in warned.most_common(20):
             first = next(outcome.k for outcome in found if text in outcome.warnings)
             print(f"{n:6d}  {text} (rig {first})")
+
     judged = [outcome for outcome in found if outcome.judged]
     if judged:
         print(
@@ -618,6 +638,7 @@ def main() -> None:
     if options.log is not None:
         work_off(options.seed, rigs, options.judge, options.seconds, options.log)
         return
+
     started = perf_counter()
     found = in_processes(options.seed, rigs, options.judge, options.seconds)
     print_summary(found, perf_counter() - started)

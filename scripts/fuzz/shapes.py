@@ -217,6 +217,7 @@ def unwelded(random: Random) -> bpy.types.Object:
     thing = linked(mesh, "Unwelded")
     if random.random() < 0.5:
         thing.modifiers.new("Weld", "WELD").merge_threshold = 1e-4
+
     return thing
 
 
@@ -261,6 +262,7 @@ def wine_glass(random: Random) -> bpy.types.Object:
     thing.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.02
     subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
     subdivision.levels = subdivision.render_levels = 1
+
     return thing
 
 

@@ -81,6 +81,7 @@ def mutants_of(file: str, source: str) -> list[Mutant]:
     begins = [0]
     for line in source.encode().splitlines(keepends=True):
         begins.append(begins[-1] + len(line))
+
     for function, statement, node in _nodes(tree):
         old = _shown(node)
         for kind, new in _forms(node):
@@ -92,6 +93,7 @@ def mutants_of(file: str, source: str) -> list[Mutant]:
             end = begins[node.end_lineno - 1] + node.end_col_offset
             text = ast.unparse(new) if isinstance(new, ast.stmt) else f"({ast.unparse(new)})"
             found.append(Mutant(file, function, statement.lineno, kind, name, start, end, text))
+
     return found
 
 
@@ -111,6 +113,7 @@ def draw(
         turns = sorted(kinds, key=lambda kind: _lot(seed, file + kind))
         in_turn = [kinds[kind][k] for k in range(many) for kind in turns if k < len(kinds[kind])]
         drawn += in_turn[:many]
+
     return drawn
 
 
@@ -131,10 +134,12 @@ def _nodes(tree: ast.Module) -> Iterator[tuple[str, ast.stmt, ast.AST]]:
             if isinstance(node, ast.Raise):
                 yield function, node, node
             return
+
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             function = node.name if function == "(module)" else f"{function}.{node.name}"
         elif statement is not None:
             yield function, statement, node
+
         for name, value in ast.iter_fields(node):
             if name in {"annotation", "returns", "decorator_list", "bases"}:
                 continue
@@ -180,6 +185,7 @@ def _forms(node: ast.AST) -> Iterable[tuple[str, ast.AST]]:
             return [("removed", ast.Pass())]
         case ast.Continue() | ast.Raise():
             return [("removed", ast.Pass())]
+
     return []
 
 

@@ -203,6 +203,7 @@ def find_reach(tree: Path, everything: str) -> Reach:
                 for file, lines in kept["tests"].items()
             }
             return Reach(kept["seconds"], tests)
+
     print(
         "Which test runs which line: the tests of core once, which takes some minutes ...",
         flush=True,
@@ -222,10 +223,12 @@ def find_reach(tree: Path, everything: str) -> Reach:
     reach = Reach(noted["seconds"], read_coverage(data))
     text = json.dumps({"everything": everything, "seconds": reach.seconds, "tests": reach.tests})
     path.write_text(text, encoding="utf-8")
+
     for line in reach.run_by_none_but(set(noted["newest_only"])):
         print(
             f"{line} runs with the newest numpy alone, in tests so marked: mark one of them no more"
         )
+
     return reach
 
 
@@ -253,10 +256,12 @@ def try_mutant(
     path = tree / "core" / mutant.file
     log = OUT / "mutant.log"
     path.write_text(mutant.put_into(source), encoding="utf-8")
+
     try:
         code = run(tree, (*PYTEST, "-x", *tests), log, seconds)
     finally:
         path.write_text(source, encoding="utf-8")
+
     if code is None:
         return HUNG, f"after {seconds:.0f} s"
     failed = re.search(
@@ -265,6 +270,7 @@ def try_mutant(
         log.read_text(encoding="utf-8"),
         re.MULTILINE,
     )
+
     return (KILLED, failed[1] if failed else f"exit code {code}") if code else (SURVIVED, "")
 
 
@@ -296,10 +302,12 @@ def report(drawn: Sequence[Mutant], verdicts: dict[str, Verdict], sources: dict[
     tried = [mutant for mutant in drawn if mutant.name in verdicts]
     survivors = [mutant for mutant in tried if verdicts[mutant.name].verdict == SURVIVED]
     unknown = [mutant for mutant in survivors if mutant.name not in reasons]
+
     for mutant in survivors:
         line = sources[mutant.file].splitlines()[mutant.line - 1].strip()
         print(f"\ncore/{mutant.file}:{mutant.line}  {line}\n  {mutant.name}")
         print(f"  {reasons.get(mutant.name) or verdicts[mutant.name].by or 'SURVIVED'}")
+
     counts = {
         word: sum(verdicts[m.name].verdict == word for m in tried)
         for word in (KILLED, HUNG, SURVIVED)
@@ -309,6 +317,7 @@ def report(drawn: Sequence[Mutant], verdicts: dict[str, Verdict], sources: dict[
         f"\n{len(tried)} of {len(drawn)} mutants tried: {counted}, {len(unknown)} of these"
         f" without a reason"
     )
+
     return not unknown
 
 
@@ -402,6 +411,7 @@ def main() -> None:
         try_all(drawn, sources, verdicts, options.minutes, options.budget)
     except ToolError as error:
         sys.exit(str(error))
+
     sys.exit(not report(drawn, verdicts, sources))
 
 

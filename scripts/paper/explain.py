@@ -99,6 +99,7 @@ def explain(rig: Rig, tolerance: Callable[[Parameter], float]) -> Findings:
             experiment, (triples[0], with_touched[0])
         ),
     }
+
     return Findings(tables, triples[0], with_touched[0])
 
 
@@ -195,6 +196,7 @@ def _combinations(found: Sequence[Explanation]) -> Table:
         "spread of dx, px",
         "largest miss, px",
     ]
+
     return [head] + [
         [
             one.words,

@@ -120,6 +120,7 @@ def explained(experiment: Experiment, some: Sequence[Suspect], matrix: Floats) -
     matrix = matrix.copy()
     moves = experiment.off(some, amounts)
     best = Explanation(tuple(some), amounts, moves)
+
     for _ in range(ITERATIONS):
         change = smallest(matrix, TARGET - means(moves) + matrix @ amounts) - amounts
         there = experiment.off(some, amounts + change)
@@ -137,6 +138,7 @@ def explained(experiment: Experiment, some: Sequence[Suspect], matrix: Floats) -
         best = min(best, Explanation(tuple(some), amounts, moves), key=lambda found: found.cost)
         if np.abs(gained).max() < WITHIN:
             break
+
     return best
 
 
@@ -156,9 +158,11 @@ def best_of(
         np.abs(missing - (each @ amounts[..., None])[..., 0]).max(axis=1) - NEAR, 0.0
     )
     order = np.lexsort((np.linalg.norm(amounts, axis=1), excess.round()))
+
     found = []
     for c in order[np.abs(amounts[order]).max(axis=1) < FARTHEST][:LOOKED_AT]:
         mine = [some[k] for k in index[c]]
         if len(found) < TRIED and np.isfinite(experiment.off(mine, amounts[c])).all():
             found.append(explained(experiment, mine, matrix[:, index[c]]))
+
     return sorted(found, key=lambda one: (max(one.miss - NEAR, 0.0), one.size))

@@ -88,6 +88,7 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
     rows.append([f"splat, {spp} spp", f"{n_rays:,}", *seconds, *shown])
     for way, pixels in (("splat", image), ("kiriko", solution.source)):
         image_io.write(out / f"figure_5_{stem}_{way}.png", pixels, "PNG8", overwrite=True)
+
     return rows
 
 
@@ -115,4 +116,5 @@ def figure_5(rig: Rig, spp: int, out: Path) -> Table:
         table += [[name, *row] for row in by_both_ways(this, spp, out, name.replace(" ", "_"))]
         paper = [name, f"the paper's, {SPP} spp", "26.2 M paths", f"{PAPER_SECONDS[name]:.1f}"]
         table.append([*paper, *("not given" for _ in range(5))])
+
     return table

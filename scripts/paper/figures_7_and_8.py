@@ -142,6 +142,7 @@ def figures_7_and_8(out: Path) -> list[Condition]:
             bpy.data.objects.remove(half)
         bench.show(plain, out / "figure_7_plain.png")
         bench.show(bench.own.source, out / "figure_7_source.png")
+
     pictures = {
         "figure_7_ideal": bench.ideal,
         "display_plain": plain,
@@ -149,6 +150,7 @@ def figures_7_and_8(out: Path) -> list[Condition]:
     }
     for name, pixels in pictures.items():
         image_io.write(out / f"{name}.png", pixels, "PNG8", overwrite=True)
+
     return found
 
 
@@ -181,6 +183,7 @@ def lattice_table(conditions: Sequence[Condition]) -> Table:
                 f"{PAPER_DX[condition.name]:.1f}",
             ]
         )
+
     return table
 
 
@@ -199,4 +202,5 @@ def points_csv(conditions: Sequence[Condition]) -> str:
                     [condition.name, str(i + 1), str(j + 1), *(f"{value:.3f}" for value in values)]
                 )
             )
+
     return "\n".join([*lines, ""])

@@ -43,6 +43,7 @@ def half_before(mesh: Mesh, point: Floats, normal: Floats) -> Mesh:
             if (height[a] > 0) != (height[b] > 0):
                 kept.append(cut(a, b))
         triangles += [[kept[0], kept[k], kept[k + 1]] for k in range(1, len(kept) - 1)]
+
     rim = np.array(list(cuts.values()), int)
     if len(rim):
         across = normalise(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]))
@@ -52,6 +53,7 @@ def half_before(mesh: Mesh, point: Floats, normal: Floats) -> Mesh:
             ::-1
         ]
         triangles += [[order[0], order[k], order[k + 1]] for k in range(1, len(order) - 1)]
+
     return Mesh(np.array(vertices), np.array(triangles, int).reshape(-1, 3))
 
 
@@ -86,6 +88,7 @@ def infloasion(rig: Rig) -> Rig:
         )
         for glass in rig.glasses
     ]
+
     return replace(
         rig, glasses=(*rig.glasses, *(half for half in halves if len(half.mesh.triangles)))
     )

@@ -70,6 +70,7 @@ def shift_in_cycles(
         min(width, int((x.max() + 1) * scale) + margin),
         min(height, int((y.max() + 1) * scale) + margin),
     )
+
     # Blender rounds a border to pixels from fractions of the
     # frame: the middle of the last pixel is safe
     left, right = ((x + 0.01) / width for x in (crop[0], crop[2]))
@@ -81,4 +82,5 @@ def shift_in_cycles(
     wanted = ideal_image(reading.rig.picture, framed(viewer, width, crop))
     if render.shape != wanted.shape:
         raise ValueError(f"Cycles rendered {render.shape} where {wanted.shape} was asked for")
+
     return lattice_shift(render, wanted)

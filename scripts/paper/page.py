@@ -70,6 +70,7 @@ def cube_section(lattice: Table) -> list[str]:
         "display_plain.png": f"what the display shows: {PLAIN} and {HALF}",
         "display_source.png": f"what it shows: {SOURCE}",
     }
+
     return [
         "<h2>Figures 7 and 8: the cube, in four conditions</h2>",
         figures(seen),

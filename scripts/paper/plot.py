@@ -24,6 +24,7 @@ def figure_8(conditions: Sequence[Condition]) -> str:
     size, margin = 720, 60
     reach = 100 * np.ceil(np.nanmax(np.abs(every)) / 100)
     scale = (size - 2 * margin) / (2 * reach)
+
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{size}" height="{size + 40}" viewBox="0 0'
         f' {size} {size + 40}"'
@@ -38,16 +39,19 @@ def figure_8(conditions: Sequence[Condition]) -> str:
             f'<text x="{at:.1f}" y="{size - margin + 18}" text-anchor="middle">{tick:.0f}</text>',
             f'<text x="{margin - 8}" y="{at + 4:.1f}" text-anchor="end">{tick:.0f}</text>',
         ]
+
     parts.append(
         f'<text x="{size / 2}" y="{size - 16}" text-anchor="middle">x, camera px (y'
         f" downward)</text>"
     )
+
     # a shift is nearly as long as from dot to dot: lines tell which point is which
     for way in np.moveaxis(
         size / 2 + scale * (np.stack(list(sets.values())) - middle), 0, 2
     ).reshape(-1, len(sets), 2):
         line = " ".join(f"{x:.2f},{y:.2f}" for x, y in way[np.isfinite(way[:, 0])])
         parts.append(f'<polyline points="{line}" fill="none" stroke="#bbbbbb"/>')
+
     for n, (name, points) in enumerate(sets.items()):
         colour = COLOURS[name]
         radius = 6 if name == "ideal" else 3.5
@@ -63,4 +67,5 @@ def figure_8(conditions: Sequence[Condition]) -> str:
             f'<circle cx="{margin + 160 * n}" cy="{size + 16}" r="{radius}" {look}/>',
             f'<text x="{margin + 160 * n + 12}" y="{size + 20}">{name}</text>',
         ]
+
     return "\n".join([*parts, "</svg>", ""])

@@ -87,10 +87,12 @@ def suspects(rig: Rig, tolerance: Callable[[Parameter], float]) -> list[Suspect]
     found += [_suspect(BENCH, p, tolerance, _on_benches) for p in own]
     found += [_suspect(PROGRAM, p, tolerance, _on_program) for p in own]
     found.append(_suspect(MEASUREMENT, scale, tolerance, _at_scale))
+
     for number, where in enumerate(TOUCHED):
         found += [
             _suspect(where, p, tolerance, partial(_on_one, number)) for p in own if p not in glass
         ]
+
     return found
 
 

@@ -74,6 +74,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         }
         stand_in = type("Panel", (), functions)()
         stand_in.layout = Layout()
+
         # without a window there is neither a region nor a scale
         wide = SimpleNamespace(width=300)
         system = SimpleNamespace(ui_scale=1.0)
@@ -83,6 +84,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
                 scene=of or scene, active_object=active, preferences=preferences, region=wide
             )
         )
+
         return stand_in.layout
 
     return draw

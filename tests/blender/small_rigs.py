@@ -77,6 +77,7 @@ def inventory() -> dict[str, list[str]]:
         "node_groups",
         "worlds",
     )
+
     return {
         group: sorted(b.name for b in getattr(bpy.data, group) if b.name != "Render Result")
         for group in groups

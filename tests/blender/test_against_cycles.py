@@ -70,6 +70,7 @@ def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
         int((y.max() + 1) * scale),
     )
     viewer = lattice.framed(rig.viewer, width, crop)
+
     # one point a pixel: a dot has a thousand of them
     image = closed_forms.seen_image(replace(rig, viewers=(viewer,)), plain, through, sub=1, **shape)
     return dot_centroids(image) - dot_centroids(ideal_image(rig.picture, viewer))
@@ -88,11 +89,13 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     bpy.context.view_layer.update()
     rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
     assert len(rig.glasses[0].mesh.triangles) == 20480
+
     x, y = np.meshgrid(np.arange(0, 512, 2.0) + 0.5, np.arange(0, 512, 2.0) + 0.5)
     o, d = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     landings = trace_all(make_plan(rig, Settings()), o, d)
     exact = closed_forms.landing(rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
     both = landings.has_arrived & np.isfinite(exact[:, 0])
+
     assert both.mean() > 0.4
     assert np.sqrt(((landings.xy - exact)[both] ** 2).sum(axis=1).mean()) < 0.05
 
@@ -106,6 +109,7 @@ def test_ball(kiriko, scene, lattice):
         kiriko, scene, field=0.05, picture_size=0.03, display_size=0.05
     )
     before, after = measured(lattice, scene, reading, solution, plain)
+
     assert after.n_seen == before.n_seen == 49
     assert after.mean < ACROSS_AFTER
     exact = closed_form_shift(
@@ -118,6 +122,7 @@ def test_ball(kiriko, scene, lattice):
         radius=0.025,
         n=1.49,
     )
+
     assert np.linalg.norm(before.shift - exact, axis=2).max() < 1
     assert before.mean > 20  # it is a strong lens
 
@@ -134,6 +139,7 @@ def test_slab(kiriko, scene, lattice):
         kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05
     )
     before, after = measured(lattice, scene, reading, solution, plain)
+
     assert after.n_seen == 49
     assert after.mean < ACROSS_AFTER
     a = math.radians(25)
@@ -151,6 +157,7 @@ def test_slab(kiriko, scene, lattice):
         n=1.49,
     )
     seen = np.isfinite(before.shift) & np.isfinite(exact)
+
     assert seen.sum() >= 2 * 40
     assert np.abs((before.shift - exact)[seen]).max() < 1
     assert before.mean > 50

@@ -70,6 +70,7 @@ def test_normals_stay_sharp_where_shells_are_joined(brought, scene, name):
     is_rim = turn < np.cos(np.radians(70))  # caps stand upright on sides
     if name == "text":  # its outline has such corners, too, which are shaded smooth
         is_rim &= mesh.is_smooth[edges.first] != mesh.is_smooth[edges.second]
+
     assert is_rim.sum() > 8
     assert (np.linalg.norm(first - second, axis=2)[is_rim] > 0.5).all()
 
@@ -92,11 +93,13 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(512, 512)) == {
         "FINISHED"
     }
+
     reading = read(scene)
     found = judge(scene, reading)
     assert found["median"] < 5e-3
     assert found["most"] < 0.02
     assert found["only_theirs"] < (0.03 if "text" in name else 2e-3)
+
     solution = finish(Session().solve(reading.rig))
     assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1, abs=1e-9)
     assert not any("gaps" in warning for warning in solution.warnings)

@@ -88,12 +88,14 @@ def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
     # they are made when they are first asked
     engines = [layer.asked.engine for layer in by_blender.layers]
     assert {engine.name for engine in engines} == {"Blender's BVH"}
+
     monkeypatch.undo()
     by_embree = PLANS[name]()
     assert [plan.used[0] for plan in (by_blender, by_embree)] == [
         "ray engine (Blender's BVH)",
         "ray engine (Embree)",
     ]
+
     rays = by_embree.rig.viewer.rays(np.random.default_rng(0).uniform(0, 512, (20_000, 2)))
     found, expected = (trace_all(plan, *rays) for plan in (by_blender, by_embree))
     assert expected.has_arrived.sum() > 4_000
@@ -123,6 +125,7 @@ def test_rays_nearly_along_an_axis_meet_vertices_and_edges(axis, tilt):
         np.roll(targets - 1.2 * direction, axis, axis=1).astype(np.float32),
         np.roll(np.tile(direction, (len(targets), 1)), axis, axis=1).astype(np.float32),
     )
+
     assert len(targets) > 4_000
     assert (found.triangle >= 0).all()
     assert np.abs(found.distance - 1.2).max() < 1e-6

@@ -158,6 +158,7 @@ def state() -> tuple:
         (thing.name, tuple(map(tuple, thing.matrix_world)), thing.kiriko.role)
         for thing in scene.objects
     ]
+
     return everything(), slots, shown, numbers, chosen, images, where, files()
 
 
@@ -284,6 +285,7 @@ def rig(
     rig["GLASS"].rotation_euler.z = 0.1
     bpy.context.view_layer.update()
     part("operators.work").forget()
+
     return rig
 
 
@@ -383,6 +385,7 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
     n_steps = 0
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         n_steps += 1
+
     # another result, in as many steps
     rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
     before = state()
@@ -395,10 +398,12 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
         assert window.is_clean
         assert not part("operators.work").is_busy()
         assert state() == before, k
+
     operator = pressed(name, window)
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         pass
     is_of_the_old = name == "simulate"  # the sight of a result that is out of date
+
     assert operator.said[-1][0] == ("WARNING" if is_of_the_old else "INFO"), operator.said
     assert window.is_clean
     after = product(name)
@@ -430,6 +435,7 @@ def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
                 text,
             )
             assert ("Traceback" in capsys.readouterr().err) == (not is_foreseen)
+
     if name in LONG:
         assert run(name)() == {"FINISHED"}
         after = product(name)
@@ -511,19 +517,23 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
     operator = pressed("solve", window)
     window.progress_update = told.append
     step(operator, window, shown)
+
     assert is_of_coarse(shown[0])
     assert "'Mine' of the display" in scene.kiriko.result.notes
     assert "Esc keeps it" in window.status
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         pass
+
     assert len(shown) == 1
     assert told == sorted(told)
     assert operator.said == [("INFO", scene.kiriko.result.summary)]
     assert not scene.kiriko.result.is_coarse
+
     gave_way = (
         f"'Mine' of the display 'Kiriko Display' gave way to"
         f" '{rig['DISPLAY'].active_material.name}'."
     )
+
     assert gave_way in scene.kiriko.result.notes
     after = product("solve")
     assert after == whole("solve")
@@ -538,23 +548,28 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     operator = pressed("solve", window)
     step(operator, window, shown)
     assert operator.modal(window, ESC) == {"FINISHED"}  # of which Blender makes an undo step
+
     bpy.ops.ed.undo_push(message="Solve")
     assert window.is_clean
     assert not part("operators.work").is_busy()
     ((_, said),) = operator.said
+
     assert said.startswith("Stopped; a coarse source image stays: Undo")
     assert is_sentence(said)
     assert is_of_coarse(shown[0])
     bpy.ops.ed.undo()
+
     assert (state()[3], state()[5]) == (before[0], before[2])
     assert not bpy.context.scene.kiriko.result.is_coarse
     bpy.ops.ed.redo()
     assert is_of_coarse(shown[0])
+
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert is_of_coarse(shown[0])
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert not bpy.context.scene.kiriko.result.is_coarse
+
     after = product("solve")
     assert after == whole("solve")
 
@@ -582,6 +597,7 @@ def test_an_error_after_the_coarse_image_leaves_it(
         assert is_of_coarse(shown[0])
         assert window.is_clean
         bpy.ops.ed.undo_push(message="Solve")
+
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
@@ -636,11 +652,13 @@ def test_what_happens_to_the_file_after_the_coarse_image(
         assert window.is_clean
         assert state() == before
         assert not bpy.context.scene.kiriko.result.is_coarse
+
     shown.clear()
     part("operators.work").forget()
     operator = pressed("solve", window)
     step(operator, window, shown)
     operator.cancel(window)
+
     assert window.is_clean
     assert is_of_coarse(shown[0])
 
@@ -665,6 +683,7 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(
     assert inventory() == before
     rig["PICTURE"].kiriko.image = bpy.data.images.new("white", 8, 8)
     solve()
+
     assert len(shown) == 1
     live.start(bpy.context.scene)
     try:
@@ -672,6 +691,7 @@ def test_only_what_is_traced_while_somebody_watches_is_coarse(
         solve()
     finally:
         live.stop()
+
     assert len(shown) == 1
 
 
@@ -698,17 +718,20 @@ def test_esc_at_every_step_of_add_rig_leaves_nothing(window: Window, is_given: b
     n_steps = 0
     operator = pressed("add_rig", window)
     operator.viewer_resolution = 64
+
     assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
     while state() == before and operator.modal(window, TIMER) == {"PASS_THROUGH"}:
         n_steps += 1
     assert operator.said[-1][0] in {"INFO", "WARNING"}
     assert n_steps > 3
     assert window.is_clean
+
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if is_given:
         cube()
     part("operators.work").forget()
     before = state()
+
     for k in range(n_steps):
         operator = pressed("add_rig", window)
         operator.viewer_resolution = 64
@@ -813,6 +836,7 @@ def test_an_error_in_live_is_one_sentence_and_the_image_stays(
                 bpy.ops.kiriko.live()
             settle()
             assert not live.status()[1]
+
     near = np.frombuffer(product("solve"), np.float32)
     # glass that was turned: to rounding
     assert np.abs(near - np.frombuffer(whole("solve"), np.float32)).max() < 1e-6
@@ -867,6 +891,7 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     sizes = []
     reading = part("operators.work").read(bpy.context)
     close = module.Preview.close
+
     with monkeypatch.context() as spied:
         spied.setattr(
             module.Preview,
@@ -875,9 +900,11 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
         )
         assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
         module.render_map(bpy.context.scene, reading)
+
     kept = pixels(bpy.context.scene.kiriko.result.preview).copy()
     before = state()
     size = min(sizes)
+
     # the times in it make it some bytes longer or shorter
     for room in (0, 100, 300, 500, 2000, size // 2, size - 40):
         with full_disk(room):
@@ -889,10 +916,12 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
         assert is_sentence(str(caught.value))
         assert state() == before, room
         assert np.array_equal(pixels(bpy.context.scene.kiriko.result.preview), kept)
+
     with monkeypatch.context() as broken:
         broken.setattr(Path, "replace", failing(OSError(errno.ENOSPC, "No space left on device")))
         path = tmp_path / "report" / "preview.png"
         text = refusal(lambda: bpy.ops.kiriko.preview(samples=1, filepath=str(path)))
+
     assert f"'{path}' cannot be written (No space left on device)" in text
     assert state() == before
 
@@ -946,6 +975,7 @@ def test_the_command_line_writes_all_files_or_none(
     command = part("operators.command_line")
     folder = Path(bpy.context.scene.kiriko.report_folder)
     words = ["solve", "--out", str(folder), "--overwrite"]
+
     assert command.run(words) == 0
     before = files()
     sizes = {name: len(content) for name, content in before.items()}
@@ -954,6 +984,7 @@ def test_the_command_line_writes_all_files_or_none(
     with full_disk(max(sizes.values()) - 1):  # some of the files have room
         assert command.run(words) == 1
     (line,) = capsys.readouterr().err.splitlines()
+
     assert line.startswith("kiriko: The file")
     assert is_sentence(line)
     assert files() == before
@@ -963,6 +994,7 @@ def test_the_command_line_writes_all_files_or_none(
             assert command.run(words) == 1
         assert is_sentence(capsys.readouterr().err.splitlines()[-1])
         assert files() == before
+
     new = tmp_path / "a" / "b"
     with full_disk():
         assert command.run(["solve", "--out", str(new)]) == 1
@@ -983,10 +1015,12 @@ def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
             bpy.ops.kiriko.live()
         else:
             bpy.ops.kiriko.solve()
+
     before = product("solve")
     assert bpy.context.scene.kiriko.result.source.packed_file is not None
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+
     assert product("solve") == before
     assert before == whole("solve")
 
@@ -1000,6 +1034,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     path.unlink()
     before = state()
     text = refusal(run("solve"))
+
     assert "mine.png" in text
     assert "missing" in text
     assert state()[1:] == before[1:]
@@ -1011,6 +1046,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     part("core.steps").finish(solved)
     after = product("solve")
     path.write_bytes(content)
+
     assert after == whole("solve")
     bpy.ops.kiriko.live()
     settle()
@@ -1019,15 +1055,18 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     bpy.context.view_layer.update()
     settle()
     text, is_problem = part("operators.live").status()
+
     assert is_problem
     assert "mine.png" in text
     assert product("solve") == after
     path.write_bytes(content)
+
     # that an image which no material uses is loaded again Blender does not tell
     for chosen in (None, image):
         image.reload()
         rig["PICTURE"].kiriko.image = chosen
         settle()
+
     assert not part("operators.live").status()[1]
     assert product("solve") == after
     part("operators.live").stop()
@@ -1088,6 +1127,7 @@ def test_another_file_in_the_middle_is_not_written_to(
             assert window.is_clean
             assert not work.is_busy()
             assert everything() == before or (event == "save" and not is_closed)
+
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
@@ -1109,6 +1149,7 @@ def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> No
         finally:
             bpy.ops.preferences.addon_enable(module=EXTENSION)
         assert state() == before
+
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     after = product("solve")
     assert after == whole("solve")

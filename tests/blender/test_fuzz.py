@@ -110,6 +110,7 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
         lambda scene, reading, found: right(scene, reading, fault(kiriko, found)),
     )
     outcome = fuzz.try_rig(SEED, SOLVED)
+
     assert outcome.verdict == "failed"
     assert told in outcome.text
 
@@ -131,6 +132,7 @@ def test_a_rig_that_takes_too_long_is_named(tmp_path):
     path = os.pathsep.join(str(ROOT / folder) for folder in (".dev/link", "scripts", "tests"))
     variables = {**os.environ, "PYTHONPATH": path, "BLENDER_USER_RESOURCES": str(tmp_path)}
     run = subprocess.run(command, env=variables, capture_output=True, text=True)
+
     assert run.returncode == 1
     for k in range(2):
         assert f"--seed {SEED} --only {k}" in run.stdout

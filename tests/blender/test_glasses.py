@@ -36,19 +36,23 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
     mesh = glasses.made("wine glass")
     monkeypatch.setitem(glasses.GLASSES, "wine glass", lambda: glasses.wine_glass(FINE))
     _, fine = landings(glasses.made("wine glass"), "facets")
+
     off = {}
     for choice in ("facets", "smooth", "automatic"):
         plan, found = landings(mesh, choice)
         both = found.has_arrived & fine.has_arrived
         off[choice] = np.quantile(np.linalg.norm(found.xy - fine.xy, axis=1)[both], [0.5, 0.9])
+
     worse = off["automatic"] - np.minimum(off["facets"], off["smooth"])
     assert (worse < [0.01, 0.2]).all()
     # plan is the last one's
     (remark,) = _on_doubted(plan.rig, plan)
+
     assert remark.text.startswith(
         "'glass' is followed as drawn where its mesh is too irregular or too coarse"
     )
     shares = plan.counts.n_doubted[0], plan.counts.n_curved[0]
+
     assert 0.1 < shares[1] / sum(shares) < 0.5
 
 

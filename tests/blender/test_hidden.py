@@ -88,14 +88,17 @@ def test_a_part_the_rig_needs(
     way(part)
     told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it."
     shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+
     assert f"{role.capitalize()}, hidden: {part.name}" in shown
     assert f"{role.capitalize()}: {part.name}" not in shown
     assert told in " ".join(shown)
     assert not bpy.ops.kiriko.solve.poll()
+
     # nodes might instance it: then the button is not grey, and the error says the same
     new_object(primitive("cube", size=1e-3)).modifiers.new("nodes", "NODES")
     with pytest.raises(RuntimeError) as error:
         bpy.ops.kiriko.solve()
+
     assert told in str(error.value)
 
 
@@ -112,6 +115,7 @@ def test_a_part_it_can_do_without(
     way(other)
     bpy.ops.kiriko.solve()
     note = f"'{other.name}' has the role Glass but is hidden{WAYS[way]}: left out."
+
     assert scene.kiriko.result.summary == before[0]
     assert scene.kiriko.result.notes.splitlines() == [note, *before[1].splitlines()]
     texts = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
@@ -136,10 +140,12 @@ def test_an_instance_of_a_collection(
     maker.instance_type = "COLLECTION"
     maker.instance_collection = bpy.data.collections["source"]
     bpy.ops.kiriko.solve()
+
     assert f"Glass: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
     way(maker)
     assert f"Glass, hidden: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
     assert not bpy.ops.kiriko.solve.poll()
+
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.kiriko.solve()
 
@@ -153,10 +159,12 @@ def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
     n_objects = len(bpy.data.objects)
     if glass not in bpy.context.selected_objects:
         return  # then it is not asked about
+
     with pytest.raises(
         RuntimeError,
         match=r"'thing' is hidden .* and cannot be glass: show it, or"
         r" deselect it\.",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
+
     assert len(bpy.data.objects) == n_objects

@@ -124,6 +124,7 @@ def test_display_ends_where_the_light_of_the_corners_lands(
         np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49
     )
     xy = np.abs(landing(rig, *leave) - 256)
+
     assert xy.max() == pytest.approx(256 / 1.01, rel=2e-3)  # the grid of rays has the corners
 
 
@@ -163,6 +164,7 @@ def test_add_rig_and_solve_tell_the_same_share(scene: bpy.types.Scene) -> None:
         for text in told
     ]
     shares = np.array([numbers.groups() for numbers in found], float)
+
     assert 99 < shares[0, 0] < 100
     assert np.abs(shares[0] - shares[1]).max() <= 0.1 + 1e-9
 
@@ -175,12 +177,14 @@ def test_the_scenes_render_and_camera_stay(scene: bpy.types.Scene) -> None:
     scene.render.pixel_aspect_x = 2.0
     small_rig(viewer_resolution=48)
     render = scene.render
+
     assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (
         1920,
         1080,
         50,
     )
     assert scene.camera == mine
+
     viewer = scene.kiriko.viewer
     assert (viewer.kiriko.use_resolution, *viewer.kiriko.resolution) == (True, 48, 48)
 
@@ -232,6 +236,7 @@ def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
     width = float(found.group(1))
     share = float(found.group(2))
     display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
+
     assert width < 0.5 * display.dimensions.x
     display.scale *= width / display.dimensions.x
     bpy.ops.kiriko.solve()
@@ -276,12 +281,14 @@ def test_a_collection_instance_is_the_glass(scene: bpy.types.Scene) -> None:
     instance = in_collection(thing)
     instance.kiriko.use_ior = True
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+
     assert (instance.kiriko.role, thing.kiriko.role) == ("GLASS", "NONE")
     rig = {thing.kiriko.role: thing for thing in scene.objects}
     assert tuple(rig["PICTURE"].matrix_world.translation) == pytest.approx(
         (0.3, 0.1, 0.2), abs=1e-6
     )
     assert not [thing for thing in scene.objects if thing.name.startswith("Kiriko Ball")]
+
     bpy.ops.kiriko.solve()
     assert scene.kiriko.result.coverage > 0.999
     assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
@@ -336,11 +343,13 @@ def test_what_has_no_surface_is_refused_as_glass(scene: bpy.types.Scene, kind: s
     thing = new_object(data[kind]() if kind in data else None)
     thing.select_set(True)
     before = inventory()
+
     with pytest.raises(
         RuntimeError,
         match=f"'thing' cannot be glass, for an? {kind} has no surface: select your glass",
     ):
         bpy.ops.kiriko.add_rig(viewer_resolution=64)
+
     assert inventory() == before
     glass = cube()
     assert bpy.ops.kiriko.add_rig(viewer_resolution=64) == {"FINISHED"}
@@ -367,11 +376,13 @@ def test_opaque_glass_is_told_at_once(scene: bpy.types.Scene, capfd: pytest.Capt
         capfd.readouterr().out,
     )
     assert "does not refract" in scene.kiriko.result.notes
+
     bpy.context.view_layer.objects.active = thing
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.kiriko.make_glass()
     bpy.ops.ed.undo_push(message="Make It Glass")
     bpy.ops.kiriko.solve()
+
     assert "refract" not in bpy.context.scene.kiriko.result.notes
     bpy.ops.ed.undo()
     assert bpy.data.objects["Cube"].material_slots[0].material.name == "Grey"
@@ -512,10 +523,12 @@ def test_glass_without_its_front_is_told_of_its_gap(scene: bpy.types.Scene) -> N
     mesh.to_mesh(glass.data)
     mesh.free()
     bpy.ops.kiriko.add_rig(viewer_resolution=64)
+
     assert (
         "100 % of the light goes through gaps in the glass: close them."
         in scene.kiriko.result.summary
     )
+
     with pytest.raises(
         RuntimeError, match="100 % of the picture's light goes through gaps in the glass 'Cube'"
     ):

@@ -52,6 +52,7 @@ class Bench:
         self.parts["GLASS"].rotation_euler[2] = 0.2
         self.drawn = self.rig()
         self.real, unknown = self.offset.with_amounts(self.drawn, HIDDEN)
+
         assert not unknown
 
     def source_of(self, rig):
@@ -121,6 +122,7 @@ def test_points_of_a_bench_that_is_off_make_it_right(
     ) == {"FINISHED"}
     assert {o.name: o.matrix_world.copy() for o in bpy.data.objects} == places
     assert bench.off(bench.rig()) < 0.1
+
     ours = bench.scene.kiriko.calibration
     found = json.loads(ours.found)
     assert found["points"] == found["of"] == 49
@@ -131,6 +133,7 @@ def test_points_of_a_bench_that_is_off_make_it_right(
     assert "Cube: shift right" in found["still"]
     assert found["extra_photographs"][0]["gain_bits"] > 1
     assert "offset" in bench.scene.kiriko.result.notes
+
     bpy.ops.kiriko.remove_calibration()
     assert bench.off(bench.rig()) == pytest.approx(before)
     with pytest.raises(RuntimeError, match="No calibration is kept"):
@@ -205,10 +208,12 @@ def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -
     ours.index = ours.crossing = 0.0
     bpy.ops.kiriko.calibrate(filepath=path)
     (amounts,) = json.loads(ours.offset)["sets"]
+
     assert not any("index" in name for name in amounts)
     assert bench.off(bench.rig()) < 0.3
     ours.keep = "SCENE"
     bpy.ops.kiriko.calibrate(filepath=path)
+
     assert ours.offset == ""
     assert bench.off(bench.rig()) < 0.3
     with pytest.raises(RuntimeError, match="in the scene already"):
@@ -248,6 +253,7 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
         [HIDDEN, {"Kiriko Viewer: focal length": 0.2}]
     )
     wanted = bench.rig()
+
     assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
     assert bench.scene.kiriko.calibration.offset == ""
     found = bench.rig()
@@ -256,6 +262,7 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     assert np.allclose(found.viewer.axes, wanted.viewer.axes, atol=1e-6)
     assert np.allclose(found.viewer.window, wanted.viewer.window, rtol=1e-5)
     assert found.glasses[0].ior(0) == pytest.approx(wanted.glasses[0].ior(0), abs=1e-6)
+
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
     seen = bench.picture.view_of_picture(found.picture_place, found.viewer, corners)
     assert (
@@ -277,12 +284,14 @@ def test_a_tilted_picture_goes_along(bench: Bench) -> None:
         [{**HIDDEN, "Kiriko Viewer: focal length": 0.2}]
     )
     wanted = bench.rig()
+
     assert bpy.ops.kiriko.apply_calibration() == {"FINISHED"}
     found = bench.rig()
     corners = bench.lattice.Lattice(2, 2, 0.0).uv
     seen, right = (
         bench.picture.view_of_picture(r.picture_place, r.viewer, corners) for r in (found, wanted)
     )
+
     assert np.abs(seen - right).max() < 0.1
 
 
@@ -309,6 +318,7 @@ def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
         mirror.location = (0.2, 0.2, 0.1)
     else:
         plate.name = "Other Plate"
+
     bench.parts["GLASS"].rotation_euler[2] = 12.77  # two turns more than a matrix tells
     bpy.context.view_layer.update()
 
@@ -324,6 +334,7 @@ def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
         RuntimeError, match="of which this rig has none" if holds == "name" else "keep the offset"
     ):
         bpy.ops.kiriko.apply_calibration()
+
     bpy.context.view_layer.update()
     assert state() == places
     assert bench.scene.kiriko.calibration.offset == offset
@@ -357,11 +368,13 @@ def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
     reading = bench.work.read(bpy.context)
     source = bench.scene.kiriko.result.source
     render = preview.render_preview(bench.scene, reading, source, samples=4, fresnel=False)
+
     assert seen_image.lattice_shift(render, ideal).mean < 0.1
     bpy.ops.kiriko.remove_calibration()
     render = preview.render_preview(
         bench.scene, bench.work.read(bpy.context), source, samples=4, fresnel=False
     )
+
     assert seen_image.lattice_shift(render, ideal).mean > 3
 
 
@@ -404,6 +417,7 @@ def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> N
     ]
     before = inventory()
     ours = bench.scene.kiriko.calibration
+
     for path, words in cases:
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.kiriko.calibrate(filepath=str(path))
@@ -469,6 +483,7 @@ def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
             ):
                 bpy.ops.kiriko.calibrate(filepath=str(points))
         assert state(scene) == before, stage
+
     module = importlib.import_module(f"{bench.kiriko.__name__}.operators.calibrate")
     n_steps = 0
     while True:
@@ -482,6 +497,7 @@ def test_a_calibration_that_fails_or_is_stopped_changes_nothing(
         steps.close()
         assert state(scene) == before, n_steps
         n_steps = 2 * n_steps + 1
+
     assert n_steps > 3
     assert json.loads(scene.kiriko.calibration.found)["kept"] == keep
     assert state(scene) != before
@@ -510,6 +526,7 @@ def test_the_command_line_calibrates(
     before = (tmp_path / "rig.blend").read_bytes()
     points = bench.csv(tmp_path / "points.csv")
     out = tmp_path / "out"
+
     assert run(["calibrate", "--out", str(out), "--measured", str(points)]) == 0, (
         capsys.readouterr().err
     )
@@ -527,5 +544,6 @@ def test_the_command_line_calibrates(
         == 1
     )
     assert not (tmp_path / "none").exists()
+
     bpy.ops.wm.open_mainfile(filepath=str(out / "calibrated.blend"))
     assert json.loads(bpy.context.scene.kiriko.calibration.offset)

@@ -37,6 +37,7 @@ def test_solve_writes_everything_and_tells_its_progress(
     told = capsys.readouterr()
     assert told.err == ""
     assert "%" in told.out
+
     names = {
         "source.png",
         "source.exr",
@@ -46,6 +47,7 @@ def test_solve_writes_everything_and_tells_its_progress(
         "preview.png",
         "report.json",
     }
+
     assert {path.name for path in saved.iterdir()} == names
     report = json.loads((saved / "report.json").read_text())
     assert report["file"] == "rig.blend"
@@ -130,16 +132,19 @@ def test_solve_simulates_when_asked(
     bpy.ops.wm.save_mainfile()
     assert run("solve", "--out", saved, "--simulate", 4) == 0
     told = capsys.readouterr()
+
     assert told.err == ""
     assert "simulating" in told.out
     found = json.loads((saved / "report.json").read_text())["simulated"]
     assert found["rays_a_pixel"] == 4
     assert 0 < found["noise"] < 0.2
+
     paths = {"none", "imaged", "stray_1", "stray_2", "through", "reflected"}
     assert set(found["luminance"]) == set(found["luminance_error"]) == paths
     assert found["luminance"]["imaged"] > found["luminance_error"]["imaged"] > 0
     image = bpy.data.images.load(str(saved / "simulated.png"))
     encoded = pixels(image)[..., :3]
+
     assert encoded.shape == (64, 64, 3)
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     assert (linear @ [0.2126, 0.7152, 0.0722]).mean() == pytest.approx(

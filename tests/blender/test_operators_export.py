@@ -44,17 +44,21 @@ def test_file_holds_the_source_at_the_displays_resolution(
     solved.kiriko.export_path = str(tmp_path / "source")
     assert bpy.ops.kiriko.export() == {"FINISHED"}
     (path,) = tmp_path.iterdir()
+
     assert path.name == f"source{io.FORMATS[form].suffix}"
     numbers, about = io.read(path)
     source = pixels(solved.kiriko.result.source)[..., :3].astype(float)
     expected = source if form.startswith("EXR") else io.encode(source)
+
     assert numbers.shape == (32, 64, 3)
     assert np.abs(numbers - expected).max() <= STEP[form] + 1e-7
     assert "kiriko:width_mm=40; kiriko:height_mm=20" in about["ImageDescription"]
+
     # pixels per inch; PNG keeps whole pixels a metre, and
     # OpenImageIO reads them to a tenth of a pixel an inch
     assert about["XResolution"] == pytest.approx(64 / (40 / 25.4), abs=0.05)
     space = str(about["oiio:ColorSpace"]).lower()
+
     assert ("lin" in space) if form.startswith("EXR") else ("srgb" in space)
 
 
@@ -165,6 +169,7 @@ def test_png_is_written_without_openimageio(
     with monkeypatch.context() as missing:
         missing.setitem(sys.modules, "OpenImageIO", None)
         assert bpy.ops.kiriko.export(filepath=str(tmp_path / "without.png")) == {"FINISHED"}
+
     assert inventory() == before
     expected, found = ((tmp_path / name).read_bytes() for name in ("with.png", "without.png"))
     assert expected[16:26] == found[16:26]  # of the header: width, height, bits, kind of colour
@@ -256,17 +261,20 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(
         assert cls.check(chosen, bpy.context) == (typed != named)
         assert chosen.filepath == str(tmp_path / named)
         assert not cls.check(chosen, bpy.context)
+
     (tmp_path / "a.png").write_bytes(b"mine")
     hidden = Chosen(cls, str(tmp_path / "a"))
     assert cls.execute(hidden, bpy.context) == {"CANCELLED"}
     assert "exists already" in hidden.told[0][1]
     assert solved.kiriko.export_path == "//source.png"
+
     for name, form in (("a.png", "PNG8"), ("a.exr", "EXR_FLOAT")):
         assert cls.execute(Chosen(cls, str(tmp_path / name)), bpy.context) == {"FINISHED"}
         assert (solved.kiriko.export_path, solved.kiriko.export_format) == (
             str(tmp_path / name),
             form,
         )
+
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 

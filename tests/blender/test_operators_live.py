@@ -115,10 +115,12 @@ def test_a_coarse_picture_comes_first(
         live.tick()
     coarse = shown()
     settle(live)
+
     assert written == ["update_source", "update_solution"]
     assert coarse.shape == shown().shape
     off = np.abs(coarse - shown()).mean()
     moved = np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
+
     # the first picture shows where things are: a shift by 4 pixels is far more
     assert 0 < off < 0.1 * moved
 
@@ -136,10 +138,12 @@ def test_what_was_quick_gets_no_coarse_picture(
         written.clear()
         turn(rig["GLASS"])
         settle(live)
+
     assert written == ["update_solution"]
     known = dict(live.followed()._whole_lasted)
     bpy.context.scene.kiriko.margin = 3
     settle(live)
+
     assert live.followed()._whole_lasted == known  # a picture that is painted anew tells nothing
     for change in (
         lambda: setattr(rig["DISPLAY"].kiriko, "resolution", (200, 200)),
@@ -164,10 +168,12 @@ def test_a_coarse_picture_is_not_exported(
     while not written:
         live.tick()
     live.stop()
+
     assert bpy.context.scene.kiriko.result.is_coarse
     with pytest.raises(RuntimeError, match="coarse"):
         bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png"))
     assert not list(tmp_path.iterdir())
+
     bpy.ops.kiriko.solve()
     assert bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png")) == {"FINISHED"}
 
@@ -180,6 +186,7 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
     turn(rig["GLASS"])
     settle(live)
     written.clear()
+
     for change in (
         lambda: None,
         lambda: rig["GLASS"].select_set(False),
@@ -191,6 +198,7 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
         bpy.context.view_layer.update()
         settle(live)
         settle(live)
+
     assert written == []
 
 
@@ -232,10 +240,12 @@ def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> N
     image.update_tag()
     bpy.context.view_layer.update()
     settle(live)
+
     assert written == ["update_solution"]
     assert '"rays": 0' in bpy.context.scene.kiriko.result.details
     assert shown()[..., 0].max() > 0.9
     assert shown()[..., 1:].max() == 0
+
     bpy.context.scene.kiriko.margin = 4
     settle(live)
     assert written == ["update_solution"] * 2
@@ -291,10 +301,12 @@ def test_deleted_object_is_one_sentence_and_the_image_stays(live: ModuleType, ro
     bpy.context.view_layer.update()
     settle(live)
     text, is_problem = live.status()
+
     assert is_problem
     assert f"no {role.lower()}" in text
     assert live.is_on()
     assert shown().shape == before.shape
+
     if role != "GLASS":
         turn(rig["GLASS"])
         settle(live)
@@ -308,16 +320,19 @@ def test_what_cannot_be_solved_is_followed_on(live: ModuleType) -> None:
     rig["PLATE"].location.x += 10
     bpy.context.view_layer.update()
     settle(live)
+
     assert live.status()[1]
     assert "no ray reaches the plate" in live.status()[0]
     assert np.array_equal(shown(), before)
     rig["PLATE"].location.x += 0.01
     bpy.context.view_layer.update()
     settle(live)
+
     assert live.status()[1]
     rig["PLATE"].location.x -= 10.01
     bpy.context.view_layer.update()
     settle(live)
+
     assert not live.status()[1]
     assert is_rounding(shown() - plain(live))
 
@@ -329,6 +344,7 @@ def test_undo_is_followed(live: ModuleType) -> None:
     settle(live)
     before = shown()
     bpy.ops.ed.undo_push(message="rig")
+
     for n_turns in (0, MANY):
         glass = next(thing for thing in bpy.context.scene.objects if thing.kiriko.role == "GLASS")
         turn(glass)
@@ -341,6 +357,7 @@ def test_undo_is_followed(live: ModuleType) -> None:
         settle(live)
         assert live.is_on()
         assert np.array_equal(shown(), before)
+
     bpy.ops.ed.redo()
     settle(live)
     assert is_rounding(shown() - plain(live))
@@ -444,10 +461,12 @@ def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) 
     assert live.status() == ("", False)
     assert not bpy.context.scene.kiriko.result.source.is_dirty
     assert np.array_equal(shown(), before)
+
     turn(rig["GLASS"])
     assert live.tick() is None
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+
     assert np.array_equal(shown(), before)
 
 
@@ -502,14 +521,17 @@ def test_long_step_is_announced_before_it_begins(
         followed, "_do", lambda step, context: (begun.append(step), do(step, context))
     )
     turn(rig["GLASS"])
+
     # as if everything so far had been short
     followed._lasted = {step: 0.0 for step in followed._lasted}
     known = live.live_follower.Step(live.live_follower.READING, (True,))
     followed._lasted[known] = 2 * live.live_follower.LONG
+
     assert live.tick() == live.live_follower.NOTICE
     assert begun == []
     assert texts == ["Kiriko Live: reading the scene ..."]
     live.tick()
+
     assert begun[0] == known
 
 
@@ -553,6 +575,7 @@ def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
     kept = shapes.Kept()
     told = lambda scene, depsgraph: kept.notice(depsgraph.updates)  # noqa: E731 - the list wants a name to remove
     bpy.app.handlers.depsgraph_update_post.append(told)
+
     try:
         first = live.work.read(bpy.context, kept).rig
         again = live.work.read(bpy.context, kept).rig

@@ -32,6 +32,7 @@ def test_assets_open_with_pictures(scene: bpy.types.Scene) -> None:
     with bpy.data.libraries.load(str(BLEND), assets_only=True) as (found, wanted):
         assert set(found.materials) == set(NAMES.values())
         wanted.materials = list(found.materials)
+
     catalogue = (BLEND.parent / "blender_assets.cats.txt").read_text(encoding="utf-8")
     for material in wanted.materials:
         asset = material.asset_data
@@ -81,6 +82,7 @@ def described(tree: bpy.types.NodeTree) -> tuple[list[object], ...]:
         (order[x.from_node], x.from_socket.name, order[x.to_node], x.to_socket.identifier)
         for x in tree.links
     ]
+
     return (
         [
             (s.name, s.subtype, s.default_value, s.min_value, s.max_value, s.description)
@@ -112,6 +114,7 @@ def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> N
     for thing in (first, second):
         bpy.context.view_layer.objects.active = thing
         assert bpy.ops.kiriko.add_plate_material(layout=layout) == {"FINISHED"}
+
     material = first.active_material
     assert material.name == NAMES[layout]
     assert [slot.material for slot in first.material_slots] == [material]
@@ -148,6 +151,7 @@ def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres:
     mine = plane()
     mine.select_set(False)
     scene.cursor.location = (1, 2, 3)
+
     assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
     made = bpy.context.object
     assert made != mine
@@ -232,11 +236,13 @@ def test_asset_library_is_added_once_and_only_when_asked(
     assert kiriko.operators.plate_material.library_path() == ""
     n_before = len(libraries)
     capfd.readouterr()
+
     assert bpy.ops.kiriko.add_asset_library() == {"FINISHED"}
     page = "Asset Libraries" if bpy.app.version >= (5, 2, 0) else "File Paths"
     assert f"is in Preferences > {page}: " in capfd.readouterr().out
     assert len(libraries) == n_before + 1
     assert Path(libraries["Kiriko"].path).resolve() == BLEND.parent
+
     with pytest.raises(RuntimeError, match="already"):
         bpy.ops.kiriko.add_asset_library()
     libraries.remove(libraries["Kiriko"])
@@ -259,6 +265,7 @@ def test_a_scene_of_another_unit_has_a_material_of_its_own(scene: bpy.types.Scen
         assert group_of(made[-1]).inputs["Height"].default_value * metres == pytest.approx(
             1.25e-3, rel=1e-6
         )
+
     assert made[0] == made[2] != made[1] == made[3]
 
 
@@ -272,6 +279,7 @@ def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scen
     thing.select_set(True)
     bpy.context.view_layer.objects.active = thing
     bpy.ops.kiriko.add_plate_material()
+
     assert thing.active_material.name == "Kiriko Plate"
     ours = thing.kiriko.plate
     ours.model = "CROSSED"
@@ -280,12 +288,14 @@ def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scen
     ours.phase = (0.25, -0.5)
     ours.fresnel = False
     bpy.ops.kiriko.add_plate_material(layout="holes")
+
     assert thing.active_material != bpy.data.materials["Kiriko Plate"]
     inputs = group_of(thing.active_material).inputs
     found = {
         name: inputs[name].default_value
         for name in ("Pitch", "Height", "Phase 1", "Phase 2", "Fresnel")
     }
+
     assert found == pytest.approx(
         {"Pitch": 0.002, "Height": 0.006, "Phase 1": 0.25, "Phase 2": -0.5, "Fresnel": 0.0}
     )

@@ -97,6 +97,7 @@ def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) 
     elif way == "millimetres":
         unit = 1000.0
         scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
+
     vertices = np.array([vertex.co for vertex in thing.data.vertices])
     before = frame(thing)
     turned = np.array(thing.rotation_euler)
@@ -181,10 +182,12 @@ def test_what_holds_its_size_keeps_it_and_says_why(
         scene.collection.objects.unlink(thing)
         thing = activate(new_object(None, "PLATE"))
         thing.instance_type, thing.instance_collection = "COLLECTION", collection
+
     bpy.context.view_layer.update()
     before = (tuple(thing.scale), tuple(thing.location), tuple(map(tuple, thing.matrix_world)))
     assert bpy.ops.kiriko.plate_preset(preset="ASKA3D-200") == {"FINISHED"}
     bpy.context.view_layer.update()
+
     assert (
         tuple(thing.scale),
         tuple(thing.location),

@@ -57,6 +57,7 @@ def test_report_writes_its_files_and_leaves_the_scene(
     before = inventory()
     shown = pixels(scene.kiriko.result.source).copy()
     numbers = json.loads(scene.kiriko.result.details)
+
     assert not numbers["cost"]["is_measured"]
     assert bpy.ops.kiriko.report(directory=str(tmp_path / "new"), seconds=SECONDS) == {"FINISHED"}
     assert names(tmp_path / "new") == NAMES
@@ -64,6 +65,7 @@ def test_report_writes_its_files_and_leaves_the_scene(
     with (tmp_path / "new" / "report.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 1 + len(report["rungs"])
     ET.parse(tmp_path / "new" / "report.svg")
+
     assert report["display_px"] == [64, 64]
     assert report["tolerance_display_px"] == 0.1
     assert report["about"]["blender"] == bpy.app.version_string
@@ -73,6 +75,7 @@ def test_report_writes_its_files_and_leaves_the_scene(
     assert all(seconds is not None for seconds in report["seconds_by_part"].values())
     assert inventory() == before
     assert np.array_equal(shown, pixels(scene.kiriko.result.source))
+
     after = json.loads(scene.kiriko.result.details)
     assert after["cost"]["is_measured"]
     assert after["cost"]["half"]["tolerance"] == pytest.approx(0.05)
@@ -174,6 +177,7 @@ def test_stopped_halfway_nothing_is_left(
         assert (tmp_path / "new").exists()
         work.close()
         assert names(tmp_path) == []
+
     assert inventory() == before
     assert not scene.kiriko.result.ladder
 
@@ -228,11 +232,13 @@ def test_a_plate_with_mirrors_is_told_by_its_angle(
     plate.model = "CROSSED"
     plate.reflectance = 1.0
     plate.fresnel = False
+
     assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=0.0) == {"FINISHED"}
     assert names(tmp_path) == sorted([*NAMES, "plate.csv", "plate.svg"])
     ET.parse(tmp_path / "plate.svg")
     with (tmp_path / "plate.csv").open() as file:
         by_angle = {int(row["incidence_degrees"]): row for row in csv.DictReader(file)}
+
     for angle, imaged, stray, through in (
         (10, 0.041, 0.324, 0.635),
         (45, 0.863, 0.132, 0.005),

@@ -70,10 +70,12 @@ def test_stray_light_and_noise_are_told(scene, kiriko):
         path.NONE: 0.2,
     }
     found = core.Simulation(np.zeros((1, 1, 3)), 0.0123, light, error, 4)
+
     assert simulate.told(found) == (
         ", 30 % (+- 2 %) of it stray light of the plate, 10 % (+- 0.5 %) of it past the plate,"
         " noise 0.012 of white"
     )
+
     only = dict.fromkeys(path, 0.0) | {path.IMAGED: 1.0}
     assert (
         simulate.told(core.Simulation(found.image, 0.5, only, error, 4)) == ", noise 0.5 of white"
@@ -100,6 +102,7 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
         r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise"
         r" ([\d.]+) of white"
     )
+
     for samples in (4, 64):
         text = finish(
             module.KIRIKO_OT_simulate.steps(SimpleNamespace(samples=samples), bpy.context)
@@ -109,6 +112,7 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
         assert 5 < stray < 25
         assert 0 < error < 1
         noises.append(noise)
+
     assert noises[0] > 1.5 * noises[1] > 0
 
 
@@ -119,6 +123,7 @@ def test_an_image_of_yours_with_the_name_of_ours_stays(scene):
     small_rig()
     bpy.ops.kiriko.solve()
     n_images = len(bpy.data.images)
+
     for _ in range(2):
         bpy.ops.kiriko.simulate(samples=2)
         assert bpy.data.images["Kiriko Seen"] == mine

@@ -43,6 +43,7 @@ def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
     assert result.source.is_float
     assert 0.99 < result.coverage <= 1
     assert result.summary.startswith("The display shows")
+
     read = numbers(scene)["materials"][0]
     assert (read["object_name"], read["source"], round(read["ior"], 4)) == (
         "Cube",
@@ -161,6 +162,7 @@ def test_what_of_the_material_is_not_followed_is_named_in_the_result(
     material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
     glass.data.materials.clear()
     glass.data.materials.append(material)
+
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Frosted" in note)
     assert "roughness 0.2" in note

@@ -15,13 +15,16 @@ def test_the_range_is_an_object_around_the_viewer(scene, kiriko):
     points = [thing.matrix_world @ v.co for v in thing.data.vertices]
     centre = parts["PICTURE"].matrix_world.translation
     distance = (camera - centre).length
+
     assert [(p - centre).length for p in points] == pytest.approx(
         [distance] * len(points), rel=1e-4
     )
+
     # the viewer's own place is one of the grid's
     assert min((p - camera).length for p in points) < 1e-3 * distance
     brightness = np.empty(len(points), np.float32)
     thing.data.attributes["brightness"].data.foreach_get("value", brightness)
+
     assert 0.5 < brightness.max() <= 1
     assert thing.hide_render
     assert thing.kiriko.role == "NONE"

@@ -68,11 +68,13 @@ def test_a_picture_shows_what_is_solved(
         n for n in picture.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"
     )
     texture.image = bpy.data.images.new("mine", 8, 8)
+
     assert "mine" in drawn("rig", "VIEW3D_PT_kiriko_rig", picture).texts
     texture.image = None
     assert "Choose Image" in drawn("rig", "VIEW3D_PT_kiriko_rig", picture).texts
     scene.kiriko.result.source = bpy.data.images.new("made", 8, 8)
     offered = drawn("rig", "VIEW3D_MT_kiriko_images").labels
+
     assert {"mine", "Kiriko Lattice"} <= set(offered)
     assert "made" not in offered
     assert "Render Result" not in offered
@@ -88,6 +90,7 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     assert "Picture: Kiriko Picture" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
     scene.kiriko.picture_source = "IMAGE"
     shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+
     assert "Picture: Kiriko Picture" not in shown
     assert "No picture: choose an image, or set Picture to Plane." in " ".join(shown)
     for operator in (bpy.ops.kiriko.solve, bpy.ops.kiriko.live):
@@ -95,6 +98,7 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
             RuntimeError, match="No picture: choose an image, or set Picture to Plane"
         ):
             operator()
+
     scene.kiriko.picture_image = bpy.data.images.new("mine", 8, 8)
     assert "No picture" not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
@@ -135,10 +139,12 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     plate = small_rig()["PLATE"].kiriko.plate
     bpy.ops.kiriko.solve()
     assert "Plate:" not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+
     plate.model = "CROSSED"
     bpy.ops.kiriko.solve()
     found = json.loads(scene.kiriko.result.details)["plate"]
     assert 0 < found["least"] < found["brightness"] < found["most"] < 1
+
     text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
     assert scene.kiriko.result.summary in text
     assert (
@@ -215,16 +221,19 @@ def test_lost_light_and_open_glass_are_warned_of(
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     (warning,) = json.loads(result.details)["warnings"]
+
     assert "goes through gaps in the glass 'open glass'" in warning
     assert warning in result.notes.splitlines()
     result.notes += "\nA plain note."
     icons = drawn("result", "VIEW3D_PT_kiriko_result").icons
     first = next(text for text in icons if warning.startswith(text))
+
     assert icons[first] == "ERROR"
     assert icons["A plain note."] == "INFO"
     details = json.loads(result.details)
     del details["warnings"]
     result.details = json.dumps(details)
+
     assert drawn("result", "VIEW3D_PT_kiriko_result").icons[first] == "INFO"
 
 
@@ -238,6 +247,7 @@ def test_what_was_simulated_is_told_until_the_next_result(
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=4)
     told = scene.kiriko.result.seen_summary
+
     assert "of white" in told
 
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -245,6 +255,7 @@ def test_what_was_simulated_is_told_until_the_next_result(
     scene = bpy.context.scene
     assert scene.kiriko.result.seen_summary == told
     assert told in " ".join(drawn("result", "VIEW3D_PT_kiriko_result", of=scene).texts)
+
     bpy.ops.kiriko.solve()
     assert scene.kiriko.result.seen_summary == ""
     assert "Kiriko Seen" not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result", of=scene).texts)
@@ -300,6 +311,7 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
         bpy.data.lattices.new("g"),
         None,
     )
+
     for block, word in zip(data, ("A light", "An armature", "A lattice", "An empty"), strict=True):
         thing = new_object(block)
         shown = drawn("rig", "VIEW3D_PT_kiriko_rig", thing)
@@ -325,12 +337,14 @@ def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layo
     thing.kiriko.role = "GLASS"
     grey = bpy.data.materials.new("Grey")
     thing.data.materials.append(grey)
+
     assert "kiriko.make_glass" in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
     thing.kiriko.use_ior = True
     assert "kiriko.make_glass" not in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
     thing.kiriko.use_ior = False
     bpy.context.view_layer.objects.active = thing
     bpy.ops.kiriko.make_glass()
+
     assert "kiriko.make_glass" not in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
     assert thing.data.materials[0] == grey  # the mesh may be another object's, too
     assert grey.use_fake_user

@@ -59,6 +59,7 @@ def picture_plane(width: float = 0.03, height: float = 0.03, **options: object) 
     for loop in mesh.loops:
         x, y, _ = mesh.vertices[loop.vertex_index].co
         layer.uv[loop.index].vector = (0.5 + x / width, 0.5 + y / height)
+
     thing = new_object(mesh, "PICTURE")
     thing.location = (0.1, 0.2, -0.3)
     thing.rotation_euler = (0.7, 0.1, 0.2)
@@ -129,11 +130,13 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(
     chosen = image(*size)
     bpy.ops.ed.undo_push(message="rig")
     before = extent(picture)
+
     assert choose(chosen) == {"FINISHED"}
     assert aspect(picture) == pytest.approx(size[0] / size[1], rel=SINGLE)
     for now, then in zip(extent(picture), before, strict=True):
         assert now == pytest.approx(then, rel=SINGLE, abs=1e-8)
     bpy.ops.kiriko.solve()
+
     assert "squeezed" not in bpy.context.scene.kiriko.result.notes
     bpy.ops.ed.undo_push(message="choose")
 
@@ -141,6 +144,7 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(
     picture = bpy.data.objects["Kiriko Picture"]
     assert aspect(picture) == pytest.approx(1, rel=SINGLE)
     assert texture_of(picture).image.name == "Kiriko Lattice"
+
     bpy.ops.ed.redo()
     picture = bpy.data.objects["Kiriko Picture"]
     assert aspect(picture) == pytest.approx(size[0] / size[1], rel=SINGLE)
@@ -197,10 +201,12 @@ def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
         other = new_object(thing.data)
     elif way == "no z":
         thing.scale.z = 0.0
+
     before = extent(thing)
     beside = None if other is None else placed(other)[0]
     chosen = image(90, 30)
     choose(chosen)
+
     assert aspect(thing) == pytest.approx(3, rel=1e-5)
     for now, then in zip(extent(thing), before, strict=True):
         assert now == pytest.approx(then, rel=1e-5, abs=1e-7)
@@ -251,6 +257,7 @@ def test_a_plane_that_cannot_be_fitted_says_why(
     elif way == "constraint":
         thing.constraints.new("LIMIT_SCALE").use_max_x = True
         thing.constraints[0].max_x = 1.0
+
     bpy.context.view_layer.update()
     before = np.array(thing.matrix_world)
     capfd.readouterr()
@@ -258,6 +265,7 @@ def test_a_plane_that_cannot_be_fitted_says_why(
     assert f"but the plane keeps its shape, for {reason}." in capfd.readouterr().out
     assert texture_of(thing).image.name == "art"
     assert np.array_equal(np.array(thing.matrix_world), before)
+
     with pytest.raises(RuntimeError, match=f"'thing' keeps its shape, for {reason}"):
         bpy.ops.kiriko.fit_picture()
 
@@ -275,15 +283,18 @@ def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
     before = np.array(picture.matrix_world)
     picture.kiriko.image = image(*size)
     assert np.array_equal(np.array(picture.matrix_world), before)
+
     bpy.ops.kiriko.solve()
     note = (
         f"The image 'art' is squeezed to {words} on the picture 'Kiriko Picture': press Fit to"
         f" Image in the Kiriko tab."
     )
+
     assert note in scene.kiriko.result.notes.splitlines()
     assert np.array_equal(np.array(picture.matrix_world), before)
     assert bpy.ops.kiriko.fit_picture() == {"FINISHED"}
     assert aspect(picture) == pytest.approx(size[0] / size[1], rel=SINGLE)
+
     bpy.ops.kiriko.solve()
     assert "squeezed" not in scene.kiriko.result.notes
     assert not bpy.ops.kiriko.fit_picture.poll()
@@ -310,10 +321,12 @@ def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path
     assert bpy.ops.kiriko.open_picture(filepath=path) == {"FINISHED"}
     assert aspect(picture) == pytest.approx(3, rel=SINGLE)
     assert texture_of(picture).image.name == "art.png"
+
     n = len(bpy.data.images)
     bpy.ops.kiriko.open_picture(filepath=path)
     assert len(bpy.data.images) == n
     (tmp_path / "notes.txt").write_text("no image")
+
     for name, words in (
         ("notes.txt", "missing or broken"),
         ("none.png", "There is no file"),
@@ -321,6 +334,7 @@ def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path
     ):
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.kiriko.open_picture(filepath=str(tmp_path / name) if name else "")
+
     assert len(bpy.data.images) == n
     assert texture_of(picture).image.name == "art.png"
 
@@ -338,11 +352,13 @@ def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
         bpy.ops.kiriko.choose_picture(image="none")
     bpy.context.view_layer.objects.active = None
     choose(chosen)
+
     assert texture_of(first).image == chosen
     second = picture_plane()
     choose(image(30, 30, name="other"))
     assert texture_of(first).image == chosen
     assert texture_of(second).image.name == "other"
+
     bpy.context.view_layer.objects.active = None
     assert not bpy.ops.kiriko.choose_picture.poll()
     activate(second)
@@ -362,11 +378,13 @@ def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
         for c, n in (((1, 0, 0, 1), "r"), ((0, 1, 0, 1), "g"), ((0, 0, 1, 1), "b"))
     )
     choose(red)
+
     assert texture_of(picture).image == red
     assert is_solved(read, red)
     picture.kiriko.image = green
     assert texture_of(picture).image == green
     assert is_solved(read, green)
+
     texture_of(picture).image = blue
     assert is_solved(read, blue)
     choose(green)
@@ -400,6 +418,7 @@ def test_what_others_show_is_not_changed(
     lattice = bpy.data.images["Kiriko Lattice"]
     material = picture.material_slots[0].material
     other = new_object(picture.data if way == "mesh" else primitive("cube", size=1.0))
+
     if way == "slot":
         other.data.materials.append(material)
     elif way == "fake user":
@@ -409,14 +428,17 @@ def test_what_others_show_is_not_changed(
         other.data.materials.append(bpy.data.materials.new("beside"))
         tree = other.data.materials[0].node_tree or nodes_of(other.data.materials[0])
         tree.nodes.new("ShaderNodeGroup").node_tree = material.node_tree.nodes["group"].node_tree
+
     shared = texture_in(material)
     capfd.readouterr()
     chosen = image(8, 8)
     choose(chosen)
+
     assert is_solved(read, chosen)
     if way == "fake user":
         assert picture.material_slots[0].material == material
         return
+
     assert shared.image == lattice
     if way != "group":
         assert picture.material_slots[0].material != material
@@ -461,6 +483,7 @@ def grouped(thing: bpy.types.Object, shown: bpy.types.Image, slot: int = 0) -> b
     tree.links.new(used.outputs["Color"], shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     thing.material_slots[slot].material = material
+
     return material
 
 
@@ -481,13 +504,16 @@ def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str)
                 tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"]
             )
         thing.data.materials.append(mine)
+
     chosen = image(8, 8)
     thing.kiriko.image = chosen
     assert texture_of(thing).image == chosen
     assert (thing.material_slots[0].material == mine) == (way == "empty")
+
     if way == "plain":
         assert thing.data.materials[0] == mine
         assert mine.use_fake_user
+
     assert is_solved(read, chosen)
 
 
@@ -498,10 +524,12 @@ def test_of_several_materials_the_one_on_most_faces_shows_it(read: Callable[[], 
     for some in shown:
         thing.data.materials.append(None)
         grouped(thing, some, len(thing.material_slots) - 1)
+
     for k, face in enumerate(thing.data.polygons):
         face.material_index = 1 if k == 0 else 2
     chosen = image(8, 8, (0, 1, 0, 1), "chosen")
     choose(chosen)
+
     assert [texture_in(slot.material).image for slot in thing.material_slots] == [
         *shown[:2],
         chosen,
@@ -526,12 +554,14 @@ def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
     picture.kiriko.role = "NONE"
     picture.kiriko.image = chosen  # as in a file of old: nothing else has changed
     picture.kiriko.role = "PICTURE"
+
     assert texture_of(picture).image.name == "Kiriko Lattice"
     assert is_solved(read, chosen)
     note = (
         "The picture 'Kiriko Picture' shows 'Kiriko Lattice', but 'art' is chosen and solved:"
         " choose it again"
     )
+
     assert any(text.startswith(note) for text in read().notes)
     choose(chosen)
     assert not any("chosen and solved" in text for text in read().notes)
@@ -550,6 +580,7 @@ def test_a_linked_plane_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> No
     chosen = image(90, 30)
     with pytest.raises(RuntimeError, match="linked from another file: choose its image there"):
         choose(chosen)
+
     # a linked mesh without material, on an object of this file
     mine = new_object(linked.data, "PICTURE")
     activate(mine)

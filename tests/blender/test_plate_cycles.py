@@ -81,6 +81,7 @@ def bench(pose: str, display_is_behind: bool = True) -> bpy.types.Object:
     viewer.data.angle = 0.2
     scene.render.resolution_x = scene.render.resolution_y = PIXELS
     scene.render.resolution_percentage = 100
+
     return plate
 
 
@@ -95,6 +96,7 @@ def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -
         for v in (plate.matrix_world.col[axis].xyz, plate.matrix_world.translation)
     )
     own = replace(reading.rig.plates[0], array=array, side=side, centre=centre)
+
     # a rig needs glass and a picture: here far away, and no object of the scene
     shard = core.rig.Mesh(
         100.0 + np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]])
@@ -104,6 +106,7 @@ def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -
         "pictures": (core.rig.Picture("", np.ones((1, 1, 4))),),
     }
     rig = replace(reading.rig, plates=(own,), **needed)
+
     return replace(reading, rig=rig, drawn=rig)
 
 
@@ -224,17 +227,20 @@ def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 64
     # a third is reflected, and leaves no light here
     reading = read(core, plate, core.rig.MirrorArray(ior=2.5))
+
     with preview(core, reading, samples=64) as shown:
         everything = shown.render()[..., 2]
         each = []
         for name in LIGHT.values():
             show_only(shown.scene, name)
             each.append(shown.render()[..., 2])
+
     whole = np.sum(each, axis=0)
     assert whole.min() > 0.1
     assert not each[-1].any()
     error = everything.mean() - whole.mean()
     scatter = (everything - whole).std() / everything.shape[0]
+
     assert abs(error) < 4 * scatter + 1e-6
     assert 0 < scatter < 0.01 * whole.mean()
 
@@ -265,6 +271,7 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(
     array = core.rig.MirrorArray(**LAYOUTS["crossed"])
     with preview(core, read(core, plate, array), fresnel=True) as shown:
         found = {socket.name: socket.default_value for socket in plate_group(shown.scene).inputs}
+
     assert found == pytest.approx(
         {
             **{

@@ -52,6 +52,7 @@ def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
         plan, *viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     )
     xy = landings.xy.reshape(viewer.height, viewer.width, 2) / (display.width, display.height)
+
     return cycles, np.stack([xy[..., 0], 1 - xy[..., 1]], axis=2)
 
 
@@ -113,12 +114,14 @@ def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.typ
     assert_agree(core, share=0.4)
     reading = core.blender.scene.read(bpy.context)
     source = np.ones((64, 64, 3), np.float32)
+
     assert maps(core)[0].shape[:2] == (32, 48)
     half = core.blender.preview.render_preview(scene, reading, source, percentage=50, samples=1)
     assert half.shape[:2] == (16, 24)
     scene.kiriko.viewer.kiriko.use_resolution = False
     reading = core.blender.scene.read(bpy.context)
     half = core.blender.preview.render_preview(scene, reading, source, percentage=10, samples=1)
+
     assert half.shape[:2] == (54, 96)  # of the half of 1920 x 1080
 
 
@@ -145,6 +148,7 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
     )
     x, y = np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5)
     o, d = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+
     missed = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
         reading = core.blender.scene.read(bpy.context)
@@ -154,6 +158,7 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
         both = (found[:, 2] > 0.5) & np.isfinite(exact).all(axis=1)
         assert both.mean() > 0.4
         missed[ball.kiriko.surface] = np.median(np.linalg.norm(cycles - exact, axis=1)[both])
+
     assert missed["SMOOTH"] < 0.01
     assert missed["FACETS"] > 10 * missed["SMOOTH"]
 
@@ -170,6 +175,7 @@ def test_cycles_agrees_on_a_curved_surface(
     bpy.ops.kiriko.add_rig(
         viewer_resolution=48, display_size=0.3 * millimetres, field=0.05 * millimetres
     )
+
     if way == "inside out":
         ball.data.flip_normals()
     elif way == "mirrored":
@@ -185,6 +191,7 @@ def test_cycles_agrees_on_a_curved_surface(
         maker.instance_type, maker.instance_collection = "COLLECTION", box
         maker.rotation_euler.z = 0.3
         maker.scale = (0.9, 1.0, 1.1)
+
     assert_agree(core, share=0.4, quantile=0.95)
 
 
@@ -211,6 +218,7 @@ def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types
     cube = small_rig()["GLASS"]
     ball.kiriko.role = "MIRROR"
     bpy.context.view_layer.update()
+
     counts = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
         reading = core.blender.scene.read(bpy.context)
@@ -224,6 +232,7 @@ def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types
             low, high = np.array(shown["Ball"].bound_box)[[0, 6]]
             # a mesh's poles and equator
             assert np.abs(np.array([low, high]) - [[-0.025], [0.025]]).max() < 3e-5
+
     assert counts["FACETS"] == 512
     assert counts["SMOOTH"] > 100_000
 
@@ -240,10 +249,12 @@ def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
     found, notes = core.blender.nested_glass.interfaces(
         core.blender.scene.read(bpy.context).rig.glasses
     )
+
     assert sorted(interface.index for interface in found) == pytest.approx(
         [1.8 / 1.49, 1.49], rel=1e-6
     )
     assert notes == []
+
     assert_agree(core)
 
 
@@ -325,6 +336,7 @@ def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> 
     bpy.ops.kiriko.solve()
     reading = core.blender.scene.read(bpy.context)
     lattice = linear_lattice()
+
     # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
     width = 0.05 * 0.6 / 0.04 * 128
     at = ((np.arange(128 * 8) + 0.5) / 8 - (128 - width) / 2) / width * 1024
@@ -333,12 +345,14 @@ def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> 
     index = at[inside].astype(int)
     fine[np.ix_(inside, inside)] = lattice[np.ix_(index, index)]
     ideal = fine.reshape(128, 8, 128, 8, 3).mean(axis=(1, 3))
+
     errors = []
     for source in (scene.kiriko.result.source, lattice[2::4, 2::4]):
         seen = core.blender.preview.render_preview(
             scene, reading, source, samples=16, fresnel=False
         )
         errors.append(np.abs(seen[..., :3] - ideal).mean())
+
     assert errors[0] < errors[1] / 3
 
 
@@ -373,6 +387,7 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
     held = inventory()
     assert bpy.ops.kiriko.preview(samples=1) == {"FINISHED"}
     assert state() == before
+
     held["images"] = sorted([*held["images"], "Kiriko Preview"])
     assert inventory() == held
     bpy.ops.kiriko.preview(samples=1, border=(0, 0.5, 0.5, 1))
@@ -425,6 +440,7 @@ def test_surroundings_are_there_only_when_asked_for(
         ].mean()
         for s in (False, True)
     ]
+
     assert shown[0] > 0.4
     assert shown[1] == 0
 
@@ -446,6 +462,7 @@ def test_a_preview_that_cannot_be_is_refused_before_the_render(
     for words, options in bad.items():
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.kiriko.preview(samples=1, **options)
+
     assert "Kiriko Preview" not in bpy.data.images
     assert not list(tmp_path.iterdir())
 
@@ -484,6 +501,7 @@ def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleT
         assert np.array(thing.matrix_world) == pytest.approx(
             np.array(place), abs=1e-5 * max(1.0, scale)
         )
+
     assert 50 < n_mirrored < 150
 
 
@@ -509,6 +527,7 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
         turn = Matrix.Rotation(np.pi / 2, 4, "X")
         parts["PLATE"].data.transform(turn.inverted())
         parts["PLATE"].matrix_world = parts["PLATE"].matrix_world @ turn
+
     parent = new_object(None)
     parent.scale = (1.0, 1.0, 1.25)
     parts["PLATE"].parent = parent
@@ -521,5 +540,6 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
         scene, reading, scene.kiriko.result.source, samples=32
     )[..., :3]
     one, other = (image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] for image in (seen, shown))
+
     assert one > 0.02
     assert other == pytest.approx(one, rel=0.05)

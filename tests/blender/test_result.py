@@ -63,6 +63,7 @@ def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> 
     assert error() == 0
     for thing in [thing for thing in scene.objects if thing.kiriko.role == "GLASS"]:
         bpy.data.objects.remove(thing)
+
     found = []
     for n in (8, 16, 32):
         mesh = primitive("uvsphere", u_segments=2 * n, v_segments=n, radius=0.025)
@@ -71,6 +72,7 @@ def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> 
         ball.kiriko.use_ior = True
         found.append(error())
         bpy.data.objects.remove(ball)
+
     assert found[0] > 2 * found[1] > 4 * found[2] > 0
 
 

@@ -107,6 +107,7 @@ def test_modifier_and_mirroring_parent(read: Callable[[], Any]) -> None:
     array.constant_offset_displace = (0.0, 4.0, 0.0)
     mesh = read().rig.glasses[0].mesh
     local = np.concatenate([CORNERS + np.array([1, 4 * k, 0]) for k in range(3)])
+
     assert len(mesh.triangles) == 36
     assert_same_points(mesh.vertices, local * [2, -3, 0.5] + [10, 20, 30], 64 * SINGLE)
     assert volume(mesh) == pytest.approx(3 * 8 * 3, rel=1e-6)
@@ -164,6 +165,7 @@ def test_shading(read: Callable[[], Any], shading: str) -> None:
         data.normals_split_custom_set_from_vertices(
             tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
         )
+
     glass = add(data, "GLASS")
     glass.scale = (1.0, 2.0, -3.0)
     glass.rotation_euler = (0.5, 0.6, 0.7)
@@ -182,10 +184,12 @@ def test_shading(read: Callable[[], Any], shading: str) -> None:
             for t in blender.loop_triangles
         ]
     )
+
     if shading == "flat":
         assert mesh.is_smooth is None
         assert mesh.corner_normals is None
         return
+
     assert np.array_equal(mesh.is_smooth, is_smooth)
     # the scale is negative: corners run the other way round
     # mathutils works in float32
@@ -203,11 +207,13 @@ def test_collection_instances(read: Callable[[], Any]) -> None:
     member.kiriko.priority = 3
     collection.objects.link(member)
     collection.instance_offset = (1.0, 0.0, 0.0)
+
     for k in range(2):
         empty = add(None, name=f"empty {k}")
         empty.instance_type, empty.instance_collection = "COLLECTION", collection
         empty.location = (10.0 * k, 0.0, 0.0)
         empty.scale = (1.0, 1.0, -1.0)
+
     glasses = read().rig.glasses
     assert [g.name for g in glasses] == ["stone (instance 1)", "stone (instance 2)"]
     assert [g.priority for g in glasses] == [3, 3]
@@ -256,6 +262,7 @@ def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
     rig = read().rig
     assert len(rig.glasses) == 8
     assert len({g.name for g in rig.glasses}) == 8
+
     for glass in rig.glasses:
         glass.mesh.check(glass.name)
     centres = np.array([g.mesh.vertices.mean(axis=0) for g in rig.glasses])
@@ -293,6 +300,7 @@ def test_particles(read: Callable[[], Any]) -> None:
     settings.instance_object = drop
     bpy.context.scene.frame_set(2)
     glasses = read().rig.glasses
+
     assert len(glasses) == 21
     assert all(volume(g.mesh) > 0 for g in glasses)
 
@@ -321,9 +329,11 @@ def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     add(drop, "GLASS", "drop")
     add(drop.copy(), "GLASS", "drop.001").location.x = 2.0
     reading = read()
+
     assert any("The metaball 'drop.001' is part of another" in note for note in reading.notes)
     glasses = {g.name: g.mesh for g in reading.rig.glasses}
     assert sorted(glasses) == ["drop", "ring", "text"]
+
     # polygons of 64 and 34 corners
     assert volume(glasses["ring"]) == pytest.approx(2 * np.pi**2 * 0.01, rel=0.02)
     assert volume(glasses["text"]) > 0
@@ -364,6 +374,7 @@ def test_driver_and_animation(read: Callable[[], Any], scene: bpy.types.Scene) -
     for frame, x in ((1, 0.0), (11, 10.0)):
         glass.location.x = x
         glass.keyframe_insert("location", index=0, frame=frame)
+
     glass.driver_add("location", 1).driver.expression = "frame * 2"
     glass.kiriko.use_ior = True
     glass.driver_add("kiriko.ior").driver.expression = "1.5 + frame / 100"
@@ -401,6 +412,7 @@ def test_triangles_without_area(read: Callable[[], Any]) -> None:
     glass.scale = (0.3, 0.7, 1.3)
     reading = read()
     mesh = reading.rig.glasses[0].mesh
+
     assert mesh.triangles.tolist() == [[0, 1, 2]]
     assert mesh.corner_normals.shape == (1, 3, 3)
     assert mesh.is_smooth.shape == (1,)
@@ -473,6 +485,7 @@ def test_hidden_parts_are_left_out(
         collection.objects.link(thing)
         collection.hide_render = way == "collection"
         bpy.context.view_layer.layer_collection.children[0].exclude = way == "excluded"
+
     reading = read()
     assert not reading.rig.blockers
     assert len(reading.rig.glasses) == 1
@@ -503,6 +516,7 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
     for loop in data.loops:
         x, y, _ = data.vertices[loop.vertex_index].co
         uv.data[loop.index].uv = (0.25 + x / 2, 0.5 + y)  # half of the UV square's width
+
     data.uv_layers.new(name="other")
     data.uv_layers.active = data.uv_layers["other"]
     display = add(data, "DISPLAY")
@@ -512,6 +526,7 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
     display.location = (4.0, 5.0, 6.0)
     reading = read()
     found = reading.rig.display
+
     assert (found.width, found.height) == (640, 480)
     assert reading.display_size == pytest.approx((0.6, 0.2), rel=1e-6)
     bpy.context.view_layer.update()
@@ -519,12 +534,14 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
         np.linalg.inv(np.array(display.matrix_world)) @ np.c_[found.mesh.vertices, np.ones(12)].T
     ).T[:, :2]
     wanted = np.stack([0.25 + local[:, 0] / 2, 0.5 + local[:, 1]], axis=1)[found.mesh.triangles]
+
     assert np.abs(found.mesh.uv - wanted).max() < 1e-5
     data.vertices[0].co.z = 0.1
     assert read().display_size is None
     data.vertices[0].co.z = 0.0
     for vertex in data.vertices:
         vertex.co.x += 0.2 * vertex.co.y
+
     assert read().display_size is None
 
 
@@ -537,6 +554,7 @@ def test_roles_in_their_places(read: Callable[[], Any]) -> None:
         data = ball()
         data.uv_layers.new(name="map")
         add(data, role, role.lower())
+
     rig = read().rig
     groups = (rig.glasses, rig.plates, rig.mirrors, rig.displays, rig.blockers)
     assert [[part.name for part in group] for group in groups] == [
@@ -583,8 +601,10 @@ def test_a_million_triangles(read: Callable[[], Any]) -> None:
     wave.shade_smooth()
     add(wave, "GLASS").rotation_euler = (0.1, 0.2, 0.3)
     mesh = read().rig.glasses[0].mesh
+
     assert len(mesh.triangles) == 1_000_000
     assert np.abs(np.linalg.norm(mesh.corner_normals, axis=2) - 1).max() < 1e-6
     matrix = np.array(bpy.data.objects[0].matrix_world, dtype=float)
     expected = points.reshape(-1, 3).astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+
     assert np.abs(mesh.vertices - expected).max() < 1e-12

@@ -59,6 +59,7 @@ def add_glass(*materials: bpy.types.Material) -> bpy.types.Object:
     stone = bpy.data.objects.new("stone", mesh)
     stone.kiriko.role = "GLASS"
     bpy.context.scene.collection.objects.link(stone)
+
     return stone
 
 
@@ -113,6 +114,7 @@ def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
     tree.links.new(reroute.outputs[0], output.inputs["Surface"])
     add_glass(material)
     reading = read()
+
     assert index(reading) == pytest.approx(1.41)
     assert reading.notes == ()
 
@@ -135,6 +137,7 @@ def test_index_set_on_a_group_node(read: Callable[[], Any]) -> None:
     used.inputs["Index"].default_value = 1.9
     tree.links.new(used.outputs["Shader"], output.inputs["Surface"])
     add_glass(material)
+
     assert index(read()) == pytest.approx(1.9)
 
 
@@ -185,6 +188,7 @@ def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
     )
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     add_glass(material)
+
     assert set(read().materials[0].ignored) == {
         "roughness 0.2",
         "transmission weight 0.75",
@@ -224,6 +228,7 @@ def test_glass_without_refraction(read: Callable[[], Any], kind: str) -> None:
             shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
             tree.links.new(shader.outputs[0], output.inputs["Surface"])
         add_glass(material)
+
     reading = read()
     assert index(reading) == 1.49
     assert reading.materials[0].source == "default"

@@ -60,6 +60,7 @@ def add_plane(material: bpy.types.Material | None, name: str = "poster") -> bpy.
     plane = bpy.data.objects.new(name, mesh)
     plane.kiriko.role = "PICTURE"
     bpy.context.scene.collection.objects.link(plane)
+
     return plane
 
 
@@ -113,6 +114,7 @@ def render(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
     image = bpy.data.images.load(settings.filepath)
     pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
     image.pixels.foreach_get(pixels)
+
     return pixels.reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3]
 
 
@@ -197,6 +199,7 @@ def test_transparent_pixels_are_the_light_that_cycles_sends(
         material.node_tree.nodes.new(f"ShaderNode{kind}")
         for kind in ("MixShader", "BsdfTransparent")
     )
+
     for start, end in (
         (nodes["TEX_IMAGE"].outputs["Alpha"], mix.inputs[0]),
         (clear.outputs[0], mix.inputs[1]),
@@ -204,6 +207,7 @@ def test_transparent_pixels_are_the_light_that_cycles_sends(
         (mix.outputs[0], nodes["OUTPUT_MATERIAL"].inputs["Surface"]),
     ):
         material.node_tree.links.new(start, end)
+
     add_plane(material)
     found = read().rig.picture.image
     assert np.abs(found[..., 3] - random_pixels()[::-1, :, 3]).max() < (
@@ -258,9 +262,11 @@ def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) 
     pixels = random_pixels()[::-1]
     plane.kiriko.image = generated("floats", is_float=True)
     assert np.array_equal(read().rig.picture.image, pixels)
+
     plane.kiriko.image = generated("bytes")
     bytes_ = np.rint(pixels.astype(float) * 255) / 255
     wanted = linear_from_srgb(bytes_[..., :3]) * bytes_[..., 3:]
+
     # three roundings to float32
     assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2e-7
     write(random_pixels(), tmp_path / "art.exr")
@@ -269,6 +275,7 @@ def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) 
     (tmp_path / "art.exr").unlink()
     packed.reload()
     plane.kiriko.image = packed
+
     assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
 
 
@@ -301,6 +308,7 @@ def test_texture_behind_simple_nodes(read: Callable[[], Any]) -> None:
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
     add_plane(material)
     reading = read()
+
     assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
     assert reading.notes == (
         "The material 'paper' alters the colours of 'art': using the plain image.",
@@ -320,6 +328,7 @@ def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
     second = plane.data.uv_layers.new(name="second")
     numbers = np.array([1, 0, 1, 1, 0, 1, 0, 0], np.float32)  # turned by a quarter
     second.uv.foreach_set("vector", numbers)
+
     if way == "named":
         node = tree.nodes.new("ShaderNodeUVMap")
         node.uv_map = "second"
@@ -328,6 +337,7 @@ def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
         plane.data.uv_layers["second"].active_render = True
     else:
         tree.links.new(tree.nodes.new("ShaderNodeMapping").outputs[0], texture.inputs["Vector"])
+
     reading = read()
     mesh = reading.rig.picture.mesh
     plain = mesh.vertices[:, :2] / SIZE + 0.5
@@ -356,12 +366,14 @@ def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types
     scene.camera = camera
     scene.render.resolution_x, scene.render.resolution_y = 48, 32
     scene.kiriko.picture_source = "IMAGE"
+
     assert read().rig.pictures == ()
     scene.kiriko.picture_image = generated("render")
     reading = read()
     assert reading.rig.picture.mesh is None
     assert reading.rig.picture.name == "render"
     assert reading.notes == ("The picture plane 'poster' is not used: the picture is an image.",)
+
     scene.render.resolution_y = 64
     assert any("'render' has 24 x 16 pixels, the viewer 48 x 64" in note for note in read().notes)
 
@@ -393,6 +405,7 @@ def test_picture_file_that_cannot_be_read(
     image.source = "FILE"
     image.filepath = str(path)
     add_plane(texture_material(image))
+
     with pytest.raises(
         errors.ImageError,
         match=r"'art' of the picture 'poster' cannot be read from the file"
@@ -418,10 +431,12 @@ def test_pictures_without_pixels(
         read()
     scene.kiriko.picture_source = "IMAGE"
     scene.kiriko.picture_image = plane.kiriko.image
+
     with pytest.raises(
         errors.ImageError, match="'Render Result' cannot be the scene's picture, for"
     ):
         read()
+
     scene.kiriko.picture_source = "PLANE"
     plane.kiriko.image = log = generated("log")
     log.colorspace_settings.name = "Filmic Log"
@@ -431,6 +446,7 @@ def test_pictures_without_pixels(
     pixels = random_pixels()
     pixels[3, 4, 1] = np.nan
     hot.pixels.foreach_set(pixels.ravel())
+
     with pytest.raises(
         errors.ImageError, match="'hot' of the picture 'poster' has pixels that are not finite"
     ):
@@ -515,6 +531,7 @@ def test_pixels_are_read_once_a_change(kiriko: ModuleType, monkeypatch: pytest.M
     news = [SimpleNamespace(id=SimpleNamespace(original=image))]
     kept = shapes.Kept()
     first = kept.pixels(image, "the picture")
+
     assert kept.pixels(image, "the picture") is first
     assert n_read == 1
     assert not first.flags.writeable

@@ -46,6 +46,7 @@ def test_mirrors_go_with_the_object(read, scene, model):
         Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.3, 4, "X") @ Matrix.Scale(2, 4)
     )
     (found,) = read()
+
     assert found.array.layout == model.lower()
     assert found.array.pitch == pytest.approx(2e-3, rel=1e-6)
     assert found.array.height == pytest.approx(6e-3, rel=1e-6)
@@ -85,6 +86,7 @@ def test_a_preset_sets_everything_whatever_the_unit(read, scene, metres):
     ours.fresnel = False
     ours.phase = (0.3, -0.4)
     bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
+
     assert ours.pitch == pytest.approx(0.5, rel=1e-6)
     assert tuple(ours.phase) == (0.0, 0.0)
     if metres == 1:
@@ -111,12 +113,14 @@ def test_a_plate_drawn_across_its_x_axis_has_its_mirrors_by_y(read):
     plate.kiriko.plate.model = "CROSSED"
     x, y = (np.array(plate.matrix_world.col[k][:3]) for k in (0, 1))
     (before,) = read()
+
     assert np.cross(before.side, x) == pytest.approx(np.zeros(3), abs=1e-6)
     turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
     plate.data.transform(turn.inverted())
     plate.matrix_world = plate.matrix_world @ turn
     bpy.context.view_layer.update()
     (found,) = read()
+
     assert np.cross(found.side, y) == pytest.approx(np.zeros(3), abs=1e-6)
     # it stands where it stood
     assert found.mesh.vertices == pytest.approx(before.mesh.vertices, abs=1e-6)

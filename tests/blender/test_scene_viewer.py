@@ -54,6 +54,7 @@ def add_camera(scene: bpy.types.Scene, kind: str = "perspective") -> bpy.types.O
     render.resolution_percentage = percentage
     camera.location = (3.0, 2.0, 4.0)
     camera.rotation_euler = (0.5, 0.1, 0.3)
+
     return camera
 
 
@@ -91,10 +92,12 @@ def test_points_are_where_blender_sees_them(
     seen = np.array([world_to_camera_view(scene, camera, Vector(p)) for p in points])
     wanted = np.stack([seen[:, 0] * viewer.width, (1 - seen[:, 1]) * viewer.height], axis=1)
     pixels = viewer.project(points)
+
     # float32 numbers of some 100 pixels, in several steps
     assert np.abs(pixels - wanted).max() < 1e-3
     origins, directions = viewer.rays(pixels)
     along = np.einsum("ij,ij->i", points - origins, directions)
+
     assert np.abs(origins + along[:, None] * directions - points).max() < 1e-12
 
 
@@ -114,6 +117,7 @@ def render_positions(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
     )
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     plane = bpy.data.meshes.new("plane")
+
     # all coordinates positive, where light is; on x + y + z = 60, so that each of them tells
     plane.from_pydata(
         [(20 + x, 20 + y, 20 - x - y) for x, y in ((-9, -9), (9, -9), (9, 9), (-9, 9))],
@@ -138,6 +142,7 @@ def render_positions(scene: bpy.types.Scene, folder: Path) -> np.ndarray:
     width, height = image.size
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
+
     return pixels.reshape(height, width, 4)[::-1, :, :3].astype(float)
 
 
@@ -177,10 +182,12 @@ def test_pixel_grid_of_cycles(
         camera.scale = (-1.0, 1.0, 1.0)
     viewer = read()
     seen = render_positions(scene, tmp_path)
+
     assert seen.shape == (viewer.height, viewer.width, 3)
     assert seen.min() > 1  # the plane fills the image
     x, y = np.meshgrid(np.arange(viewer.width) + 0.5, np.arange(viewer.height) + 0.5)
     off = viewer.project(seen.reshape(-1, 3)) - np.stack([x.ravel(), y.ravel()], axis=1)
+
     # the filter spreads samples over 0.01 px, float32
     # positions and rays of Cycles add about as much
     assert np.abs(off).max() < 0.01
@@ -203,6 +210,7 @@ def test_scaled_parent_and_constraint(read: Callable[[], Any], scene: bpy.types.
     camera.location = (0.0, 0.0, 4.0)
     camera.constraints.new("TRACK_TO").target = target
     viewer = read()
+
     assert viewer.position == pytest.approx([1, 0, 8], abs=SINGLE)
     assert viewer.axes[2] == pytest.approx([0, 1, 0], abs=SINGLE)
     assert np.abs(viewer.axes @ viewer.axes.T - np.eye(3)).max() < 1e-15 * 4
@@ -298,6 +306,7 @@ def test_viewer_whose_place_is_stale(
     camera.parent = parent
     camera.location = (0.0, 0.0, 0.0)
     read()
+
     if way == "disabled":
         camera.hide_viewport = True
     elif way == "unlinked":
@@ -306,10 +315,12 @@ def test_viewer_whose_place_is_stale(
         bpy.context.view_layer.layer_collection.children[0].exclude = True
     else:
         drawer.hide_viewport = True
+
     with pytest.raises(errors.RigError, match="'eye' is disabled or left out"):
         read()
     scene.camera = camera
     parent.location.x = 7.0
+
     assert read().position[0] == 7.0
 
 
@@ -351,6 +362,7 @@ def test_a_viewer_with_pixels_of_its_own(
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     plain = read()
+
     assert (viewer.width, viewer.height) == (plain.width, plain.height) == (50, 70)
     assert viewer.window == plain.window
 
@@ -365,6 +377,7 @@ def test_without_pixels_of_its_own_the_render_counts(
     plain = read()
     assert not camera.kiriko.use_resolution
     camera.kiriko.resolution = (7, 9)
+
     assert (
         (read().width, read().height, read().window)
         == (plain.width, plain.height, plain.window)

@@ -55,6 +55,7 @@ def add_bottle():
     solid.offset = -1
     bpy.context.view_layer.objects.active = bottle
     bottle.select_set(True)
+
     return bottle
 
 
@@ -78,10 +79,12 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     size = 0.6 * min(glass.dimensions.x, glass.dimensions.z)
     options = {"viewer_resolution": 96, "display_resolution": (256, 256), "picture_size": size}
     options["display_size"] = 10 * size  # light spreads so far
+
     assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert 0 < scene.kiriko.result.coverage <= 1
     assert np.isfinite(np.array(scene.kiriko.result.source.pixels)).all()
+
     x, y = np.meshgrid(np.arange(96) + 0.5, np.arange(96) + 0.5)
     for glass.kiriko.surface, share in (("FACETS", 0.99), ("SMOOTH", 0.9)):
         reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
@@ -106,6 +109,7 @@ def test_previews(kiriko, scene, make):
     assert bpy.ops.kiriko.add_rig(viewer_resolution=96, display_size=0.1) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert bpy.ops.kiriko.preview(samples=16) == {"FINISHED"}
+
     image = bpy.data.images["Kiriko Preview"]
     assert tuple(image.size) == (96, 96)
     shown = np.array(image.pixels).reshape(96, 96, 4)[::-1, :, 0]
@@ -113,6 +117,7 @@ def test_previews(kiriko, scene, make):
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
     seen = kiriko.core.steps.finish(steps).seen()[..., 0]
     dots = seen > 0.5
+
     assert dots.sum() > 20
     # two to six surfaces, each takes 4 % of the light or more
     assert np.median(shown[dots] / seen[dots]) > 0.6
@@ -138,6 +143,7 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     assert bpy.ops.kiriko.add_rig(
         viewer_resolution=80, display_resolution=(512, 512), display_size=0.1
     ) == {"FINISHED"}
+
     rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
     plan = make_plan(rig, Settings())
     found = finish(sample(plan))
@@ -148,6 +154,7 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     got = found.display_from_view(at)
     with np.errstate(invalid="ignore"):
         theirs, mine = (((xy >= 0) & (xy <= 512)).all(axis=1) for xy in (exact, got))
+
     assert theirs.sum() > 1000
     is_cut = ~is_sampled(found, at)
     assert is_cut[theirs].mean() > 0.9

@@ -178,11 +178,13 @@ def test_saved_and_opened_again_it_is_known(watch: ModuleType, rig: dict, tmp_pa
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     assert not is_stale(watch)
+
     glass = bpy.data.objects["Cube"]
     before = glass.location.x
     glass.location.x = 0.003
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
+
     assert is_stale(watch)
     bpy.data.objects["Cube"].location.x = before
     bpy.context.view_layer.update()
@@ -316,15 +318,18 @@ def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) 
     bpy.ops.kiriko.live()
     move(rig["GLASS"])
     bpy.context.view_layer.update()
+
     for _ in range(2000):
         watch.tick()
         assert not watch.is_told_changed(bpy.context.scene)
         if live.tick() == live.live_follower.IDLE:
             break
+
     live.stop()
     assert not is_stale(watch)
     move(rig["GLASS"])
     bpy.context.view_layer.update()
+
     assert is_stale(watch)
 
 
@@ -356,11 +361,13 @@ def test_nothing_is_read_without_a_result(
     monkeypatch.setattr(watch.work, "scene_now", lambda *a: (calls.append(1), own(*a))[1])
     rig = small_rig()
     watch.tick()
+
     assert not calls
     bpy.ops.kiriko.solve()
     calls.clear()
     watch.tick()
     watch.tick()
+
     assert len(calls) == 1
     busy = []
     monkeypatch.setattr(watch.work, "is_busy", lambda: bool(busy))
@@ -368,6 +375,7 @@ def test_nothing_is_read_without_a_result(
     move(rig["GLASS"])
     bpy.context.view_layer.update()
     watch.tick()
+
     assert len(calls) == 1
     busy.clear()
     watch.tick()
@@ -385,17 +393,20 @@ def test_a_heavy_mesh_is_read_only_after_a_longer_rest(
     assert not is_stale(watch)
     (watched,) = watch._watched.values()
     assert set(watched.lasted) == {False}
+
     watched.lasted[False] = 2.0
     monkeypatch.setattr(watch, "SHARE", 5.0)
     move(rig["GLASS"])
     bpy.context.view_layer.update()
     watch.tick()
+
     assert watch.is_told_changed(scene)
     rig["GLASS"].location.x -= 1e-5
     edit(rig["GLASS"])
     bpy.context.view_layer.update()
     for _ in range(3):
         watch.tick()
+
     assert not watched.is_due
     watched.changed_at -= 10.0
     assert watched.is_due
@@ -414,6 +425,7 @@ def test_handlers_and_timer_go_with_the_extension(blender: ModuleType, watch: Mo
     assert left() == everything
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert left() == everything
+
     module = "bl_ext.user_default.kiriko"
     bpy.ops.preferences.addon_disable(module=module)
     assert left() == []

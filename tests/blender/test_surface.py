@@ -89,11 +89,13 @@ def test_surface_is_set_on_the_object(read: Callable[[], Any], role: str) -> Non
         ("SMOOTH", "smooth"),
         ("AUTOMATIC", "automatic"),
     )
+
     for choice, surface in choices:
         if choice:
             thing.kiriko.surface = choice
         rig = read().rig
         assert [part.mesh.surface for part in (*rig.glasses, *rig.mirrors)] == [surface]
+
     kinds = thing.kiriko.bl_rna.properties["surface"].enum_items
     # as files of the first release have them
     assert (kinds["SMOOTH"].value, kinds["FACETS"].value) == (0, 1)
@@ -150,6 +152,7 @@ def test_normals_that_the_artist_gave_are_no_means(read: Callable[[], Any], way:
             modifier.data_types_loops = {"CUSTOM_NORMAL"}
         elif way == "BEVEL":
             modifier.harden_normals, modifier.width = True, 0.1
+
     assert not read().rig.glasses[0].mesh.has_mean_normals
 
 
@@ -219,14 +222,17 @@ def test_a_full_crease_is_sharp(read: Callable[[], Any]) -> None:
     mesh = read().rig.glasses[0].mesh
     assert mesh.has_mean_normals
     on_top = (np.abs(mesh.corners[..., 2] - 1) < 1e-6).all(axis=1)
+
     assert on_top.sum() == 2 * 8 * 8
     assert np.abs(mesh.corner_normals[on_top] - [0, 0, 1]).max() < 5e-6  # float32 of narrow faces
     rim = (np.abs(mesh.corners[..., 2] - 1) < 1e-6) & ~on_top[:, None]
     assert rim.any()
+
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     face = np.cross(b - a, c - a)
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     beside = np.einsum("tcj,tj->tc", mesh.corner_normals, face)[rim]
+
     # a wall of eight faces turns by less from face to face
     assert beside.min() > np.cos(np.radians(15))
     modifier.use_creases = False
@@ -234,6 +240,7 @@ def test_a_full_crease_is_sharp(read: Callable[[], Any]) -> None:
     modifier.use_creases = True
     thing.kiriko.surface = "FACETS"
     as_drawn = read().rig.glasses[0].mesh
+
     # Blender's means lean over the edge
     assert np.abs(as_drawn.corner_normals[rim]).max(axis=0)[2] > 0.3
     elsewhere = as_drawn.corners[..., 2] < 1 - 1e-6
@@ -248,6 +255,7 @@ def test_a_soft_crease_and_one_without_subdivision_are_not_sharp(read: Callable[
     thing.data.update()
     soft = read().rig.glasses[0].mesh
     thing.kiriko.surface = "FACETS"
+
     assert np.array_equal(soft.corner_normals, read().rig.glasses[0].mesh.corner_normals)
     thing.kiriko.surface = "SMOOTH"
     crease_of = thing.data.attributes["crease_edge"].data
@@ -256,6 +264,7 @@ def test_a_soft_crease_and_one_without_subdivision_are_not_sharp(read: Callable[
     modifier.show_viewport = False
     mesh = read().rig.glasses[0].mesh
     corners = mesh.corners / np.sqrt(3)
+
     # the mean at a cube's corner is its diagonal
     assert np.abs(mesh.corner_normals - corners).max() < 1e-6
 
@@ -286,10 +295,12 @@ def test_vertices_of_a_subdivision_lie_on_its_limit(
     for modifier.levels in (2, 4):
         points[modifier.levels] = read().rig.glasses[0].mesh.vertices
     apart = np.linalg.norm(points[2][:, None] - points[4][None], axis=2).min(axis=1)
+
     assert apart.max() < 1e-6
     # (n^2 v + 4 sum of the edges' ends + sum of the faces' far
     # corners) / (n (n + 5)) for n = 3: (9 + 4 - 1) / 24
     lowest = points[2][np.argmin(points[2] @ [1, 1, 1])]
+
     assert np.abs(lowest + 0.5).max() < 1e-5
 
 
@@ -308,10 +319,12 @@ def test_vertices_beside_the_limit_are_noted(read: Callable[[], Any]) -> None:
     modifier.use_limit_surface = False
     (note,) = notes()
     assert "'Fine' of 'stone'" in note
+
     thing.kiriko.surface = "FACETS"
     assert notes() == []
     thing.kiriko.surface = "SMOOTH"
     modifier.subdivision_type = "SIMPLE"
+
     assert notes() == []
     modifier.subdivision_type = "CATMULL_CLARK"
     modifier.show_viewport = False
@@ -345,6 +358,7 @@ def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) 
     assert [("'Other' of" in note, note.endswith("Surface to Automatic.")) for note in found] == [
         (True, True)
     ] * is_told
+
     for thing.kiriko.surface in ("FACETS", "AUTOMATIC"):
         assert notes() == []
 
@@ -363,6 +377,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     normals = np.where(drawn.is_smooth[:, None, None], drawn.corner_normals, face[:, None])
     drawn = replace(drawn, corner_normals=normals)
+
     for metres in (1.0, 0.001):
         made, matrix = module.mesh_from_triangles("made", drawn, metres)
         to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(matrix, dtype=float)

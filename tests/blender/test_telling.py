@@ -37,6 +37,7 @@ def test_another_order_of_words_at_the_border(telling: ModuleType) -> None:
     with telling.told(operator, lambda: "a picture"):
         raise telling.KirikoError(template, **values)
     needed = importlib.import_module(telling.__name__.replace("telling", "needed"))
+
     assert not needed.can_run(operator, ["No glass"])
     assert said == [
         ("INFO", "Schließ die 3 Lücken im Glas 'Ball'."),

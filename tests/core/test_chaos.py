@@ -194,6 +194,7 @@ def test_a_sample_lights_one_display_pixel(effort):
     shares = [rasterise((300, 300), (48, 48), *piece[:3]) for piece in found.pieces(at_pixels=True)]
     index = np.concatenate([some.display_index for some in shares])
     column, row = landings.astype(int).T
+
     assert np.array_equal(np.sort(index), np.sort(300 * row + column))
     assert np.concatenate([some.area for some in shares]) == pytest.approx(1 / effort)
 

@@ -124,6 +124,7 @@ def test_a_torus_of_index_1_is_met_at_the_roots_of_the_quartic():
     points, _, is_regular = closed_forms.follow(
         o, d, closed_forms.torus(MAJOR, MINOR), 1.0, MAJOR + MINOR, MINOR
     )
+
     counts = []
     for ray in np.flatnonzero(is_regular):
         p = o[ray] + 0.3 * d[ray]
@@ -140,6 +141,7 @@ def test_a_torus_of_index_1_is_met_at_the_roots_of_the_quartic():
         assert len(t) == len(roots)
         assert np.abs(t - roots).max() < 3e-9
         counts.append(len(t))
+
     assert {2, 4} == set(counts)
 
 

@@ -58,12 +58,14 @@ def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
     while next(work) < progress:
         pass
     patience(monkeypatch, 0.0)
+
     assert np.array_equal(drain(work).source, expected)
     (image,) = shown
     assert image.shape == expected.shape
     off, moved = (
         np.abs(other - expected).mean() for other in (image, np.roll(expected, 4, axis=1))
     )
+
     assert 0 < off < 0.5 * moved
 
 
@@ -149,6 +151,7 @@ def test_what_cannot_be_solved_shows_nothing(impatient):
     aside = replace(
         seen.picture, mesh=replace(seen.picture.mesh, vertices=seen.picture.mesh.vertices + 10)
     )
+
     for rig, settings in (
         (seen, {"tolerance": 0.0}),
         (a_rig(plate=1e-6), {}),

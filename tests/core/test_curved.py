@@ -142,6 +142,7 @@ def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
         [front, front[:n] * [1, -1, 1], [[0, curvature - height, 0], [0, height - curvature, 0]]]
     )
     rim = n + np.arange(segments)
+
     triangles = []
     normals = []
     for start, apex, centre in (
@@ -153,6 +154,7 @@ def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
         tip = np.stack([np.full(segments, apex), index[0, :-1], index[0, 1:]], axis=1)
         triangles.append(outward(vertices, np.concatenate([split_quads(index), tip])))
         normals.append(unit(vertices[triangles[-1]] - [0, centre, 0]))
+
     triangles = np.concatenate(triangles)
     return Mesh(vertices, triangles, np.concatenate(normals), np.ones(len(triangles), bool))
 
@@ -189,6 +191,7 @@ def rounded_box(half, radius, cuts):
     )
     vertices = (core + radius * unit(on_cube - core))[kept]
     triangles = np.concatenate([split_quads(index) + k * len(a) for k in range(6)])
+
     return all_smooth(vertices, outward(vertices, of.ravel()[triangles]))
 
 
@@ -199,6 +202,7 @@ def bevelled_cube(half, bevel):
         [signs * np.roll([half, half - bevel, half - bevel], k) for k in range(3)]
     )
     axes = [np.array(a) for a in np.ndindex(3, 3, 3) if a != (1, 1, 1)]
+
     triangles = []
     for axis in axes:  # 6 faces, 12 chamfers, 8 corners: the vertices that lie farthest along each
         height = vertices @ unit(axis - 1.0)
@@ -210,6 +214,7 @@ def bevelled_cube(half, bevel):
         )
         on = on[np.argsort(turn)]
         triangles += [[on[0], on[i], on[i + 1]] for i in range(1, len(on) - 1)]
+
     return all_smooth(vertices, outward(vertices, np.array(triangles)))
 
 
@@ -283,6 +288,7 @@ def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_norm
         distance, normal = judge(surface.curved.points(k, w[:, 1], w[:, 2]))
         turned = np.linalg.norm(surface.curved.normals(k, w[:, 1], w[:, 2]) - normal, axis=1)
         errors.append([rms(distance), rms(turned), np.abs(distance).max()])
+
     orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:]).min(axis=0)
     assert orders[0] > 4.95
     assert orders[1] > 3.85
@@ -322,6 +328,7 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     curved = surface.curved
     edges = find_edges(mesh.triangles)
     size = np.ptp(mesh.vertices, axis=0).max()
+
     assert surface.n_open == 0
     s = np.linspace(0, 1, 17)
 
@@ -355,6 +362,7 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     straight = ~is_curved | is_sharp
     chords = exact[:, :1] * (1 - s)[:, None] + exact[:, 1:] * s[:, None]
     np.testing.assert_allclose(one[straight], chords[straight], rtol=0, atol=1e-15 * size)
+
     assert straight.any() == (name in (*MIXED, "lens") or surface.n_contradicted > 0)
 
 
@@ -414,14 +422,17 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
     is_curved = (curved.row[edges.first] >= 0) | (curved.row[edges.second] >= 0)
     is_joined = surface.patch[edges.first] == surface.patch[edges.second]
     apart = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & is_joined]
+
     assert len(apart) > 0
     assert apart.max() < 2e-6
     assert curved.jump.max() > 1e-5  # or there was nothing to do
     drawn = curved.row < 0
+
     assert drawn.any() == (
         name in ("noisy", "partly as drawn", "one useless face", "wavy slab", "vase")
     )
     sharp = np.linalg.norm(one - other, axis=2).max(axis=1)[is_curved & ~is_joined]
+
     assert (len(sharp) > 0) == (name in ("wavy slab", "one useless face"))
     assert name != "wavy slab" or (sharp > 0.5).all()
 
@@ -502,6 +513,7 @@ def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
     x, y, z = curved.points(triangle, at[:, 1], at[:, 2]).T
     beyond = np.stack([np.hypot(x, y) - (radius - rim), np.abs(z) - (half - rim)])
     off = np.hypot(*np.maximum(beyond, 0)) + np.minimum(beyond.max(axis=0), 0) - rim
+
     assert np.abs(off).max() < rim * (1 - np.cos(np.pi / 4 / strips)) + radius * (
         1 - np.cos(np.pi / 32)
     )
@@ -619,6 +631,7 @@ def test_every_ray_from_inside_meets_the_surface(name):
     layer = Layer(surface.corners, surface.curved)
     random = np.random.default_rng(4)
     targets = targets_of(mesh)
+
     for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
         d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
         hits = layer.first_hits(
@@ -644,6 +657,7 @@ def test_rescued_rays_meet_what_others_meet(name):
     o, d = (x[-1000:] for x in aimed(mesh, 1000))
     found = layer.first_hits(o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
     question = Question(Lines(o, d), entering, leaves=np.zeros(len(o), bool))
+
     for way in (rescue.rescue, rescue.ask_all_triangles):
         other = Hits.none(len(o), surface.curved)
         finish(way(layer, question, np.arange(len(o)), other))
@@ -706,14 +720,17 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
     mesh = make()
     surface = make_surface(mesh)
     o, d, reach = grazing(mesh, judge, 20_000, depths)
+
     if name.startswith("cylinder"):  # away from the rims, where the sides are held straight
         some = np.abs((o + reach[:, None] * d)[:, 1]) < 0.004
         o = o[some]
         d = d[some]
         reach = reach[some]
+
     hits = Layer(surface.corners, surface.curved).first_hits(
         o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
     )
+
     # on the torus, where a ray can touch it along a
     # third-order contact, two of 20 000 are let through
     assert (hits.distance > reach).sum() <= (2 if name.startswith("torus") else 0)
@@ -734,6 +751,7 @@ def test_rays_beyond_the_outline_meet_nothing(name):
     hits = Layer(surface.corners, surface.curved).first_hits(
         o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
     )
+
     assert (hits.triangle < 0).all()
 
 
@@ -751,6 +769,7 @@ def test_light_runs_along_the_surface_inside(name):
     up = unit(random.normal(size=(500, 3)))
     d = unit(np.cross(up, random.normal(size=up.shape)))
     o = 0.5 * (1 + np.cos(np.linspace(0.03, 0.15, len(d))))[:, None] * (RADIUS - 2 * error) * up
+
     for _ in range(30):
         hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
         assert np.isfinite(hits.distance).all()
@@ -775,6 +794,7 @@ def test_the_outline_of_a_cavity_is_found():
     o = (inner - depth)[:, None] * up - reach[:, None] * d
     layer = Layer(surface.corners, surface.curved)
     hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
+
     assert (hits.distance > reach).sum() == 0
     half_chord = np.sqrt(inner**2 - (inner - depth) ** 2)
     np.testing.assert_allclose(hits.distance, reach - half_chord, rtol=0, atol=1e-7)
@@ -837,10 +857,12 @@ def test_one_useless_face_leaves_the_others_curved(kind):
     normals[500] = bad.corner_normals[500]
     mesh = replace(mesh, corner_normals=normals)
     surface = make_surface(mesh)
+
     assert surface.n_contradicted == 1
     assert np.flatnonzero(surface.curved.row < 0).tolist() == [500]
     assert (surface.curved.neighbour < 0).sum() == 3
     assert np.isfinite(surface.curved.coefficients).all()
+
     o, d = aimed(mesh, 5000)
     found = trace_all(make_plan(rig(mesh), Settings()), o, d)
     assert np.isfinite(found.directions).all()
@@ -1022,6 +1044,7 @@ def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
     p = surface.curved.points(k, w[:, 1], w[:, 2])
     flat = 0.02 * (1 - np.cos(np.pi / 32))
     p = p[np.abs(p[:, 1]) < 0.2 * 0.04]  # away from the open rims, where edges are straight
+
     assert len(p) > 5000
     assert np.abs(np.hypot(p[:, 0], p[:, 2]) - 0.02).max() < 0.1 * flat
 
@@ -1127,11 +1150,13 @@ def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
         corner_normals=mesh.corner_normals @ turn.T,
     )
     there = make_surface(moved).curved
+
     assert np.array_equal(here.triangle, there.triangle)
     k, w = places(here)
     size = np.ptp(mesh.vertices, axis=0).max()
     p, q = (c.points(k, w[:, 1], w[:, 2]) for c in (here, there))
     n, m = (c.normals(k, w[:, 1], w[:, 2]) for c in (here, there))
+
     assert np.abs(p - ((q - [1, 2, -3]) @ turn) / 30).max() < 1e-6 * size
     assert np.abs(n - m @ turn).max() < 1e-4
 

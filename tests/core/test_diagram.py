@@ -118,6 +118,7 @@ def test_curves_are_told_apart_and_named():
     svg = read(
         log_log("x > y", "", "", [Curve(name, ((1.0, 1.0), (10.0, 10.0))) for name in names])
     )
+
     assert [curve.find(f"{SVG}title").text for curve in curves_of(svg)] == names
     assert [curve.get("fill") for curve in curves_of(svg)] == list(COLOURS[:2])
     (legend,) = (g for g in svg.iter(f"{SVG}g") if g.get("class") == "legend")

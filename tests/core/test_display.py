@@ -43,6 +43,7 @@ def cylinder(columns, radius=0.04, half_angle=0.7, height=0.06):
     u = (angle / half_angle + 1) / 2
     uv = np.concatenate([np.stack([u, 0 * u], axis=1), np.stack([u, 0 * u + 1], axis=1)])
     triangles = quads[:, QUAD].reshape(-1, 3)
+
     return Mesh(np.concatenate([low, high]), triangles, uv=uv[triangles])
 
 
@@ -70,6 +71,7 @@ def test_landings_on_a_curved_screen_are_those_on_the_cylinder():
     q = p + t[:, None] * i - [0, 0.15, -0.15 + radius]
     u = (np.arctan2(q[:, 0], -q[:, 2]) / half_angle + 1) / 2
     v = q[:, 1] / height + 0.5
+
     assert landings.has_arrived.mean() > 0.9
     found = landings.has_arrived
     expected = np.stack([u * 512, (1 - v) * 512], axis=1)[found]
@@ -86,6 +88,7 @@ def test_a_box_of_panels_is_two_islands_and_no_cell_joins_them():
     mesh = Mesh(
         np.concatenate([left.vertices, right.vertices]), np.concatenate([QUAD, QUAD + 4]), uv=uv
     )
+
     assert len(np.unique(uv_islands(mesh))) == 2
     a_rig = with_display(
         rig(box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06),
@@ -94,6 +97,7 @@ def test_a_box_of_panels_is_two_islands_and_no_cell_joins_them():
     solution = solve(a_rig)
     lit = solution.display_coverage > 0.5
     columns = np.flatnonzero(lit.any(axis=0))
+
     assert not lit[:, 206:306].any()  # UV 0.4 to 0.6 belongs to no panel
     assert lit[:, 5:200].mean() > 0.95
     assert lit[:, 312:507].mean() > 0.95
@@ -130,6 +134,7 @@ def test_a_seam_on_an_edge_that_panels_share_is_a_border():
     size = 512
     mesh = l_display(bend)
     assert len(np.unique(uv_islands(mesh))) == 2
+
     base = rig(
         box([0.3, 0.02, 0.3]), pixels=128, image=np.ones((4, 4, 4), np.float32), picture=0.06
     )
@@ -149,6 +154,7 @@ def test_a_seam_on_an_edge_that_panels_share_is_a_border():
     p = p + ((np.array([0, 0.15, 0]) - p) @ n / (i @ n))[:, None] * i
     i = -i + 2 * (i @ n)[:, None] * n
     expected = np.full((len(o), 2), np.nan)
+
     for first, along in (
         (0.0, np.array([1.0, 0, 0])),
         (0.6, np.array([np.cos(bend), 0, np.sin(bend)])),
@@ -163,6 +169,7 @@ def test_a_seam_on_an_edge_that_panels_share_is_a_border():
         v = q[:, 1] / 0.05 + 0.5
         on = (np.abs(u - 0.5) < 0.5) & (np.abs(v - 0.5) < 0.5)
         expected[on] = np.stack([(first + 0.4 * u) * size, (1 - v) * size], axis=1)[on]
+
     landings = trace_all(make_plan(with_display(base, mesh), Settings()), o, d)
     np.testing.assert_array_equal(landings.has_arrived, np.isfinite(expected[:, 0]))
     np.testing.assert_allclose(

@@ -141,6 +141,7 @@ def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
         "program: viewer: turn about up",
     )
     moved = columns(experiment, [named[name] for name in (*upright, *nothing)], 3.0)
+
     assert np.abs(moved[:, 0]).max() < 3 * UNMOVED
     assert (np.abs(moved[: len(upright), 1]).max(axis=1) > 50).all()
     assert np.abs(moved[len(upright) :]).max() < 0.01
@@ -163,6 +164,7 @@ def test_no_one_bench_moves_the_first_photograph_further_than_the_last(experimen
     mine = [named[name] for name in names]
     change = columns(experiment, mine)
     matrix = change[:, 0].T
+
     assert [ability(one) for one in change] == ["all alike"] * len(mine)
     np.testing.assert_allclose(matrix[0], matrix[2], rtol=5e-3)
     alone = [explained(experiment, [s], matrix[:, [k]]) for k, s in enumerate(mine[:2])]
@@ -198,10 +200,12 @@ def test_a_bench_that_was_touched_explains_the_paper(experiment, named):
     mine += [named[FIRST], named["no compensation only: display: shift right"]]
     matrix = columns(experiment, mine)[:, 0].T
     best = best_of(experiment, mine, matrix, 2)[0]
+
     assert {s.title for s in best.suspects} == {COMMON, FIRST}
     again = experiment.off(best.suspects, best.amounts)
     assert np.isfinite(again).all()
     np.testing.assert_allclose(means(again), TARGET, atol=1.0)
+
     assert best.size < 1.5
     assert {s.where for s in best.suspects} & set(TOUCHED)
 

@@ -39,6 +39,7 @@ def test_content_counts_and_names_do_not():
         replace(GLASS, ior=Cauchy(1.5, 0.0)),
         replace(GLASS, mesh=replace(TRIANGLE, vertices=moved)),
     )
+
     assert len({fingerprint(glass) for glass in (GLASS, *others)}) == 5
     assert fingerprint(1, (2, 3)) != fingerprint(1, 2, 3)
     assert fingerprint(np.zeros((2, 3))) != fingerprint(np.zeros((3, 2)))

@@ -122,6 +122,7 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     first = order[:, -1]
     second = order[:, -2]
     is_clear = (first > 12) & (second > 3) & (second < 0.7 * first)
+
     assert is_clear.sum() > 200
     colours = Pyramid(a_rig.picture.image).sample(
         picture_from_view(a_rig.picture_place, a_rig.viewer, xy)
@@ -135,6 +136,7 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     found = solve(a_rig, ghosts="strongest")
     off = np.abs(found.source.reshape(-1, 3) - expected)[is_clear]
     before = np.abs(mean.source.reshape(-1, 3) - expected)[is_clear]
+
     assert off.mean() < 0.25 * before.mean()
 
 
@@ -144,11 +146,13 @@ def test_nothing_changes_where_each_pixel_is_seen_once():
     one = solve(a_rig)
     other = solve(a_rig, ghosts="strongest")
     is_shown = one.weight > 0
+
     assert np.abs(one.source - other.source)[is_shown].max() < 1e-6
     a_rig = seen_twice()
     one = solve(a_rig)
     other = solve(a_rig, ghosts="strongest")
     np.testing.assert_allclose(one.display_coverage, other.display_coverage, atol=1e-9)
+
     assert one.picture_coverage == pytest.approx(other.picture_coverage, abs=1e-12)
     assert (other.weight <= one.weight * (1 + 1e-12)).all()
     assert (other.weight[one.weight > 0] > 0).all()

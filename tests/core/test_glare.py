@@ -66,12 +66,14 @@ def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
     all_count = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *rays)
     plain = trace_all(make_plan(a_rig, Settings()), *rays)
     found = trace_all(make_plan(a_rig, Settings(suppress_glare=0.5)), *rays)
+
     assert np.array_equal(found.reason, plain.reason)
     is_beside = all_count.has_arrived & (plain.reason == Reason.MISSED_GLASS)
     assert is_beside.sum() > 100
     assert np.array_equal(found.xy[is_beside], all_count.xy[is_beside])
     assert (found.branch[is_beside] != 0).all()
     assert np.array_equal(found.xy[plain.branch != 0], plain.xy[plain.branch != 0])
+
     # whatever else has a landing beside the glass is beyond a flat display
     others = (found.branch != 0) & (plain.branch == 0) & ~is_beside
     assert (all_count.reason[others] == Reason.MISSED_DISPLAY).all()
@@ -128,6 +130,7 @@ def test_least_squares_with_weight():
     beside = (
         np.bincount(pixel[is_on & is_beside], minlength=128 * 128).reshape(128, 128) * 96**2 / n
     )
+
     for glare in (0.25, 1.0):
         expected = source * (weight / np.maximum(weight + glare * beside, 1e-9))[..., None]
         found = solve(a_rig, suppress_glare=glare).source
@@ -211,6 +214,7 @@ def test_where_the_glare_is(place, where):
         np.arange(600) >= 500,
     )
     found = light.seen_of(np.ones((1, 1, 3), np.float32))
+
     assert found.where == where
     assert found.share == pytest.approx(1 / 6)
     assert light.seen_of(np.zeros((1, 1, 3), np.float32)) == (0.0, "")
@@ -232,10 +236,12 @@ def test_grown_margins_stay_dark_where_they_would_be_seen():
     plain = solve(a_rig, margin=6)
     held = solve(a_rig, margin=6, suppress_glare=1.0)
     beside = Coverage(held.first.view_map.display_size, held.first.view_map.view_size)
+
     for piece in held.first.view_map.pieces(beside=True):
         beside.add(
             rasterise(held.first.view_map.display_size, held.first.view_map.view_size, *piece[:3])
         )
+
     grown = (plain.weight == 0) & (plain.source.max(axis=2) > 0)
     is_beside = beside.weight > 0
     assert (grown & is_beside).sum() > 20
@@ -256,11 +262,13 @@ def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
     )
     one = solve(a_rig)
     other = solve(a_rig, suppress_glare=1.0)
+
     assert one.first.map_error.sampled > 0.2
     for name in ("unresolved", "sampled", "facet_limited"):
         assert getattr(other.first.map_error, name) == pytest.approx(
             getattr(one.first.map_error, name), abs=0.05
         )
+
     told = [
         [r.text.split(":")[0][:20] for r in found.remarks if r.is_warning] for found in (one, other)
     ]

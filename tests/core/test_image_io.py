@@ -101,14 +101,17 @@ def test_a_symbolic_link_stays_and_what_it_points_to_is_new(
     if is_there:
         (far / "z").write_text("old")
     link = near / NAMES[1]
+
     try:
         link.symlink_to(Path("..") / "far" / "z")
     except OSError:
         pytest.skip("no symbolic links here")
+
     if is_set:
         write_all(near)
     else:
         disk.write_text(link, "new")
+
     assert link.is_symlink()
     assert contents(far) == {"z": "new"}
     assert contents(near) == dict.fromkeys(NAMES if is_set else NAMES[1:2], "new")
@@ -141,6 +144,7 @@ def test_a_file_holds_the_numbers_its_format_asks_for(tmp_path: Path, form: str)
     pixels = np.repeat(np.array(LINEAR, np.float32)[None, :, None], 3, axis=2)
     image = oiio.ImageBuf(str(image_io.write(tmp_path / "a", pixels, form)))
     number = str(image.spec().format)
+
     assert number == {"PNG8": "uint8", "EXR_HALF": "half", "EXR_FLOAT": "float"}.get(form, "uint16")
     if number in ENCODED:
         found = np.asarray(image.get_pixels(getattr(oiio, number.upper())))

@@ -98,6 +98,7 @@ def turned_ball():
         corner_normals=mesh.corner_normals @ turn.T,
     )
     plan = make_plan(rig(moved), Settings(), kept)
+
     assert any(held.layer.motion is not None for held in plan.layers)
     return plan
 
@@ -241,6 +242,7 @@ def test_same_ways_and_courses():
     a_rig = rig(torus(0.018, 0.007, 64, 32))
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig, 2000)
+
     ways = []
     words = []
     led = []
@@ -250,6 +252,7 @@ def test_same_ways_and_courses():
             finish(tracing(plan, *rays, steps=steps))
             words.append(finish(courses(plan, *rays)))
         ways.append(steps)
+
     assert np.array_equal(*words)
     assert len(ways[0]) == len(ways[1]) > 2
     for expected, found in zip(*ways, strict=True):
@@ -266,10 +269,12 @@ def test_same_ways_and_courses():
             expected.place[np.argsort(expected.rays)],
             atol=1e-11,
         )
+
     other = np.roll(words[0], 1, axis=0)  # each ray on the course of another
     with kernel.off():
         led.append(finish(tracing(plan, *rays, course=other)))
     led.append(finish(tracing(plan, *rays, course=other)))
+
     assert np.array_equal(led[0].branch, led[1].branch)
     assert 0 < (led[0].branch != 0).mean() < 1
 
@@ -318,15 +323,18 @@ def test_the_tree_is_a_ray_engine(make):
     expected = Embree(layer.asked.corners).shoot(origins, directions)
     found = kernel.HullEngine(layer.asked).shoot(origins, directions)
     is_same = found.triangle == expected.triangle
+
     assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
     some = is_same & (found.triangle >= 0)
     assert some.mean() > 0.2
     np.testing.assert_allclose(found.distance[some], expected.distance[some], atol=2e-6)
     np.testing.assert_allclose(found.normal[some], expected.normal[some], atol=1e-6)
+
     for name in ("u", "v"):
         np.testing.assert_allclose(
             getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
         )
+
     nowhere = kernel.HullEngine(layer.asked).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
@@ -339,12 +347,14 @@ def test_any_number_of_threads_gives_the_same():
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig)
     by_threads = []
+
     try:
         for number in (1, 2, 7, 1000):
             kernel.use_threads(number)
             by_threads.append(trace_all(plan, *rays))
     finally:
         kernel.use_threads(0)
+
     for other in by_threads[1:]:
         for f in fields(Landings):
             assert getattr(by_threads[0], f.name).tobytes() == getattr(other, f.name).tobytes(), (
@@ -376,11 +386,13 @@ def test_random_rigs(seed):
         replace(a_rig, glasses=glasses), Settings(brightness=bool(dice.integers(2))), 400
     )
     differs = (expected.branch != found.branch) | (expected.reason != found.reason)
+
     # light that is turned many times makes one rounding error into another path
     assert not differs[expected.n_events < 10].any()
     assert differs.mean() < 0.01
     same = ~differs & np.isfinite(expected.xy[:, 0])
     off = np.abs(expected.xy - found.xy)[same].max(axis=1, initial=0.0)
+
     assert (np.quantile(off, 0.98) < 1e-7) if len(off) else True
 
 
@@ -462,6 +474,7 @@ def test_what_it_does_not_know_is_left_to_numpy():
     layer = layers[number].layer
     of_layer = {f.name: getattr(layer.curved, f.name) for f in fields(CurvedFaces)}
     layers[number] = replace(layers[number], layer=layer.bent(Other(**of_layer)))
+
     assert kernel.left_out(layers) == "faces of another kind"
     rays = rays_of(plan.rig, 50)
     found = trace_all(replace(plan, layers=tuple(layers)), *rays)
@@ -499,6 +512,7 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
     finally:
         monkeypatch.undo()
         loading.loaded.cache_clear()
+
     assert kernel.library() is not None
 
 
@@ -618,6 +632,7 @@ def by_cell_and_pixel(shares, n_cells):
         np.bincount(which, values) for values in (shares.area, shares.display_area)
     )
     values = np.concatenate([shares.view_xy.T, shares.covariance])
+
     return (
         key,
         area,
@@ -640,6 +655,7 @@ def assert_same_shares(size, view, polygons):
             rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number)))
             for i in range(n)
         ]
+
     expected = share_batches.joined(parts)
     found = rasterise(size, (2, 2), view, polygons, number)
     (key, *of_numpy), (other, *of_kernel) = (
@@ -654,6 +670,7 @@ def assert_same_shares(size, view, polygons):
         of_kernel[1][there], display_area, rtol=1e-9, atol=1e-12 * display_area.max(initial=0)
     )
     off = np.abs(of_kernel[2][:, there] - values) * area
+
     assert off[:2].max(initial=0) < 1e-10
     np.testing.assert_allclose(off[2:], 0, atol=1e-4 * np.abs(values[2:] * area).max(initial=1))
     return found
@@ -713,6 +730,7 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     view = np.broadcast_to(VIEW, quads.shape)
     throughput = np.array([0.5, 0.25, 1.0, 2.0])
     whole = rasterise(size, (2, 2), view, quads, throughput)
+
     assert len(whole) > 0.8 * width * height
     monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
@@ -726,6 +744,7 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
         found = share_batches.joined(parts)
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
+
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 7)
     lot = view, quads / size * [40, 30], throughput, None
     few = [part for _, part in share_batches.divided((40, 30), (2, 2), [lot])]
@@ -893,10 +912,12 @@ def test_same_painting(shape, place, projection):
             np.testing.assert_allclose(
                 found, expected, rtol=0, atol=1e-6 * to_display(some, np.ones(3000)).max()
             )
+
     unseen = {
         "perspective": "behind",
         "orthographic": "up to the horizon",
     }  # which is edge-on there
+
     assert (expected.max() > 0.1) == (place != unseen[projection])
 
 
@@ -926,6 +947,7 @@ def test_no_share_breaks_the_painting(place):
     expected = painted(a_picture, viewer, shares)
     wild = [NAN, INF, -INF, 1e300, -1e300, 1e38, 1e-320, -1.0]
     which = np.arange(0, 4000, 5)
+
     for name in ("view_xy", "covariance", "area", "throughput"):
         values = getattr(shares, name).copy()
         rows = values.T if name == "covariance" else values
@@ -937,10 +959,12 @@ def test_no_share_breaks_the_painting(place):
         others = ~is_met.reshape(30, 40)
         assert others.any()
         assert np.array_equal(found[:, others], expected[:, others])
+
     index = shares.display_index.copy()
     index[which] = dice.choice([-1, 1200, 2**31 - 1, -(2**31)], len(which))
     left = replace(shares, area=np.where(np.isin(np.arange(4000), which), 0, shares.area))
     found = painted(a_picture, viewer, replace(shares, display_index=index))
+
     assert np.array_equal(found, painted(a_picture, viewer, left))
 
 
@@ -954,12 +978,14 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
     image = dice.random((8, 8, 4)).astype(np.float32)
     shares = shares_of(dice, 100)
     viewer = viewer_of("perspective")
+
     assert isinstance(find_strokes(PicturePlace("p", 8, 8, bent), viewer, shares), Taps)
     strokes = find_strokes(PicturePlace("p", 8, 8, PICTURES["turned"]), viewer, shares)
     assert isinstance(strokes, kernel.FlatStrokes)
     painting = Painting(shares.display_size)
     with kernel.off():
         painting.add(Pyramid(image), strokes)
+
     assert painting._total.any()
 
 
@@ -1021,6 +1047,7 @@ def test_the_fit_by_any_number_of_threads_gives_the_same():
             found.append(make_surface(mesh).curved)
         finally:
             kernel.use_threads(0)
+
     for faces in found[1:]:
         for f in fields(faces):
             one = getattr(found[0], f.name)
@@ -1055,6 +1082,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     fit.settle_normals(wanted, RIDGE, settled, 5, 1e-10)
     for values, others in ((coefficients, before), (settled, normals)):
         assert np.array_equal(values[~wanted], others[~wanted], equal_nan=True)
+
     assert np.array_equal(coefficients[:, :2], before[:, :2], equal_nan=True)
     corner = dice.integers(0, n, (6, 3))
     assert fit.find_offsets(coefficients, NODES, NODES, corner).shape == (12, 3, 6)

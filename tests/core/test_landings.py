@@ -158,6 +158,7 @@ def test_points_have_the_landing_of_their_own_ray(monkeypatch):
     a_rig = ball_rig(2)
     plan = make_plan(a_rig, Settings())
     view = np.random.default_rng(0).random((500, 2)) * a_rig.viewer.width
+
     found = []
     for change in (strange, plain):
         monkeypatch.setattr(points, "tracing", traced_as(change))
@@ -170,6 +171,7 @@ def test_points_have_the_landing_of_their_own_ray(monkeypatch):
                 found.append(end.value)
                 break
         assert n_rays == 500
+
     assert np.isnan(found[0].xy[:, 0]).any()
     assert same(*found)
 
@@ -209,6 +211,7 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
     found = []
     few = replace(visible_range.SURVEY, n_steps=4, fine_rad=0.2)
     monkeypatch.setattr(visible_range, "SURVEY", few)
+
     for change in (strange, plain):
         for module in (misalignment, visible_range):
             monkeypatch.setattr(
@@ -225,6 +228,7 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
                 drain(spread.spread_of(plan, np.eye(4))).across,
             ]
         )
+
     for one, other in zip(*found, strict=True):
         assert np.isfinite(one).any()
         assert np.array_equal(one, other, equal_nan=True)

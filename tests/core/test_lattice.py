@@ -82,6 +82,7 @@ def photographed(to_lattice, size, radius=0.2, style="dots", level=None, sub=4):
         else:
             is_inside = np.maximum(np.abs(u - 3), np.abs(v - 3)) < 3.5
             light += (np.minimum(np.abs(u - i), np.abs(v - j)) < radius) & is_inside
+
     return light.reshape(size[1], size[0]) / sub**2
 
 
@@ -116,14 +117,17 @@ def surroundings(size, random, n_streaks=2, n_blobs=3, n_specks=40):
         p = random.uniform(0, size)
         across = (x - p[0]) * np.sin(a) - (y - p[1]) * np.cos(a)
         light += random.uniform(0.2, 0.8) * np.exp(-((across / random.uniform(1, 4)) ** 2))
+
     for _ in range(n_blobs):
         p = random.uniform(0, size)
         r = random.uniform(0.06, 0.12) * min(size)
         light += random.uniform(0.2, 0.6) * np.exp(-((np.hypot(x - p[0], y - p[1]) / r) ** 4))
+
     for _ in range(n_specks):
         p = random.uniform(0, size)
         r = random.uniform(0.5, 2.5)
         light += random.uniform(0.2, 1) * (np.hypot(x - p[0], y - p[1]) < r)
+
     return light
 
 
@@ -232,6 +236,7 @@ def test_a_bad_photograph_will_do(style, seed):
     planned = GRID * 0.3 * size[1] + np.array(size) / 2 + [20, -10]
     found = match(find_points(as_jpeg(np.clip(image, 0, 1))), planned, SEVEN)
     off = np.linalg.norm(found - true, axis=1)
+
     assert np.isfinite(off).sum() >= 36
     assert np.nanmax(off) < 8  # a tenth of a spacing
     assert np.nanmedian(off) < 0.3
@@ -309,6 +314,7 @@ def test_points_are_told_apart(seed):
     extra = random.uniform(low - 100, high + 100, (3, 2))
     far = np.linalg.norm(extra[:, None] - true, axis=2).min(axis=1) > 0.4 * scale * 105
     found = match(random.permutation(np.concatenate([kept, extra[far]])), GRID * 315 + 450, SEVEN)
+
     assert np.isfinite(found).all(axis=1).sum() >= 42
     off = np.linalg.norm(found - points, axis=1)
     assert not np.nanmax(off) > 0
@@ -506,6 +512,7 @@ def test_smooth_light_is_no_mistake_and_mistakes_are_named(make):
     bench = lattice_bench(a_rig)
     random = np.random.default_rng(0)
     plain = lattice_bench(without_glass(a_rig), only_through_glass=False)
+
     n_checked = 0
     for k in range(4):
         amounts = random.normal(0, 0.3, len(bench.parameters)) * [
@@ -535,6 +542,7 @@ def test_smooth_light_is_no_mistake_and_mistakes_are_named(make):
             ) as said:
                 check(wrong, SEVEN)
             assert SEVEN.name(one) in str(said.value)
+
     assert n_checked >= 3
 
 
@@ -556,6 +564,7 @@ def test_a_lattice_seen_through_the_cube_is_measured():
     plain = solve(without_glass(a_rig), only_through_glass=False)
     solution = solve(a_rig)
     straight = Bench(without_glass(a_rig), Settings(only_through_glass=False), bench.view).display
+
     for source, display in ((solution.source, bench.display), (plain.source, straight)):
         true = bench.seen(np.zeros(len(bench.parameters)), display=display)
         found = match(find_points(solution.seen(source)), bench.view, SEVEN)

@@ -118,6 +118,7 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
     with pytest.raises(RigError, match=words):
         finish(session.solve(large, Settings(tolerance=change.get("tolerance", 0.1))))
     again = finish(session.solve(replace(small)))
+
     assert again.n_rays == 0  # nothing solved was lost
     assert (again.source == first.source).all()
 

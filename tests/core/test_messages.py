@@ -97,6 +97,7 @@ def test_templates_are_constant() -> None:
             keyword.arg for keyword in call.keywords
         }, place
         n += 1
+
     assert n > 250
 
 

@@ -61,15 +61,18 @@ def test_a_bare_plate_moves_the_image_as_a_mirror_does(bare):
     assert moves(bare, "display: shift right") == pytest.approx(np.tile([mm, 0], (49, 1)), abs=0.01)
     # the display's way away from the viewer is the image's way down
     assert moves(bare, "display: shift away") == pytest.approx(np.tile([0, -mm], (49, 1)), abs=0.01)
+
     # about the viewer's right axis, through the plate's middle: the
     # image's middle, 150 mm away, goes up or down
     turned = moves(bare, "plate: turn about right")[24]
     assert np.abs(turned) == pytest.approx([0, 2 * np.radians(1) * 150 * mm], rel=0.01, abs=0.6)
+
     # layers crossed wrong by 1 degree turn the image by 2 about the
     # plate's normal; its middle is 106 mm beside that
     assert np.abs(moves(bare, "plate: crossing angle")[24]) == pytest.approx(
         [2 * np.radians(1) * 150 / np.sqrt(2) * mm, 0], rel=0.01, abs=1.0
     )
+
     # h tan(theta in glass) of shift sideways in the symmetric plane, for each mm of h
     assert np.abs(moves(bare, "plate: mirror height")[24]) == pytest.approx(
         [0.5256 * mm, 0], rel=2e-3, abs=0.01
@@ -147,11 +150,13 @@ def test_hidden_errors_are_made_up_for(cube, seed):
     photograph = cube.seen(hidden) + random.normal(0, 0.3, cube.view.shape)
     photograph[random.random(49) < 0.1] = np.nan
     found = finish(fit(cube, photograph, tolerances))
+
     assert found.before > 20
     assert found.after < 0.55  # 0.3 sqrt 2, less the part that the fit follows
     assert (np.abs(found.amounts - hidden) < 4.5 * found.errors).all()
     assert found.condition > 1e6  # one photograph cannot tell all of them apart, and says so
     assert (found.errors <= tolerances * (1 + 1e-9)).all()
+
     left = cube.seen(hidden, display=cube.shown(found.amounts)) - cube.view
     assert np.nanmean(np.linalg.norm(left, axis=1)) < 1.0
 
@@ -189,10 +194,12 @@ def test_a_few_points_that_are_off_alone_are_left_out(cube):
     photograph[25] += [4.0, 0.0]
     photograph[[12, 30]] = photograph[[30, 12]]
     found = finish(fit(cube, photograph, tolerances))
+
     assert np.flatnonzero(found.left_out).tolist() == [12, 25, 30]
     assert not (found.used & found.left_out).any()
     assert found.n_points == 46
     assert found.after < 0.55
+
     left = cube.seen(hidden, display=cube.shown(found.amounts)) - cube.view
     assert np.nanmean(np.linalg.norm(left, axis=1)) < 0.3
 
@@ -204,16 +211,19 @@ def test_another_photograph_tells_more(cube):
     found = finish(fit(cube, cube.view, tolerances))
     extras = finish(extra_photographs(cube, found, tolerances))
     assert len(extras) == 5
+
     gains = [extra.gain for extra in extras]
     assert gains == sorted(gains, reverse=True)
     assert gains[-1] > 0.5
     for extra in extras:
         assert (extra.errors <= found.errors * (1 + 1e-9)).all()
         assert extra.condition <= found.condition
+
     # of a part turned about the line of sight the first
     # photograph tells little, one from the side more
     side = next(extra for extra in extras if "right" in extra.where)
     (k,) = [k for k, p in enumerate(cube.parameters) if p.name == "plate: turn about right"]
+
     assert side.errors[k] < 0.7 * found.errors[k]
 
 
@@ -240,10 +250,12 @@ def test_amounts_by_name_take_the_picture_along(cube):
     }
     planned = cube.rig
     rig, unknown = with_amounts(planned, {**amounts, "lamp: shift up": 1.0})
+
     assert unknown == ("lamp: shift up",)
     uv = np.array([[0, 0], [1, 0], [0.3, 0.8]])
     seen, wanted = (view_of_picture(r.picture_place, r.viewer, uv) for r in (rig, planned))
     assert np.abs(seen - wanted).max() < 1e-6
+
     motions = part_motions(planned, rig)
     assert motions.keys() == {"viewer"}
     assert motions["viewer"].points(planned.viewer.position) == pytest.approx(

@@ -59,6 +59,7 @@ def test_vertices_in_place_are_not_all(other):
         replace(solid, is_smooth=np.zeros(len(solid.triangles), bool)) if "," in other else solid
     )
     after = replace(solid, **changes[other.partition(",")[0]])
+
     assert find_motion(before, before) is not None
     assert find_motion(before, after) is None
     assert find_motion(after, before) is None

@@ -63,10 +63,12 @@ def test_light_that_leaves_by_a_gap_enters_the_next_glass_from_air(before):
         d, -np.broadcast_to(BACK, d.shape), np.ones(len(d)), np.full(len(d), 1.49)
     )
     expected = plane_symmetry(inside, np.tile(np.array([0, 1, -1]) / 2**0.5, (len(d), 1)))
+
     assert landings.has_arrived.mean() > 0.9
     np.testing.assert_allclose(
         landings.directions[landings.has_arrived], expected[landings.has_arrived], atol=1e-14
     )
+
     assert (landings.leak == len(first)).all()
     assert drain(leaks(plan)) == (0.0,) * len(first) + (pytest.approx(1.0), 0.0)
 
@@ -109,6 +111,7 @@ def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
     )
     a_rig = rig(holed, pixels=64)
     (found,) = drain(measure(make_plan(a_rig, Settings()))).leaks
+
     assert found == pytest.approx(share, abs=0.02)
     (note,) = [note for note in solve(a_rig).notes if "gaps" in note]
     assert note.startswith(

@@ -53,6 +53,7 @@ def test_a_white_picture_shows_how_much_of_each_pixel_it_covers(degrees, pixels,
     expected = np.zeros(display_pixels**2)
     for pixel, (part, _, _) in clipped(outline, display_pixels, display_pixels).items():
         expected[pixel] = part
+
     assert expected.max() == pytest.approx(1)
     np.testing.assert_allclose(solution.source[..., 0].ravel(), expected, atol=1e-6)
 
@@ -95,6 +96,7 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
         piece.at(np.isfinite(piece.display).all(axis=(1, 2)))
         for piece in cut_along_outline(pieces, place, a_rig.viewer)
     ]
+
     assert len(found[0].view) < n
     lines = outline_in_view(place, a_rig.viewer)
     for images, whole in ((0, view), (1, display)):
@@ -107,12 +109,14 @@ def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
         for moment in (0, 1, 2):
             sums = [sum(a * t**moment for a, t in some) for some in (areas, expected)]
             assert sums[0] == pytest.approx(sums[1], rel=1e-12)
+
     for piece, _, t, b in found:
         assert [branch_of[number] for number in t.tolist()] == b.tolist()
         side = piece @ lines[:, :2].T + lines[:, 2]
         is_within = (side >= -1e-6).all(axis=(1, 2))
         is_beside = (side <= 1e-6).all(axis=1).any(axis=1)
         assert (is_within | is_beside).all()
+
     assert sum(len(piece[0]) for piece in found) > n
 
 

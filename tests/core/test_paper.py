@@ -47,6 +47,7 @@ def test_infloasion_leaves_the_bending_on_the_viewers_side_of_the_aerial_plane()
     a_rig = cube_rig()
     xy = points(a_rig)
     origins, directions = a_rig.viewer.rays(xy)
+
     # the cube's two faces that look to the viewer; a ray enters by the one it comes to last
     a = np.radians(15.8)
     normals = np.array([[np.sin(a), -np.cos(a), 0.0], [-np.cos(a), -np.sin(a), 0.0]])
@@ -54,6 +55,7 @@ def test_infloasion_leaves_the_bending_on_the_viewers_side_of_the_aerial_plane()
     face = ahead.argmax(axis=1)
     place = origins + ahead.max(axis=1)[:, None] * directions
     inside, is_tir, _ = refract(directions, normals[face], np.ones(len(xy)), np.full(len(xy), 1.49))
+
     assert not is_tir.any()
     aerial = place - place[:, 1:2] / inside[:, 1:2] * inside
     wanted = 0.025 + np.stack(

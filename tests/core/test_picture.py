@@ -56,6 +56,7 @@ def test_the_short_way_equals_tracing(projection, monkeypatch):
     monkeypatch.setattr(flat_picture, "way_to_mesh", lambda *_: None)
     long = picture_from_view(a_picture.place, v, xy, covariance)
     inside = (long.cover > 0) & (short.cover == 1)
+
     assert inside.sum() > 200
     assert np.array_equal(long.cover > 0, short.cover >= 0.5)
     np.testing.assert_allclose(short.xy[inside], long.xy[inside], atol=1e-9)
@@ -141,10 +142,12 @@ def test_the_reason_why_a_picture_is_not_seen(projection, middle, along, size, w
         mesh = replace(mesh, triangles=mesh.triangles[:1], uv=mesh.uv[:1])
     a_picture = Picture("p", ramp(), mesh)
     pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1).reshape(-1, 2)
+
     if (
         projection == "perspective" or ahead >= 0
     ):  # an orthographic viewer sees things behind it all the same
         assert picture_from_view(a_picture.place, v, pixels, of_square(1.0)).cover.sum() < 1e-6
+
     assert why_unseen(a_picture.place, v).startswith(why)
 
 
@@ -195,15 +198,18 @@ def test_a_pyramid_knows_its_own_picture():
     assert pyramid.is_of(image.copy())
     assert not pyramid.is_of(image[:, :8])
     assert not pyramid.is_of(image.transpose(1, 0, 2))
+
     for channel in range(3):
         other = image.copy()
         other[4, 5, channel] += 1e-6
         assert not pyramid.is_of(other)
+
     planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(
         1, 2, 0
     )  # in memory as the pyramid has it
     pyramid = Pyramid(planar)
     planar[0, 0, 0] += 1
+
     assert not pyramid.is_of(planar)
 
 
@@ -215,6 +221,7 @@ def test_a_picture_that_nobody_can_write_to_is_not_compared(monkeypatch):
     writable = image[::-1]
     writable.flags.writeable = False
     assert not is_frozen(writable)
+
     pyramid = Pyramid(writable)
     image[0, 0, 0] += 1
     assert not pyramid.is_of(writable)
@@ -224,6 +231,7 @@ def test_a_picture_that_nobody_can_write_to_is_not_compared(monkeypatch):
     with pytest.raises(ValueError, match="read-only"):
         whole.base[0, 0, 0] = 1
     pyramid = Pyramid(whole)
+
     assert pyramid.is_of(whole.copy())
     monkeypatch.setattr(np, "array_equal", lambda *_: pytest.fail("compared"))
     assert pyramid.is_of(whole)
@@ -276,6 +284,7 @@ def level_by_level(image, points):
         found[i] = cover * np.mean(
             [at_size(*(middle + steps @ sign), left) for sign in signs], axis=0
         )
+
     return found
 
 
@@ -356,6 +365,7 @@ def test_reads_reach_as_far_as_the_footprint():
         if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.READS.round:
             np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
         assert np.trace(found) == pytest.approx(size, rel=1e-9, abs=1e-15)
+
     assert (counts[[1, 2, 4]] > 50).all()
 
 
@@ -393,6 +403,7 @@ def test_the_ideal_image_is_the_area_mean_of_the_picture():
     )
     seen = ideal_image(Picture("p", image, rectangle([0, 0, 0], [1, 0, 0], [0, 0, 1], 1, 1)), v)
     mean = image[..., :3].reshape(64, 2, 64, 2, 3).mean(axis=(1, 3))
+
     assert np.abs(seen - mean).max() < 0.2
     assert np.abs(seen.mean() - mean.mean()) < 1e-3 * mean.mean()
 

@@ -124,16 +124,19 @@ def test_a_fold_comes_out_where_marching_from_mirror_to_mirror_does(name):
     light = light_on(frame, 20_000)
     found = frame.folded(*light)
     expected = march(array, frame.centre, frame.axes, *light)
+
     assert expected.clearance.min() > 1e-13, (
         "a ray so near to an edge that rounding decides: choose another seed"
     )
     n_reflections = expected.n_reflections.sum(axis=0)
+
     assert np.array_equal(found.throughput, 0.5**n_reflections)
     is_odd = expected.n_reflections % 2 == 1
     assert np.array_equal(
         found.path, np.array([[THROUGH, STRAY_2], [STRAY_1, IMAGED]])[tuple(is_odd.astype(int))]
     )
     assert np.bincount(found.path, minlength=5)[1:5].min() > 1000
+
     k = 1 + n_reflections
     cosine = np.abs(light[1] @ frame.axes[2])
     apart = np.linalg.norm(found.positions - expected.positions, axis=1)
@@ -171,6 +174,7 @@ def test_the_march_reflects_as_a_single_mirror_does():
     entry = 0.1e-3 * u + 0.5e-3 * v - [0, 0, 1e-3]
     middle = entry + direction * (1e-3 / direction[0, 2])
     found = march(array, np.zeros(3), np.eye(3), middle, direction)
+
     assert found.n_reflections.tolist() == [[1], [0]]
     out = unit(0.2e-3 * u + [0, 0, 2e-3])
     at_exit = found.positions[0] + out * (1e-3 / out[2])
@@ -337,19 +341,23 @@ def test_a_face_reflects_what_it_does_not_transmit_as_a_mirror_there(layout):
     found = frame.reflected(positions, directions)
     to_face = frame.array.thickness / 2 / np.abs(cosine)
     face = positions - to_face[:, None] * directions
+
     assert (
         np.abs((face - frame.centre) @ normal + np.sign(cosine) * frame.array.thickness / 2).max()
         < 1e-14
     )
+
     mirrored = reflect(directions, np.broadcast_to(normal, directions.shape))
     assert np.abs(found.directions - mirrored).max() < 1e-15
     assert np.abs(np.cross(face - found.positions, mirrored)).max() < 1e-14
     assert np.abs(found.throughput - fresnel(np.abs(cosine), 1.52)).max() < 1e-12
+
     transmitted = np.sqrt(
         frame.folded(positions, directions).throughput
     )  # both faces, mirrors that lose nothing
     assert np.abs(found.throughput + transmitted - 1).max() < 1e-14
     assert (found.path == PlatePath.REFLECTED).all()
+
     bare = replace(frame, array=replace(frame.array, has_fresnel=False))
     assert (bare.reflected(positions, directions).throughput == 0).all()
 
@@ -389,6 +397,7 @@ def test_the_table_of_shares_in_the_symmetric_plane(degrees, expected):
         first * (1 - second) + second * (1 - first),
         (1 - first) * (1 - second),
     )
+
     assert np.abs(np.subtract(formula, expected)).max() <= 0.0005
     # both layers see the same r here: one phase of the first suffices, and Pu = Pv
     steps = array.pitch * (np.arange(2000) + 0.5) / 2000
@@ -399,6 +408,7 @@ def test_the_table_of_shares_in_the_symmetric_plane(degrees, expected):
     )
     is_odd = np.isin(path, (IMAGED, STRAY_1)).mean()
     counted = is_odd**2, 2 * is_odd * (1 - is_odd), (1 - is_odd) ** 2
+
     assert np.abs(np.subtract(counted, expected)).max() < 0.0005 + 1 / 1000
 
 
@@ -443,10 +453,12 @@ def test_the_image_is_the_mean_of_what_the_mirrors_make_of_it(layout, degrees, a
     positions, directions = all_phases(array, at_angle(degrees, azimuth, way))
     crossed = frame.folded(positions, directions)
     imaged = frame.imaged(positions, directions)
+
     assert (imaged.path == IMAGED).all()
     is_image = crossed.path == IMAGED
     assert np.abs(crossed.directions[is_image] - imaged.directions[is_image]).max() < 1e-15
     share = np.where(is_image, crossed.throughput, 0).mean()
+
     assert imaged.throughput == pytest.approx(np.full(len(positions), share), abs=2 / GRID)
     off = (crossed.positions - imaged.positions)[is_image] / array.pitch
     assert np.abs(off[:, 2]).max() < 1e-12
@@ -476,6 +488,7 @@ def test_two_layers_shift_the_image_sideways_by_the_tangent_in_the_glass(degrees
     ideal = plane_symmetry(direction, np.array([[0.0, 0.0, 1.0]]))
     shift = 1.25e-3 * np.tan(np.arcsin(np.sin(np.radians(degrees)) / 1.52))
     moved = (crossed.positions - position)[0]
+
     assert np.linalg.norm(moved) == pytest.approx(shift, rel=1e-12)
     assert np.abs(holes.positions - position).max() < 1e-17
     for found in (crossed, holes):
@@ -501,6 +514,7 @@ def test_layers_crossed_wrong_turn_the_image_by_twice_the_error(error, way):
     across = (ideal @ frame.axes[2])[:, None] * frame.axes[2]
     expected = across + turned(ideal - across, frame.axes[2], 2 * way * error)
     crossed = frame.folded(positions, directions)
+
     assert np.abs(frame.imaged(positions, directions).directions - expected).max() < 1e-14
     is_image = crossed.path == IMAGED
     assert is_image.sum() > 50
@@ -520,6 +534,7 @@ def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
     c = np.cos(error)
     s = np.sin(error)
     (x, y, z) = frame.axes
+
     # the present first layer was the second, turned by
     # the error: from it sides and mirrors are told
     side = c * x + s * y
@@ -527,11 +542,13 @@ def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
     light = light_on(frame, 5000, least=0.1)
     one = frame.folded(*light)
     two = other.folded(*light)
+
     assert np.abs(one.positions - two.positions).max() < 1e-12
     assert np.abs(one.directions - two.directions).max() < 1e-13
     assert np.array_equal(one.throughput, two.throughput)
     swapped = np.arange(6)
     swapped[[STRAY_1, STRAY_2]] = STRAY_2, STRAY_1
+
     assert np.array_equal(one.path, swapped[two.path])
     same = frame.imaged(*light)
     reversed_ = other.imaged(*light)
@@ -553,6 +570,7 @@ def test_the_closed_form_agrees_with_a_mesh_of_all_mirrors():
         114,
         114,
     ]  # as many odd multiples of p / 2 are within +-40 mm / sqrt(2)
+
     light = random_light(mesh.frame, 50_000, side=0.04)
     found = [agreement(mesh, light, offset) for offset in (1e-2, 1e-3, 3e-4, 3e-5)]
     shares = [each.path for each in found]
@@ -560,6 +578,7 @@ def test_the_closed_form_agrees_with_a_mesh_of_all_mirrors():
     assert shares[0] < 0.99
     assert found[-1].path > 0.9997
     assert found[-1].place > 0.9997
+
     for each, offset in zip(found, (1e-2, 1e-3, 3e-4, 3e-5), strict=True):
         assert each.apart < 2 * offset
 
@@ -574,12 +593,14 @@ def test_the_frame_of_a_plate_stands_where_its_mesh_does():
     )
     normal = np.cross([0, 0.6, 0.8], [1.0, 0, 0])
     frame = array_frame(Plate("plate", mesh, MirrorArray()), normal)
+
     assert np.abs(frame.centre - [0.1, 0.2, 0.3]).max() < 1e-15
     assert np.abs(frame.axes - [[0, 0.6, 0.8], [1, 0, 0], normal]).max() < 1e-14
     told = Plate(
         "plate", mesh, MirrorArray(), side=np.array([1.0, 0, 0]), centre=np.array([0.12, 0.2, 0.3])
     )
     frame = array_frame(told, normal)
+
     assert np.abs(frame.axes - [[1, 0, 0], np.cross(normal, [1, 0, 0]), normal]).max() < 1e-14
     assert np.abs(frame.centre - [0.12, 0.2, 0.3]).max() < 1e-15
 
@@ -661,6 +682,7 @@ def test_light_in_the_plates_own_plane_passes_it_by(light):
     directions[2:] = unit(y - 100 * heights[2:, None] * z)
     with np.errstate(divide="raise", over="raise"):
         found = trace(plan, start, directions, light=light)
+
     assert (found.reason != Reason.ARRIVED).all()
     assert (found.plate_path[:2] == PlatePath.NONE).all()
     for values in (found.positions, found.directions, found.throughput):
@@ -701,6 +723,7 @@ def two_plates(second_centre, second_normal):
     shown = replace(
         bench, glasses=(shard,), plates=plates, displays=(replace(bench.display, mesh=inward),)
     )
+
     return make_plan(shown, Settings(only_through_glass=False, brightness=True))
 
 
@@ -730,10 +753,12 @@ def test_of_two_plates_the_first_that_did_not_image_decides():
     one = first.folded(onto(first, *light), light[1])
     two = second.folded(onto(second, one.positions, one.directions), one.directions)
     found = trace(plan, *light, light="folded")
+
     assert found.has_arrived.all()
     assert np.array_equal(found.plate_path, np.where(one.path == IMAGED, two.path, one.path))
     assert found.throughput == pytest.approx(one.throughput * two.throughput, rel=1e-9)
     pairs = {(int(a), int(b)) for a, b in zip(one.path, two.path, strict=True)}
+
     assert {
         (IMAGED, STRAY_1),
         (STRAY_1, IMAGED),

@@ -110,6 +110,7 @@ def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
     c1 = -(d * m).sum(axis=1)
     out, is_tir, transmittance = refract(d, m, *np.full((RAYS, 2), [n1, n2]).T)
     steep = max(1, n1 / n2) ** 2
+
     assert np.abs(np.linalg.norm(out, axis=1) - 1).max() < 8 * EPS * steep
     behind = np.where(is_tir, n1, n2)[:, None]
     assert (
@@ -118,6 +119,7 @@ def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
     assert np.array_equal((out * m).sum(axis=1) > 0, is_tir)
     assert np.array_equal(out[is_tir], reflect(d, m)[is_tir])
     assert (transmittance[is_tir] == 1).all()
+
     some = np.flatnonzero(~is_tir)
     c1 = c1[some]
     c2 = -(out * m).sum(axis=1)[some]
@@ -127,6 +129,7 @@ def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
     ) ** 2
     amplitudes = (2 * n1 * c1 / (n1 * c1 + n2 * c2)) ** 2 + (2 * n1 * c1 / (n2 * c1 + n1 * c2)) ** 2
     rounding = 64 * EPS * steep / np.minimum(np.minimum(c1, c2), 1) ** 2
+
     assert (np.abs(transmittance[some] - flux * amplitudes / 2) < rounding).all()
     assert (np.abs(transmittance[some] + reflected / 2 - 1) < rounding).all()
     assert (transmittance >= -8 * EPS).all()
@@ -193,6 +196,7 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
         glasses = (*glasses, Glass("faceted", faceted()[shape], ConstantIndex(1.7), 1))
     plan = make_plan(out_of_the_way(glasses), Settings())
     o, d = rays_at(random, RAYS)
+
     asked = 0
     for events in range(1, 9):
         rays = Rays(o, d, None, False)
@@ -207,6 +211,7 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
         now = plan.media.index(rays.last_part[some], rays.mask[some])
         assert np.array_equal(now, index_at(glasses, at))
         asked += len(some)
+
     ended = ~np.isin(rays.reason, (Reason.LOST_INSIDE, Reason.CUT_OFF))
     assert (rays.mask[ended] == 0).all()
     assert asked > RAYS / 10
@@ -238,10 +243,12 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
         -landings.directions[found],
     )
     same = back.has_arrived & (back.n_events == landings.n_events[found])
+
     assert same.mean() > 0.98
     assert np.abs(back.directions + d[found])[same].max() < 1e-9
     t = ((viewer.position - back.positions) * back.directions).sum(axis=1)
     passes = back.positions + t[:, None] * back.directions
+
     assert np.abs(passes - viewer.position)[same].max() < 1e-9
 
 
@@ -336,6 +343,7 @@ def wild_glasses():
         np.concatenate([ball.vertices, inner.vertices]),
         np.concatenate([ball.triangles, inner.triangles + len(ball.vertices)]),
     )
+
     return ball, ring, slab, hollow, inside_out, shell, cracked, *faceted()
 
 
@@ -369,14 +377,17 @@ def test_nothing_that_is_no_number_comes_of_any_ray(shape, others, n, seed, ligh
     o = np.concatenate([o, o, mesh.vertices[random.integers(0, len(mesh.vertices), RAYS)] - along])
     d = np.concatenate([d, unit(to_vertex), along])
     found = trace_all(make_plan(a_rig, Settings(brightness=True)), o, d, light)
+
     assert np.isfinite(found.positions).all()
     assert np.abs(np.linalg.norm(found.directions, axis=1) - 1).max() < 1e-14
     assert ((found.throughput >= 0) & (found.throughput <= 1)).all()
     is_number = np.isfinite(found.xy)
+
     assert (is_number[:, 0] == is_number[:, 1]).all()
     assert is_number[found.has_arrived].all()
     assert np.array_equal(is_number[:, 0], found.branch != 0)
     beside = is_number[:, 0] & ~found.has_arrived
+
     assert (found.reason[beside] == Reason.MISSED_DISPLAY).all()
     # such a ray just missed the display: beyond its image it has a place, not on it
     assert not ((found.xy[beside] > 0) & (found.xy[beside] < a_rig.display.width)).all(axis=1).any()
@@ -416,6 +427,7 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         display_pixels=display_pixels,
     )
     solution = finish(Session().solve(a_rig, Settings(tolerance=0.01)))
+
     viewed = 0.0
     shown = 0.0
     seen = 0.0
@@ -426,6 +438,7 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         shown = shown + shares.display_area.sum()
         seen = seen + to_view(shares, ones).sum()
         lit = lit + to_display(shares, ones).sum()
+
     assert abs(seen - viewed) < 1e-9 * viewed
     assert abs(lit - viewed) < 1e-9 * viewed
     t = np.linspace(0, pixels, 400, endpoint=False)
@@ -433,6 +446,7 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
     border = np.concatenate([np.stack(side, axis=1) for side in sides])
     xy = landings_of(a_rig, border).xy
     is_all_on = ((xy > 0) & (xy < display_pixels)).all()
+
     if is_all_on:
         assert abs(viewed - pixels**2) < 1e-9 * pixels**2
         assert abs(shown - shoelace(xy)) < 1e-4 * shown + 1e-3
@@ -443,6 +457,7 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         ).has_arrived
         assert abs(viewed / pixels**2 - landed.mean()) < 4 / 512
         assert shown < display_pixels**2 * (1 + 1e-9)
+
     assert solution.display_coverage.max() <= 1
     assert abs(solution.first.view_coverage.sum() - viewed) < 1e-6 * pixels**2
 
@@ -473,6 +488,7 @@ def lossy_rigs(draw):
     )
     (display,) = a_rig.displays
     uv = draw(st.floats(0.3, 3.0)) * (display.mesh.uv - 0.5) + 0.5 + draw(st.floats(-0.3, 0.3))
+
     return replace(a_rig, displays=(replace(display, mesh=replace(display.mesh, uv=uv)),))
 
 
@@ -518,9 +534,11 @@ def test_shares_by_reason_are_those_of_rays(shape):
         landings.has_arrived & (landings.xy < 0).any(axis=1), Reason.MISSED_DISPLAY, landings.reason
     )
     of_reason = np.bincount(reason, cover[seen], len(Reason)) / cover.sum()
+
     assert found.picture_coverage == pytest.approx(of_reason[Reason.ARRIVED], abs=0.01)
     told = dict(found.misses)
     assert told.pop(TOO_FINE, 0.0) < 0.01
     for number, word in REASON_WORDS.items():
         assert told.pop(word, 0.0) == pytest.approx(of_reason[number], abs=0.01), word
+
     assert told == {}

@@ -32,17 +32,20 @@ def test_what_stands_far_aside_is_left_out_and_changes_nothing():
     a_rig = with_others(
         plain, icosphere(0.02, 3, centre=(0.6, -0.3, 0)), icosphere(0.02, 3, centre=(0, -1.5, 0))
     )
+
     assert out_of_sight(a_rig, a_rig.viewer) == (1, 2)
     found = solve(a_rig)
     without = solve(plain)
     assert np.array_equal(found.source, without.source)
     assert sum("no light comes near it" in text for text in found.left_out) == 2
+
     whole = drain(
         sample(make_plan(a_rig, Settings()))
     )  # another ray engine: cells may be cut otherwise
     at = np.random.default_rng(0).uniform(0, 96, (2000, 2))
     one = found.first.view_map.display_from_view(at)
     other = whole.display_from_view(at)
+
     assert np.array_equal(np.isnan(one), np.isnan(other))
     seen = ((one >= 0) & (one <= 512)).all(axis=1)
     assert np.abs(one - other)[seen].max() < 0.01
@@ -57,11 +60,13 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
         else icosphere(0.005, 3, centre=(0, 0.15, -0.08))
     )
     a_rig = with_others(ball_rig(3, pixels=128), mesh)
+
     assert out_of_sight(a_rig, a_rig.viewer) == (1,)
     laps = []
     plan, found = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside.glasses == ()
+
     at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
     whole = drain(sample(make_plan(a_rig, Settings())))
     assert np.array_equal(found.display_from_view(at), whole.display_from_view(at), equal_nan=True)
@@ -107,11 +112,13 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     plain = rig(box([0.1, 0.03, 0.1]), pixels=128)
     a_rig = with_others(plain, box([0.1, 1e-5, 1e-5], (0, 0.1537, -0.1)))
     assert out_of_sight(a_rig, a_rig.viewer) == (1,)
+
     # with no walls of its box to pass by, none of the rays
     # comes near the rod: none raises ReachedError
     blind = replace(
         make_plan(a_rig, Settings(), aside=(1,)), thin_parts=make_plan(plain, Settings()).thin_parts
     )
+
     assert drain(sample(blind)).n_rays > 1000
     laps = []
     plan, _ = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))

@@ -133,6 +133,7 @@ def irregular_ball(levels=4, aside=0.0, noise=0.0, surface="smooth"):
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     normals = v.copy()
     v *= 0.025 * (1 + noise * random.normal(size=(len(v), 1)))
+
     return replace(
         mesh,
         vertices=v,
@@ -207,6 +208,7 @@ def test_automatic_helps_where_it_is_told_to(aside, noise):
         "the curved faces of 'glass' contradict each other at their edges: set its Surface to"
         " Automatic" in note
     )
+
     automatic = replace(mesh, surface="automatic")
     assert true_and_told(automatic)[0] < true_and_told(mesh)[0]
     notes = notes_without_solving(automatic)
@@ -280,11 +282,13 @@ def test_light_that_max_events_cuts_off_is_told_by_its_name():
     few = solve(a_rig, max_events=5)
     many = solve(a_rig, max_events=200)
     share = few.misses["cut off by Max Events"]
+
     assert share > 0.01
     told = (
         f"{percent(share)} of the picture's light meets more than 5 surfaces and is cut off:"
         f" raise Max Events."
     )
+
     assert told in few.warnings
     assert (
         "cut off by Max Events" not in many.misses

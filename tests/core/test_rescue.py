@@ -39,6 +39,7 @@ def test_lost_rays_are_looked_for_in_pieces():
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
+
     assert peak < 60e6
     assert steps > 50
     assert (hits.triangle >= 0).mean() > 0.9

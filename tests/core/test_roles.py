@@ -34,6 +34,7 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         (4, "DISPLAY"),
     ]
     assert Kind.DISPLAY == 4
+
     numbers = {role.number: role.name for role in ROLES if role.number is not None}
     assert numbers == {
         1: "GLASS",

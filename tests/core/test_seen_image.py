@@ -39,20 +39,24 @@ def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     ideal = solution.ideal()
     exact = dot_centroids(closed_forms.seen_image(a_rig, plain, through, **shape))
     before = dot_centroids(solution.seen(plain))
+
     assert np.isfinite(before).all()
     assert np.abs(before - exact).max() < 0.1  # facets of 1 mm; the slab is the judge of the rest
     if name == "slab":
         assert np.abs(before - exact).max() < 0.05  # 16 points a pixel of the judge
     moved = lattice_shift(solution.seen(plain), ideal)
     after = lattice_shift(solution.seen(), ideal)
+
     assert moved.mean > 3
     assert after.n_seen == 49
     assert after.mean < 0.02
     assert after.largest < 0.08
+
     # and the source image undoes the closed form's warp too, not only Kiriko's own
     undone = dot_centroids(
         closed_forms.seen_image(a_rig, solution.source, through, **shape)
     ) - dot_centroids(ideal)
+
     assert np.linalg.norm(undone, axis=2).mean() < 0.03
 
 
@@ -63,11 +67,13 @@ def test_dots_are_told_apart_wherever_they_stand():
     image = np.zeros((size, size, 3))
     y, x = np.mgrid[:size, :size] + 0.5
     centres = np.zeros((n, n, 2))
+
     for k, place in enumerate(random.permutation(49)):
         j, i = divmod(k, n)
         centres[j, i] = 25 + 50 * np.array([place % n, place // n]) + random.uniform(-8, 8, 2)
         cover = np.clip(10.5 - np.hypot(x - centres[j, i, 0], y - centres[j, i, 1]), 0, 1)
         image += cover[..., None] * np.array([1, (i + 1) / 8, (j + 1) / 8])
+
     assert np.abs(dot_centroids(image) - centres).max() < 0.02
     image[:, :, :][np.abs(image[..., 1] * 8 - image[..., 0]) < 1e-6] = 0  # all dots of column 0
     assert np.isnan(dot_centroids(image)[:, 0]).all()

@@ -74,12 +74,14 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
     n = len(expected[0].first.shares)
+
     assert n < share_batches.MOST_KEPT
     monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
     monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
     monkeypatch.setattr(painting, "MOST_PLACED", 2)
     kept = Session()
+
     for some, one in zip((a_rig, other), expected, strict=True):
         found = solve(some, kept, brightness=brightness)
         assert len(list(found.first.shares)) > 3
@@ -93,6 +95,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
         )
         np.testing.assert_allclose(found.first.view_coverage, one.first.view_coverage, rtol=1e-9)
         assert found.picture_coverage == pytest.approx(one.picture_coverage, rel=1e-9)
+
     assert found.n_rays == 0
 
 
@@ -105,11 +108,13 @@ def test_a_picture_changed_in_its_place_is_painted_anew():
     first = solve(a_rig, kept)
     a_rig.picture.image[:] = a_rig.picture.image[::-1].copy()
     found = solve(a_rig, kept)
+
     assert not np.array_equal(found.source, first.source)
     assert np.array_equal(found.source, solve(a_rig).source)
     wide = replace(
         a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[:, :40].copy()),)
     )
+
     assert np.array_equal(solve(wide, kept).source, solve(wide).source)
     shifted = replace(
         a_rig.picture, mesh=replace_vertices(a_rig.picture.mesh, np.array([0.001, 0, 0]))
@@ -117,6 +122,7 @@ def test_a_picture_changed_in_its_place_is_painted_anew():
     aside = replace(a_rig, pictures=(shifted,))
     found = solve(aside, kept)
     expected = solve(aside)
+
     assert np.array_equal(found.source, expected.source)
     assert found.picture_coverage == expected.picture_coverage != first.picture_coverage
 
@@ -142,10 +148,12 @@ def test_only_a_changed_mesh_builds_an_engine(monkeypatch):
     moved = replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),))
     assert np.array_equal(solve(moved, kept).source, solve(moved).source)
     assert len(built) == 1  # by the solve from scratch
+
     glass = a_rig.glasses[0].mesh
     moved = rig(replace_vertices(glass, 0.001), pixels=48, display_pixels=48)
     np.testing.assert_allclose(solve(moved, kept).source, solve(moved).source, atol=1e-6)
     assert len(built) == 2  # by the solve from scratch again
+
     solve(rig(replace(glass, vertices=1.01 * glass.vertices), pixels=48, display_pixels=48), kept)
     assert len(built) == 3
 
@@ -402,6 +410,7 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
     landings = trace_all(plan, o, d)
     exact = closed_forms.landing(a_rig, *closed_forms.through_ellipsoid(o, d, radii, 1.49))
     error = np.linalg.norm(landings.xy - exact, axis=1)[landings.has_arrived]
+
     # facets are far off near silhouettes, where a single ray decides: those are left out
     true = np.sqrt(np.nanmean(np.sort(error)[: int(0.98 * len(error))] ** 2))
     told = drain(tessellation(plan)).error
@@ -473,6 +482,7 @@ def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
     plan = make_plan(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=rounded),)), Settings())
     there = trace_all(plan, o, d)
     same = here.has_arrived & (here.branch == there.branch)
+
     assert same.sum() > 0.99 * here.has_arrived.sum()
     true = np.quantile(np.linalg.norm(here.xy - there.xy, axis=1)[same], 0.99)
     assert true / 2 < rounding_error(plan) < 15 * true

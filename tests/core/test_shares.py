@@ -57,6 +57,7 @@ def inverse_bilinear(quad, point):
         ds = (1 - t) * (quad[1] - quad[0]) + t * (quad[2] - quad[3])
         dt = (1 - s) * (quad[3] - quad[0]) + s * (quad[2] - quad[1])
         st = st + np.linalg.solve(np.stack([ds, dt], axis=1), point - here)
+
     return st
 
 
@@ -83,6 +84,7 @@ def test_quads_agree_with_clipper(size):
     n = 12 if size < 6 else 6
     quads = convex_quads(random, n * n, size, 40) - 5
     shares = rasterise((width, height), (n, n), grid(n), quads)
+
     for number, members in enumerate(by_polygon(shares)):
         expected = clipped(quads[number], width, height)
         total = abs(area_and_centroid(quads[number].tolist())[0])
@@ -118,6 +120,7 @@ def test_triangles_agree_with_exact_clipper():
         + np.stack([np.arange(n), np.zeros(n)], axis=1)[:, None]
     )
     shares = rasterise((width, height), (n, 1), view, corners)
+
     for number, members in enumerate(by_polygon(shares)):
         expected = clipped(corners[number], width, height, exact=True)
         total = abs(area_and_centroid(corners[number].tolist())[0])
@@ -259,6 +262,7 @@ def keystone_means(size):
     y, x = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
     area = np.zeros((size, size))
     moment = np.zeros((size, size, 2))
+
     for sx, wx in zip(nodes, weights, strict=True):
         for sy, wy in zip(nodes, weights, strict=True):
             point = np.stack([x + 0.5 + sx / 2, y + 0.5 + sy / 2], axis=-1) / size
@@ -266,6 +270,7 @@ def keystone_means(size):
             density = np.linalg.det(inverse) / (point @ inverse[2, :2] + inverse[2, 2]) ** 3
             area += 0.25 * wx * wy * density / size**2
             moment += (0.25 * wx * wy * density / size**2)[..., None] * homography(inverse, point)
+
     return area, moment / area[..., None]
 
 
@@ -333,12 +338,14 @@ def test_cells_squeezed_to_a_line_keep_their_area(k, width, angle):
     line = 7 * (view[..., :1] - 0.5) * along + width * view[..., 1:] * across + [8.43, 8.57]
     shares = rasterise((17, 17), (1, 1), view, line)
     area = 1 if k == 4 else 0.5
+
     assert shares.area.min() > 0
     assert shares.area.sum() == pytest.approx(area, rel=1e-8)
     assert shares.display_area.sum() == pytest.approx(7 * width * area, rel=1e-6, abs=1e-12)
     s = shares.view_xy[:, :1]
     where = 7 * (s - 0.5) * along + [8.43, 8.57]
     pixel = np.stack([shares.display_index % 17, shares.display_index // 17], axis=1)
+
     # the share's own point lies in its pixel, up to the width of the line
     big = shares.area > 1e-6
     assert (np.abs(where - pixel - 0.5)[big] <= 0.5 + 2e-3).all()
@@ -431,6 +438,7 @@ def test_products_are_transposes_of_each_other():
     y = random.normal(size=(32, 40, 3))
     display = to_display(shares, x.reshape(-1, 3)[shares.view_index], shares.throughput)
     back = to_view(shares, y.reshape(-1, 3)[shares.display_index], shares.throughput)
+
     assert display.shape == (32, 40, 3)
     assert back.shape == (20, 30, 3)
     assert (display * y).sum() == pytest.approx((x * back).sum(), rel=1e-12)
@@ -475,6 +483,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     assert not batches.are_kept
     whole = rasterise((18, 18), (12, 12), view, quads, throughput if has_throughput else None)
     weight = to_display(whole, np.ones(len(whole)) if not has_throughput else whole.throughput**2)
+
     for _ in range(2):
         every = list(batches)
         assert len(every) > 3
@@ -487,6 +496,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
         np.testing.assert_allclose(
             found.of_display, coverage(whole).of_display, rtol=1e-12, atol=1e-15
         )
+
     assert batches.are_kept == bool(most)
     assert len(asked) == (1 if most else 2)
 
@@ -553,6 +563,7 @@ def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
     random = np.random.default_rng(7)
     to_display = random.normal(size=(2, 2)) * size
     view = np.array([[0.0, 0.0], [1.0, 0.2], [1.3, 1.0], [0.3, 0.8]])[:k]
+
     n_seen = 0
     for _ in range(20):
         display = view @ to_display + random.uniform(4, 12, 2)
@@ -569,6 +580,7 @@ def test_a_share_reaches_as_far_as_its_part_of_the_cell(k, size):
                 [[xx, xy], [xy, yy]], expected, atol=1e-5 * np.trace(expected) + 1e-9
             )
             n_seen += 1
+
     assert n_seen > 20
 
 

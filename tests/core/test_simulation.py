@@ -64,6 +64,7 @@ def test_the_standard_error_is_what_two_runs_differ_by():
         drain(simulate(plan, source, 5, seed)) for seed in (1, 2)
     )  # 5 is no square: parts by lot
     apart = np.sqrt((((one.image - other.image) @ LUMINANCE) ** 2).mean())
+
     assert apart == pytest.approx(np.sqrt(2) * one.error, rel=0.1)
     for some in (one, other):
         assert sum(some.luminance.values()) == pytest.approx(
@@ -82,10 +83,12 @@ def test_all_the_light_of_a_white_room_is_counted_once():
     )
     a_rig = replace(a_rig, displays=(Display("room", inward, 4, 4),))
     found = drain(simulate(make_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
+
     # light that the first face reflects is seen, light of the second is lost
     (faces,) = make_plan(a_rig, Settings()).arrays.values()
     reflected = faces.reflected(np.zeros((1, 3)), np.array([[0.0, 1, 0]])).throughput[0]
     white = (1 - reflected) ** 2 + reflected
+
     assert found.image == pytest.approx(white, abs=1e-6)
     assert found.luminance[PlatePath.REFLECTED] == pytest.approx(reflected, rel=1e-5)
     assert found.luminance[PlatePath.IMAGED] == pytest.approx(
@@ -102,10 +105,12 @@ def test_brightness_and_blur_have_closed_forms():
     tangent = np.sin(np.pi / 4) / 1.52
     r = 2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2)
     share = 1 - abs(r % 2 - 1)
+
     assert found.brightness == pytest.approx((share * 0.87) ** 2, rel=1e-9)
     assert (found.least, found.most) == pytest.approx(
         (found.brightness, found.brightness), rel=1e-9
     )
+
     # the two mirrors' shifts, each with a variance of (p P)^2 / 3; across the
     # ray the plane of incidence is seen under 45 degrees
     metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
@@ -131,6 +136,7 @@ def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
     tangent = np.sin(np.pi / 4) / 1.52
     share = 1 - abs(2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2) % 2 - 1)
     metres = 0.5e-3 * share * np.sqrt((1 + 0.5) / 3)
+
     assert plate_view(plan).blur == pytest.approx(metres / (0.02 / 200), rel=0.03)
 
 
@@ -189,12 +195,14 @@ def test_brightness_is_the_share_that_each_direction_leaves():
     landings = trace_all(
         plan, *plan.rig.viewer.rays(np.random.default_rng(9).uniform(0, 64, (40_000, 2)))
     )
+
     # an ideal plate keeps the angle and, turned round, the azimuth
     plate = np.array([[1, 0, 0], [0, 0.5**0.5, 0.5**0.5], [0, -(0.5**0.5), 0.5**0.5]])
     along, up, across = plate @ landings.directions[landings.has_arrived].T
     share = light_by_angle(MirrorArray(), np.arccos(np.abs(across)), np.arctan2(up, along))[
         PlatePath.IMAGED
     ]
+
     assert found.least < found.brightness < found.most
     assert found.brightness == pytest.approx(share.mean(), abs=4 * found.brightness_error)
     assert (found.least, found.most) == pytest.approx((share.min(), share.max()), abs=0.01)
@@ -219,6 +227,7 @@ def test_blur_does_not_mind_how_the_display_is_unwrapped():
     )
     other = replace(a_rig, displays=(replace(a_rig.display, mesh=split),))
     one, two = (plate_view(make_plan(some, Settings())) for some in (a_rig, other))
+
     assert two.blur == pytest.approx(one.blur, rel=0.2)
     assert two.brightness == pytest.approx(one.brightness, abs=4 * one.brightness_error)
 

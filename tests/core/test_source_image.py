@@ -45,6 +45,7 @@ def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels
         field=0.036,
     )
     solution = solve(a_rig)
+
     # the mirror image of the picture's top is the display's bottom
     y, x = (np.mgrid[:display_pixels, :display_pixels] + 0.5) / display_pixels
     inner = slice(
@@ -53,6 +54,7 @@ def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels
     for channel, expected in ((0, x), (1, y), (2, 0 * x + 0.25)):
         found = solution.source[inner, inner, channel]
         assert np.abs(found - expected[inner, inner]).max() < 1e-6
+
     assert solution.display_coverage.min() > 1 - 1e-6
     assert solution.picture_coverage > 1 - 1e-9
 
@@ -67,6 +69,7 @@ def test_no_pinholes_and_no_ghost_lines_in_the_ball():
     for shift in ((0, 1), (1, 0)):
         inside &= np.roll(covered, shift, (0, 1)) > 0
         inside &= np.roll(covered, (-shift[0], -shift[1]), (0, 1)) > 0
+
     inside[[0, -1]] = inside[:, [0, -1]] = False
     assert inside.mean() > 0.5
     assert (covered[inside] > 0.98).mean() > 0.999
@@ -128,6 +131,7 @@ def test_a_splat_of_all_light_keeps_white_and_comes_to_the_source_image_as_mirro
         is_shown = shown.any(axis=2)
         assert is_shown[whole].mean() > 0.99
         np.testing.assert_allclose(shown[is_shown], 1.0, atol=1e-6)
+
     coarse, fine = apart
     assert coarse > 4 * fine > 0.01
 

@@ -102,6 +102,7 @@ def test_the_part_whose_light_spreads_furthest_is_named() -> None:
     for words, ranges in cases.items():
         places = np.stack([rng.uniform(*span, 500) for span in ranges], axis=1)
         assert part_of_picture(places, np.ones(500)) == words
+
     assert part_of_picture(np.empty((0, 2)), np.empty(0)) == SEVERAL
 
 

@@ -75,6 +75,7 @@ def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
     path = os.pathsep.join(map(str, (link, Path(__file__).parents[1])))
     free = {name: value for name, value in os.environ.items() if name not in LIMITS}
     code = RUN.replace("{work}", WORK[name])
+
     shares = []
     while len(shares) < TRIES and min(shares, default=1.0) > MOST:
         done = subprocess.run(
@@ -86,6 +87,7 @@ def test_a_solve_takes_no_time_of_other_threads(name: str) -> None:
         assert done.returncode == 0, done.stderr
         process, others = json.loads(done.stdout)
         shares.append(others / process)
+
     assert min(shares) <= MOST, shares
 
 

@@ -67,6 +67,7 @@ def test_slab_landings_are_right_to_a_nanometre(degrees):
     o, d, landings = traced(a_rig)
     a = np.radians(degrees)
     normal = np.array([-np.sin(a), np.cos(a), 0])
+
     assert landings.has_arrived.mean() > 0.5
     error, _ = error_px(
         a_rig,
@@ -79,6 +80,7 @@ def test_slab_landings_are_right_to_a_nanometre(degrees):
         thickness=0.02,
         n=1.49,
     )
+
     assert error.max() * 0.1 / 512 < 1e-9
 
 
@@ -129,6 +131,7 @@ def test_a_landing_traced_back_returns_to_its_pixel(make):
     _, d, landings = traced(a_rig)
     found = landings.has_arrived
     display = a_rig.display
+
     # the way back: the display's place is taken by a large one at
     # the viewer, which looks at the plate from the display
     viewer_plane = rectangle(a_rig.viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 10, 10)
@@ -143,15 +146,18 @@ def test_a_landing_traced_back_returns_to_its_pixel(make):
     away = -landings.directions[found]
     returned = trace_all(make_plan(back, Settings()), start, away)
     same = returned.has_arrived & (returned.n_events == landings.n_events[found])
+
     assert (
         same.mean() > 0.995
     )  # a ray within rounding of an edge may take the other face on its way back
     t = ((a_rig.viewer.position - returned.positions[same]) * returned.directions[same]).sum(1)
     passes = returned.positions[same] + t[:, None] * returned.directions[same]
+
     assert np.abs(np.median(np.abs(passes - a_rig.viewer.position), axis=0)).max() < 1e-12
     # on an edge of curved faces the ray may take the other face
     # on its way back, whose normal differs a little
     assert np.quantile(np.abs(passes - a_rig.viewer.position), 0.99) < 1e-12
+
     np.testing.assert_allclose(returned.directions[same], -d[found][same], atol=1e-5)
 
 
@@ -170,6 +176,7 @@ def test_nested_and_touching_solids_follow_the_priority_rule():
         Glass("inner", box([0.05, 0.004, 0.05], (0.003, 0, 0)), n),
     )
     _, _, one = traced(whole)
+
     for glasses in (halves, inner):
         _, _, other = traced(rig(glasses, display=0.1))
         assert np.array_equal(one.reason, other.reason)
@@ -187,6 +194,7 @@ def test_hollow_glass_equals_its_two_walls():
         Glass("b", box([0.3, 0.01, 0.3], (0, 0.01, 0))),
     )
     _, _, expected = traced(rig(walls, display=0.1, field=0.04))
+
     for turned in (False, True):
         inner = cavity.triangles[:, ::-1] if turned else cavity.triangles
         mesh = Mesh(
@@ -213,6 +221,7 @@ def test_a_shell_that_leaves_the_glass_is_no_cavity_in_it():
     ]
     cavity = box([2.0, 2.0, 1.0], (1.5, 1.5, 0))
     within = box([0.5] * 3, (2, 2, 0))
+
     assert (cavity.vertices[cavity.triangles[0, 0]][:2] == 0.5).all()
     assert np.isin(within.vertices[:, :2], (1.75, 2.25)).all()
     triangles = np.concatenate(
@@ -221,6 +230,7 @@ def test_a_shell_that_leaves_the_glass_is_no_cavity_in_it():
     solids = solids_from_mesh(
         Mesh(np.concatenate([points, cavity.vertices, within.vertices]), triangles)
     )
+
     assert [solid.volume for solid in solids] == pytest.approx([2 * 5, 4 - 0.125])
 
 
@@ -268,6 +278,7 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
     )
     prism = Mesh(v, t)
     y = np.eye(3)[1]
+
     # light along +y meets the face y = -half at normal incidence, then the hypotenuse x + y = 0 at
     # 45 degrees (TIR for n = 1.49, whose critical angle is 42.2), and leaves through x = -half
     # along -x
@@ -278,10 +289,12 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
         [np.linspace(-0.02, 0.02, 50), np.full(50, -1.0), np.linspace(-0.01, 0.01, 50)], axis=1
     )
     landings = trace_all(make_plan(a_rig, Settings()), o, d)
+
     assert (landings.reason == Reason.MISSED_PLATE).all()
     np.testing.assert_allclose(landings.directions, np.tile([-1.0, 0, 0], (50, 1)), atol=1e-15)
     assert (landings.n_events == 3).all()
     short = trace_all(make_plan(a_rig, Settings(max_events=2)), o, d)
+
     assert (short.reason == Reason.CUT_OFF).all()
 
 
@@ -296,6 +309,7 @@ def test_every_ray_keeps_its_reason():
         == Reason.MISSED_PLATE
     ).mean() > 0.9
     assert (reasons(rig(box([0.3, 0.02, 0.3]), display=1e-6)) == Reason.MISSED_DISPLAY).mean() > 0.9
+
     board = Blocker("board", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1))
     blocked = Rig(
         slab_rig.viewers,
@@ -306,6 +320,7 @@ def test_every_ray_keeps_its_reason():
         (),
         (board,),
     )
+
     assert (reasons(blocked) == Reason.BLOCKED).all()
     beside = rig(box([0.002] * 3, (0.2, 0, 0)), display=0.1)
     assert (reasons(beside, only_through_glass=False) == Reason.ARRIVED).all()
@@ -327,6 +342,7 @@ def test_elements_may_stand_in_any_order():
     )
     t = (-0.15 - leaves[:, 2]) / down[:, 2]
     expected = leaves + t[:, None] * down
+
     assert landings.has_arrived.all()
     assert np.abs(landings.positions - expected).max() < 1e-12
     # a mirror at 45 degrees: the viewer stands at the side and sees the same
@@ -345,6 +361,7 @@ def test_elements_may_stand_in_any_order():
     _, _, direct = traced(side)
     _, _, folded = traced(turned)
     n = int(len(direct.xy) ** 0.5)  # the mirror turns left into right
+
     assert np.abs(direct.xy.reshape(n, n, 2)[:, ::-1] - folded.xy.reshape(n, n, 2)).max() < 1e-9
 
 
@@ -424,6 +441,7 @@ def test_glass_that_cuts_an_orthographic_viewers_plane_is_refused_however_thin(g
     )
     glass = replace(a_rig.glasses[0], mesh=replace(glass, vertices=glass.vertices @ turn.T))
     solid = make_surface(glass.mesh.flat())
+
     if is_cut:
         with pytest.raises(
             RigError, match="glass 'glass' cuts the plane of the orthographic viewer 'viewer'"
@@ -462,10 +480,12 @@ def test_landings_do_not_depend_on_scale_and_place(make, scale, shift):
     _, _, here = traced(a_rig, at)
     _, _, there = traced(moved(a_rig, scale, np.array([shift, -shift, 0.5 * shift])), at)
     same = here.branch == there.branch
+
     assert (
         same.mean() > 0.998
     )  # a ray through an edge may fall to its other side, where a curved face has another normal
     differ = np.abs(here.xy - there.xy)[same & here.has_arrived]
+
     assert np.quantile(differ, 0.999) < 1e-6
     assert differ.max() < 1e-4
 
@@ -484,6 +504,7 @@ def test_faces_that_float32_parted_touch():
     block = rig(box([0.06, 0.12, 0.06], degrees_about_z=degrees), display=0.1, field=0.02)
     _, _, whole = traced(block)
     random = np.random.default_rng(2)
+
     for _ in range(12):
         shift = random.uniform(-5, 5, 3)
         cubes = []
@@ -508,12 +529,14 @@ def test_solids_far_apart_share_nothing():
         display=0.2,
     )
     plan = make_plan(a_rig, Settings())
+
     assert plan.parts.bit[0] == plan.parts.bit[1]
     lost = []
     for held in plan.layers:
         held.layer._rescue = lambda question, rays, hits: lost.extend(rays) or ()
     o, d = a_rig.viewer.rays(grid(a_rig.viewer))
     landings = trace_all(plan, o, d)
+
     assert landings.has_arrived.mean() > 0.4
     assert len(lost) < 10
 
@@ -549,6 +572,7 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     )
     plan = make_plan(rig(glasses), Settings(max_events=1))
     a, b = 0, 1  # parts in the order of the glasses
+
     assert plan.parts.cluster[a] != plan.parts.cluster[b]
     assert plan.parts.bit[a] == plan.parts.bit[b]
     o = np.array([[0.03, -0.05, 0.0]])
@@ -556,10 +580,12 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     outside, inside = (Rays(o, d, None, False) for _ in "ab")
     inside.mask[:] = plan.parts.bit[a]
     inside.cluster[:] = plan.parts.cluster[a]
+
     for rays in (outside, inside):
         finish(_following(plan, rays))
         assert rays.mask == plan.parts.bit[b]
         assert rays.cluster == plan.parts.cluster[b]
+
     assert np.array_equal(inside.directions, outside.directions)
     assert np.array_equal(inside.branch, outside.branch)
 
@@ -578,6 +604,7 @@ def test_a_mirror_as_drawn_reflects_by_its_normals():
     at = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
     normal = closed_forms.unit((1 - u - v) * bent[0] + u * bent[1] + v * bent[2])
     plan = make_plan(a_rig, Settings(only_through_glass=False))
+
     for slope, by in ((0.3, normal), (60.0, np.array([0, -1.0, 0]))):
         d = closed_forms.unit(np.array([-slope, 1.0, 0.1 * slope]))
         found = trace_all(plan, (at - 0.01 * d)[None], d[None])

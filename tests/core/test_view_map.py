@@ -79,6 +79,7 @@ def test_cut_cells_cover_the_silhouette_exactly(degrees):
     square = corners @ np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) + 25
     exact = rasterise((50, 50), (50, 50), square[None], square[None])
     expected = np.bincount(exact.display_index, exact.display_area, 2500).reshape(50, 50)
+
     # a border is known to 2^-9 px on each edge; within a pixel it
     # is straight, so a corner's pixel loses a little
     error = np.abs(coverage(found) - expected)
@@ -198,6 +199,7 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     got = found.display_from_view(at)
     mine = on_display(got, a_rig)
     theirs = on_display(exact, a_rig)
+
     assert theirs.sum() > 10_000
     is_cut = ~is_sampled(found, at)
     assert is_cut[theirs].mean() > 0.99
@@ -205,6 +207,7 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
         np.quantile(np.linalg.norm(got - exact, axis=1)[mine & theirs & is_cut], 0.999) <= tolerance
     )
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.999
+
     # whatever the rays through the middles told the map: places that it has never seen
     _, at, exact = judged(scene, 20_000)
     got = found.display_from_view(at)
@@ -212,6 +215,7 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     theirs = on_display(exact, a_rig)
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs]
     known = found.error.facet_limited + found.error.unresolved
+
     assert (off > tolerance).mean() < 1.5 * known + 2e-3
     assert found.sample_area.sum() < 0.01 * 256**2
     off = np.linalg.norm(got - exact, axis=1)[mine & theirs & ~is_sampled(found, at)]
@@ -275,6 +279,7 @@ def test_things_one_pixel_wide_are_found(thing):
     is_changed = on_display(exact, a_rig) != on_display(without, a_rig)
     with np.errstate(invalid="ignore"):
         is_changed |= np.linalg.norm(exact - without, axis=1) > 1.0
+
     assert is_changed.sum() >= (1 if thing == "bubble" else 100)
     found = view_map(a_rig)
     got = found.display_from_view(at)
@@ -286,6 +291,7 @@ def test_things_one_pixel_wide_are_found(thing):
     if thing != "bubble":  # along a needle as thin as a pixel the map is a few samples
         is_right |= is_sampled(found, at)
         assert found.sample_area.sum() < 0.01 * pixels**2
+
     assert is_right[is_changed].mean() > 0.98
 
 
@@ -337,6 +343,7 @@ def test_a_strip_is_found_from_far_away(distance):
     at, exact = dense(a_rig, 200_000)
     _, without = dense(replace(a_rig, mirrors=()), 200_000)
     is_hidden = on_display(without, a_rig) & ~on_display(exact, a_rig)
+
     assert is_hidden.sum() > 50
     assert (on_display(view_map(a_rig).display_from_view(at), a_rig) == on_display(exact, a_rig))[
         is_hidden
@@ -431,6 +438,7 @@ def test_a_slit_between_two_blockers_is_found(place):
     found = solve(a_rig)
     xy = np.random.default_rng(0).uniform(0, 256, (200_000, 2))
     landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+
     assert found.first.view_coverage.sum() == pytest.approx(
         256**2 * landings.has_arrived.mean(), rel=0.1
     )

@@ -33,6 +33,7 @@ def test_without_glass_the_plates_outline_says_how_far(plate):
     seen = found(rig(glass, ior=1.0, picture=1e-4, display=0.01, plate=plate))
     sideways = np.arctan(plate / 2 / 0.15)
     edge = plate / 2 / np.sqrt(2)  # of the plate's upper edge: higher and further by so much
+
     # who looks up from below sees the upper edge, which leans away from the picture
     below = np.arctan(edge / (0.15 + edge))
     above = np.arctan(edge / (0.15 - edge))
@@ -62,6 +63,7 @@ def test_a_picture_of_many_faces_is_seen_as_one_of_two_and_costs_no_more(n, monk
     a_rig = rig(glass, ior=1.0, picture=0.03, display=0.02)
     (picture,) = a_rig.pictures
     corners = picture.mesh.vertices
+
     assert np.allclose(corners[0] + corners[2], corners[1] + corners[3])
     plain = found(a_rig, 0.3)
     sizes = []
@@ -72,6 +74,7 @@ def test_a_picture_of_many_faces_is_seen_as_one_of_two_and_costs_no_more(n, monk
         lambda plan, o, d, **more: sizes.append(len(o)) or follow(plan, o, d, **more),
     )
     cut = replace(picture, mesh=gridded(picture.mesh, n))
+
     assert cut.mesh.corners.reshape(-1, 3).mean(axis=0) == pytest.approx(corners.mean(axis=0))
     seen = found(replace(a_rig, pictures=(cut,)), 0.3)
     assert seen.share == pytest.approx(
@@ -119,6 +122,7 @@ def test_a_plate_to_the_right_is_seen_from_the_left():
     seen = found(replace(a_rig, plates=(moved,)))
     left = np.arctan(0.08 / 0.15)
     right = np.arctan(0.02 / 0.15)
+
     assert seen.extent[:2] == pytest.approx((left, right), abs=1.5 * SURVEY.fine_rad)
     row = seen.share[MIDDLE] > 0
     assert row[:MIDDLE].sum() > 2 * row[MIDDLE + 1 :].sum() > 0

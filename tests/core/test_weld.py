@@ -79,6 +79,7 @@ def test_bodies_that_touch_stay_bodies(other_way):
     triangles = np.arange(3 * len(corners)).reshape(-1, 3)
     joined = welded(vertices, triangles, 1e-9)
     shells = split_shells(Mesh(vertices, joined))
+
     assert [len(chosen) for chosen, _ in shells] == [12] * len(boxes)
     for chosen, is_flipped in shells:
         assert find_edges(joined[chosen]).n_open == 0
@@ -133,6 +134,7 @@ def test_a_pole_of_many_vertices_becomes_one():
         1e-9,
     )
     is_point = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
+
     assert is_point.sum() == 2 * n
     assert find_edges(joined[~is_point]).n_open == 0
     assert len(np.unique(joined[~is_point])) == (m - 1) * n + 2
@@ -172,5 +174,6 @@ def test_where_faces_at_an_edge_do_not_enclose_glass_in_turn_they_stay_apart(wou
     triangles = np.concatenate([triangles + 3 * n * k for k in range(3)])
     joined = find_edges(welded(vertices, triangles, 1e-9))
     alternates = wound == (1, -1, 1, -1)
+
     assert len(joined.first) == (6 if alternates else 0)
     assert joined.n_open == 9 * n - 2 * len(joined.first)

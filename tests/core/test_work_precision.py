@@ -182,18 +182,22 @@ def test_black_pixels_of_the_picture_are_holes():
     lost = source[rows, columns].copy()
     source[rows, columns] = 0
     errors = judge.image_errors(source, judge.dots.source)
+
     assert errors.holes == 7
     assert errors.source_rmse == pytest.approx(
         np.sqrt((lost.astype(float) ** 2).sum() / judge.is_shown.sum() / 3)
     )
+
     same = judge.image_errors(judge.source, judge.dots.source)
     (seen,) = same.channels
     assert (same.source_rmse, same.holes, seen.seen_psnr) == (0, 0, None)
     assert seen.lattice_shift < 0.1
+
     # the time of brute force, by the rays of the reference: where
     # there is no time for it that is told
     (channel,) = judge.channels
     assert 0 < channel.seconds_a_ray * reference.N_CHECKED < taken
+
     n_rays = rig.viewer.width * rig.viewer.height
     for rung in drain(_splats(judge, Ladders((), (1, 10), runs=1, budget=0.0))):
         assert rung.runs == 0
@@ -214,6 +218,7 @@ def test_times_of_reading_and_writing_are_those_of_the_calls_given():
             write=lambda image: calls.append(image.shape),
         )
     )
+
     assert calls == ["read"] * 3 + [(48, 48, 3)] * 3
     assert result.read_seconds >= 0
     assert result.write_seconds >= 0
@@ -325,6 +330,7 @@ def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
     rows = list(csv.DictReader(io.StringIO(plate_csv(array))))
     light = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
     assert np.abs(light["stray_1"] - light["stray_2"]).max() > 0.05
+
     expected = {
         "mid-air image": light["imaged"],
         "stray light, one layer alone": light["stray_1"] + light["stray_2"],
@@ -343,12 +349,14 @@ def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
         for group in svg.iter(f"{name}g")
         if group.get("class") == "curve"
     }
+
     assert list(curves) == list(expected)
     assert any("'A & B'" in (text.text or "") for text in svg.iter(f"{name}text"))
     at = np.concatenate(list(curves.values()))
     told = np.stack(
         [np.tile(light["incidence_degrees"], 4), np.concatenate(list(expected.values()))], axis=1
     )
+
     for axis in (0, 1):
         slope, start = np.polyfit(told[:, axis], at[:, axis], 1)
         assert (slope > 0) == (axis == 0)  # y runs down

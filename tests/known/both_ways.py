@@ -68,4 +68,5 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
         with np.errstate(invalid="ignore"):
             is_alike &= np.abs(place[0] - place[1]).max(axis=1) <= SAME * size
         here = place
+
     return Parted(n, n_parted, n_wrong)

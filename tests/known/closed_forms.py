@@ -98,6 +98,7 @@ def landing(rig, o, d):
     q = np.where((t > 0)[:, None], p + t[:, None] * d, np.nan) - origin
     u = q @ right / (right @ right)
     v = q @ up / (up @ up)
+
     return np.stack([u * display.width, (1 - v) * display.height], axis=1)
 
 
@@ -189,6 +190,7 @@ def wavy_slab(size, thickness, amplitude):
             (zero, zero, one),
             (zero, zero, -one),
         ]
+
         return np.stack(values, axis=1), np.stack([np.stack(g, axis=1) for g in gradients], axis=1)
 
     return parts
@@ -224,6 +226,7 @@ def crossing(parts, p, d, side, bound, least):
     last = side * greatest(parts, p)[0]
     live = np.arange(n)
     t += np.maximum(last, least)  # no step is longer than the way to the surface, or than `least`
+
     for _ in range(STEPS):
         at = p[live] + t[live, None] * d[live]
         value = side * greatest(parts, at)[0]
@@ -242,6 +245,7 @@ def crossing(parts, p, d, side, bound, least):
         before[live] = last[live]
         last[live] = value
         t[live] += np.maximum(value, least)
+
     # a chord shorter than `least` has no bracket: a ray that crosses back in the first step is lost
     bracketed = np.flatnonzero(np.isfinite(high) & ((low > 0) | (side > 0)))
     a = low[bracketed]
@@ -249,6 +253,7 @@ def crossing(parts, p, d, side, bound, least):
     q = p[bracketed]
     e = d[bracketed]
     t = (a + b) / 2
+
     for _ in range(80):
         value, gradient, _ = greatest(parts, q + t[:, None] * e)
         a = np.where(side * value > 0, t, a)
@@ -259,6 +264,7 @@ def crossing(parts, p, d, side, bound, least):
         if (step == t).all():
             break
         t = step
+
     root[bracketed] = t
     return root, miss
 
@@ -279,6 +285,7 @@ def follow(o, d, parts, n, bound, bend, grazing=GRAZING):
     p = np.array(o, float)
     d = np.array(d, float)
     live = np.arange(len(o))
+
     for k in range(INTERFACES + 1):
         side = -1 if k % 2 else 1
         t, miss = crossing(parts, p, d, side, bound, bend / 200)
@@ -304,6 +311,7 @@ def follow(o, d, parts, n, bound, bend, grazing=GRAZING):
         d = d[passes]
         live = live[passes]
         points[live, k], directions[live, k] = p, d
+
     points[~is_known], directions[~is_known] = np.nan, np.nan
     return points, directions, is_known & is_regular
 

@@ -45,6 +45,7 @@ def mirrors(array, axes, faces):
             (normal, array.pitch * phase)
             for normal, phase in zip((first, second), array.phase, strict=True)
         ]
+
     # The corners of holes are sqrt(2) pitches apart along circles
     # with radii of as many: number them from azimuth 0.
     x = faces @ axes[0]
@@ -54,12 +55,14 @@ def mirrors(array, axes, faces):
     azimuth = np.arctan2(y, x)
     outward = np.cos(azimuth)[:, None] * axes[0] + np.sin(azimuth)[:, None] * axes[1]
     sideways = turned(outward, axes[2], np.pi / 2)
+
     found = []
     for sign, phase in zip((1, -1), array.phase, strict=True):
         normal = (sign * outward + sideways) / np.sqrt(2)
         # the corner at azimuth 0, unrolled beside the light's own radius
         corner = (step * ring)[:, None] * (outward - azimuth[:, None] * sideways)
         found.append((normal, (corner * normal).sum(axis=1) + array.pitch * phase))
+
     return found
 
 
@@ -79,6 +82,7 @@ def follow_one(p, d, families, slits, pitch, forward, end):
         for (normal, first), slit in zip(families, slits, strict=True)
     ]
     counts = [0] * len(layers)
+
     while True:
         nearest = (end - along(p, forward)) / along(d, forward)
         hit = None
@@ -119,9 +123,11 @@ def through_layer(p, d, families, pitch, forward, end):
     for family, slit in zip(families, slits, strict=True):
         inside = beyond(*family) - pitch * slit
         clearance = np.minimum(clearance, np.minimum(inside, pitch - inside))
+
     if len(rays) == 1:
         p[0], d[0], counts[:, 0] = follow_one(p[0], d[0], families, slits, pitch, forward, end)
         rays = rays[:0]
+
     while len(rays):
         to_end = (end - p[rays] @ forward) / (d[rays] @ forward)
         ways = [to_end]
@@ -137,9 +143,11 @@ def through_layer(p, d, families, pitch, forward, end):
             d[hit] -= 2 * (d[hit] * normal[hit]).sum(axis=1)[:, None] * normal[hit]
             counts[k, hit] += 1
         rays = rays[nearest > 0]
+
     for family, slit in zip(families, slits, strict=True):
         inside = beyond(*family) - pitch * slit
         clearance = np.minimum(clearance, np.minimum(inside, pitch - inside))
+
     return p, d, counts, clearance
 
 
@@ -151,6 +159,7 @@ def march(array, centre, axes, positions, directions):
     counts = np.zeros((2, len(positions)), int)
     path = np.empty(len(positions))
     clearance = np.empty(len(positions))
+
     for side in (1, -1):
         some = np.flatnonzero(np.sign(directions @ axes[2]) == side)
         forward = side * axes[2]
@@ -176,4 +185,5 @@ def march(array, centre, axes, positions, directions):
         out[0][some] = centre + p + back[:, None] * d
         out[1][some] = d
         path[some], clearance[some] = way - back, clear
+
     return March(*out, counts, path, clearance)

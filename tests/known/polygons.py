@@ -43,6 +43,7 @@ def clipped(polygon, width, height, exact=False):
     columns, rows = (
         [int(np.floor(f(point[i] for point in points))) for f in (min, max)] for i in (0, 1)
     )
+
     found = {}
     for row in range(max(rows[0], 0), min(rows[1], height - 1) + 1):
         strip = clip(clip(points, 1, row, 1), 1, row + 1, -1)
@@ -50,6 +51,7 @@ def clipped(polygon, width, height, exact=False):
             area, x, y = area_and_centroid(clip(clip(strip, 0, column, 1), 0, column + 1, -1))
             if abs(area) > 1e-14:
                 found[row * width + column] = float(abs(area)), float(x), float(y)
+
     return found
 
 

@@ -63,6 +63,7 @@ def icosphere(radii, levels, smooth=True, centre=(0, 0, 0)):
         a, b, c = f.T
         quarters = (a, m[0], m[2]), (b, m[1], m[0]), (c, m[2], m[1]), (m[0], m[1], m[2])
         f = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
+
     radii = np.broadcast_to(np.asarray(radii, float), 3)
     normals = v / radii
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -148,6 +149,7 @@ def barrel(radius, height, bulge, segments=128, rings=64):
     top = np.stack([high, index[-1, :-1], index[-1, 1:]], axis=1)
     ends = np.concatenate([bottom, top])
     own = np.repeat([[0, 0, -1.0], [0, 0, 1.0]], segments, axis=0)
+
     return Mesh(
         np.concatenate([v, [[0, 0, -height / 2], [0, 0, height / 2]]]),
         np.concatenate([side.triangles, ends]),
@@ -173,6 +175,7 @@ def lathed(radius, height, segments=32):
     triangles = split_quads(np.concatenate([index, index[:, :1]], axis=1))[:, ::-1]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
     flat = np.zeros((len(triangles), 3, 3))
+
     return mean_normals(Mesh(points.reshape(-1, 3), triangles, flat, np.ones(len(triangles), bool)))
 
 
@@ -204,6 +207,7 @@ def rod(start, end, radius, sides=8):
         np.stack([low, index[0, 1:], index[0, :-1]], axis=1),
         np.stack([high, index[1, :-1], index[1, 1:]], axis=1),
     ]
+
     return Mesh(np.concatenate([start + ring, end + ring, [start, end]]), np.concatenate(triangles))
 
 
@@ -247,6 +251,7 @@ def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
     corners = mesh.vertices[sides]
     own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
+
     return Mesh(
         mesh.vertices,
         np.concatenate([faces, sides]),
@@ -277,6 +282,7 @@ def mean_normals(mesh):
     normals[mesh.is_smooth] = (
         mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     )[smooth]
+
     return replace(mesh, corner_normals=normals, has_mean_normals=True)
 
 
@@ -315,6 +321,7 @@ def rig(
         pixels,
     )
     glasses = glass if isinstance(glass, tuple) else (Glass("glass", glass, ConstantIndex(ior)),)
+
     return Rig(
         (viewer,),
         glasses,

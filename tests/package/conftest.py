@@ -92,10 +92,12 @@ def installed(zips: dict[str, Path], commands: dict[str, Command]) -> Iterator[s
     bpy.ops.extensions.package_install_files(
         filepath=str(path), repo="user_default", enable_on_install=True, overwrite=True
     )
+
     # The operator says FINISHED even when Blender refuses the extension.
     assert EXTENSION in bpy.context.preferences.addons, (
         "Blender refused the extension, for the reason above"
     )
+
     yield EXTENSION
     bpy.ops.preferences.addon_disable(module=EXTENSION)
     bpy.utils.register_cli_command = register

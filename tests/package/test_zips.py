@@ -97,11 +97,13 @@ def test_zip_without_embreex_is_like_the_others(
         [name for name in contents[which] if not name.endswith(".whl")]
         for which in ("linux_x64", platform)
     )
+
     assert sorted(own) == sorted(others)
     with ZipFile(zips[platform]) as archive:
         generated = tomllib.loads(archive.read("blender_manifest.toml").decode())["build"][
             "generated"
         ]
+
     assert generated["platforms"] == [platform.replace("_", "-")]
     assert [Path(wheel).name for wheel in generated["wheels"]] == [
         build_kernel.wheel_name(KERNELS[platform])

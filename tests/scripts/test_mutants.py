@@ -90,6 +90,7 @@ def test_the_draw_goes_by_lines_and_kinds_and_stays_when_other_files_change() ->
     lines = {file: len(text.splitlines()) for file, text in sources.items()}
     made = {file: mutants_of(file, text) for file, text in sources.items()}
     drawn = draw(made, lines, 200, seed=0)
+
     assert abs(len(drawn) - 200) < 15
     for file in sources:
         assert (
@@ -99,6 +100,7 @@ def test_the_draw_goes_by_lines_and_kinds_and_stays_when_other_files_change() ->
             )
             < 1
         )
+
     assert len({mutant.kind for mutant in drawn}) == len(KINDS)
     names = {mutant.name for mutant in drawn}
     assert {mutant.name for mutant in draw(made, lines, 200, seed=0)} == names
@@ -111,6 +113,7 @@ def test_the_draw_goes_by_lines_and_kinds_and_stays_when_other_files_change() ->
         for mutant in draw(others, lines, 200, seed=0)
         if mutant.file != "light/trace.py"
     }
+
     assert again == {mutant.name for mutant in drawn if mutant.file != "light/trace.py"}
 
 
@@ -140,6 +143,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         {"part.py": {2: ["tests/core/test_part.py::test_larger"]}},
     )
     monkeypatch.setattr(mutants, "find_reach", lambda tree, everything: reach)
+
     return tmp_path
 
 
@@ -163,6 +167,7 @@ def test_survivors_are_listed_unless_there_is_a_reason(
         name.partition(": ")[2]: verdict.verdict
         for name, verdict in mutants.read_verdicts().items()
     }
+
     assert verdicts == {
         "a < b -> a <= b": "survived",
         "a < b -> a >= b": "killed",
@@ -178,6 +183,7 @@ def test_survivors_are_listed_unless_there_is_a_reason(
     reason = "at a = b both are right"
     text = f"[[accepted]]\nmutant = {json.dumps(survivor)}\nreason = {json.dumps(reason)}\n"
     (checkout / "tests" / "mutants.toml").write_text(text)
+
     assert tried(monkeypatch, "--number", "5") == 0
     assert reason in capsys.readouterr().out
 
@@ -195,10 +201,12 @@ def test_a_run_goes_on_where_it_was_stopped(
         mutants, "run", lambda *arguments: counted.append(arguments) or run(*arguments)
     )
     tried(monkeypatch, "--number", "5", "--minutes", "0")
+
     assert len(counted) == 0
     tried(monkeypatch, "--number", "5")
     assert len(counted) == 4
     tried(monkeypatch, "--number", "5")
+
     assert len(counted) == 4
     with (checkout / "tests" / "core" / "test_part.py").open("a") as file:
         file.write("    assert part.larger(5, 5) == 5\n")

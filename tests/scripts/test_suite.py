@@ -79,6 +79,7 @@ def test_the_slowest_tests_of_all_steps_are_named(
         (logs / f"{name}.xml").write_text(
             f"<testsuites><testsuite>{inside}</testsuite></testsuites>"
         )
+
     suite.print_slowest(["quick", "slow", "not run"], 90.0)
     heading, *lines = capsys.readouterr().out.splitlines()
     assert heading == "1.5 minutes, the slowest tests:"

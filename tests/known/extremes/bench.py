@@ -63,12 +63,14 @@ def differs(here: Solution, there: Solution) -> tuple[float, float]:
     one = here.first.view_map.display_from_view(at)
     other = there.first.view_map.display_from_view(at)
     off = np.abs(one - other).max(axis=1)
+
     with np.errstate(
         invalid="ignore"
     ):  # beside the image places may be off by as many times as they are further off
         known = np.isfinite(off) & ((one >= 0) & (one <= here.first.view_map.display_size)).all(
             axis=1
         )
+
     is_same = (np.isnan(one[:, 0]) == np.isnan(other[:, 0])).mean() > 0.999 and known.mean() > 0.3
     colours = np.abs(here.source - there.source)
     return (float(np.quantile(off[known], 0.999)) if is_same else np.inf), float(
@@ -201,6 +203,7 @@ def ratio(quick: bool) -> Rows:
         furthest(a_rig, here, closed_forms.through_ball(o, d, tiny, N)),
         3e-4 if quick else 1e-5,
     )
+
     for large in (
         0.08,
         1.0,
@@ -210,6 +213,7 @@ def ratio(quick: bool) -> Rows:
         found = traced(replace(a_rig, glasses=(*a_rig.glasses, aside)), o, d)
         off = worst((found.xy - here.xy)[here.has_arrived])
         yield exact(f"what a ball of {large:g} m beside it changes in landings", off, 1e-7, "px")
+
     glasses = (
         Glass("block", box([0.25] * 3, (0, 0, 0)), ConstantIndex(N)),
         Glass("bubble", icosphere(tiny, 4 if quick else 5), ConstantIndex(1.0)),
@@ -235,6 +239,7 @@ def many_triangles(quick: bool) -> Rows:
         1e-11,
         "px",
     )
+
     # faces that turn by less than a quarter of a degree are
     # followed as drawn, which costs less than 1e-3 px
     for level, bound in ((5, 1e-5),) if quick else ((5, 1e-5), (9, 1e-3)):
@@ -264,6 +269,7 @@ def strips(cuts: Floats) -> Mesh:
         [high[0], high[2], high[1]],
         [high[0], high[3], high[2]],
     ]
+
     return Mesh(v, np.concatenate([around, ends]))
 
 
@@ -315,12 +321,14 @@ def notched() -> Mesh:
                     quad.append(at)
                 quad = quad if side else quad[::-1]
                 corners += [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]
+
     v, index = np.unique(np.reshape(corners, (-1, 3)), axis=0, return_inverse=True)
     t = index.reshape(-1, 3)
     innermost = np.flatnonzero((v == 1).all(axis=1))[0]
     first = np.flatnonzero((t == innermost).any(axis=1))[0]
     t[[0, first]] = t[[first, 0]]
     t[0] = np.roll(t[0], -np.flatnonzero(t[0] == innermost)[0])
+
     return Mesh((v - 1) * 0.025, t)
 
 
@@ -343,6 +351,7 @@ def badly_drawn(quick: bool) -> Rows:
         corner_normals=np.concatenate([ball.corner_normals, ball.corner_normals[:, ::-1]]),
         is_smooth=np.ones(2 * len(ball.triangles), bool),
     )
+
     pairs = {
         "faces of one or two different corners": (
             replace(slab, triangles=np.r_[t, [[0, 0, 1], [2, 2, 2]]]),
@@ -432,6 +441,7 @@ def not_solid(quick: bool) -> Rows:
     )
     ball = icosphere(0.025, 3, smooth=False)
     end = 0.02 * np.array([1.0, -1.0, 1.0])
+
     for name, (start, stop) in (("within", (0 * end, end)), ("without", (end, 0 * end))):
         stick = rod(start, stop, 0.003)
         a_rig = slab_rig(joined(ball, stick))
@@ -445,6 +455,7 @@ def not_solid(quick: bool) -> Rows:
             1e-9,
             "px",
         )
+
     touching = joined(slab, box([0.1, 0.01, 0.1], (0, -0.005, 0)))
     found = solve(slab_rig(touching, pixels=64, field=0.3, picture=0.2, display=0.3))
     lost = found.misses["cut off by Max Events"]
@@ -515,6 +526,7 @@ def filled_cavity(*levels: int) -> Rig:
         Glass("block", joined(shaded, cavity), ConstantIndex(N)),
         Glass("ball", ball, ConstantIndex(N)),
     )
+
     return slab_rig(glasses, field=0.045)
 
 
@@ -546,6 +558,7 @@ def at_the_plate(quick: bool) -> Rows:
     along = (Y + Z) / 2**0.5
     axes = np.stack([X, normal, along], axis=1)
     flat = box([0.2, 0.02, 0.2])
+
     for name, off in (
         ("lying on the plate, before it", -0.01),
         ("lying on the plate, behind it", 0.01),
@@ -575,6 +588,7 @@ def at_the_plate(quick: bool) -> Rows:
         yield exact(
             f"landing, glass {name}", worst(found.positions - expected) + wrong, 1e-15 * 8, "m"
         )
+
     for name, z in (
         ("before the display", -0.14),
         ("cut by the display", -0.15),
@@ -682,6 +696,7 @@ def thin_panel(quick: bool) -> Rows:
     through = on(o, d, [(-0.5e-6 * normal, normal, 1, N), (0.5e-6 * normal, normal, N, 1)])
     yield exact("landing", furthest(a_rig, traced(a_rig, o, d), through), 1e-11, "px")
     o, d = rays_of(slab_rig())
+
     for thick in (1e-7, 1e-9):
         a_rig = slab_rig(box([0.3, thick, 0.3]))
         through = on(o, d, layers((-thick / 2, N), (thick / 2, 1)))
@@ -691,6 +706,7 @@ def thin_panel(quick: bool) -> Rows:
             1e-11,
             "px",
         )
+
     pair = [box([0.3, 1e-6, 0.3], (0, y, 0)) for y in (-1e-6, 1e-6)]
     pair_rig = slab_rig(tuple(Glass(f"panel {k}", m, ConstantIndex(N)) for k, m in enumerate(pair)))
     through = on(o, d, layers((-1.5e-6, N), (-0.5e-6, 1), (0.5e-6, N), (1.5e-6, 1)))
@@ -713,6 +729,7 @@ def fibre(quick: bool) -> Rows:
     d = np.tile([np.sin(entry), np.cos(entry), 0], (7, 1))
     o = np.stack([start, np.full(7, -0.05), np.linspace(-0.1, 0.1, 7)], axis=1) - 0.01 * d
     found = traced(a_rig, o, d, max_events=n_reflections + 10)
+
     # unfolded: the mirror images of the fibre side by side, of
     # which every other one is the wrong way round
     p, _ = on(o, d, [(-0.05 * Y, Y, 1, N), (0.05 * Y, Y, N, N)])
@@ -764,6 +781,7 @@ def orthographic(quick: bool) -> Rows:
         3e-4 if quick else 1e-5,
     )
     near = traced(a_rig, o, d)
+
     for far in (1e3, 1e6):
         a_rig = ball_rig(quick, viewer_distance=far)
         o, d = rays_of(a_rig)
@@ -772,6 +790,7 @@ def orthographic(quick: bool) -> Rows:
         yield within(
             f"landing, {far:g} m away", furthest(a_rig, found, through), 3e-4 if quick else 1e-5
         )
+
     both = found.has_arrived & near.has_arrived & (found.branch == near.branch)
     yield within(
         "orthographic beside 1e6 m away", np.quantile(np.abs(found.xy - near.xy)[both], 0.99), 1e-3
@@ -784,10 +803,12 @@ def edge_on(quick: bool) -> Rows:
     plate = replace(a_rig.plates[0], mesh=rectangle(0.15 * Y, X, Y, 0.3, 0.3))
     yield refused(replace(a_rig, plates=(plate,)), "no ray reaches the plate")
     flat = slab_rig(pixels=16, projection="orthographic")
+
     for name, base in (("perspective", a_rig), ("orthographic", flat)):
         display = replace(base.display, mesh=rectangle(0.15 * (Y - Z), X, Z, 0.1, 0.1))
         yield refused(replace(base, displays=(display,)), "display")
         assert name
+
     o, d = rays_of(flat)
     for power in (2, 4, 8):
         angle = 10.0**-power
@@ -805,6 +826,7 @@ def edge_on(quick: bool) -> Rows:
             else np.inf
         )
         yield exact(f"landing, display 1e-{power} rad from edge-on", off, 1e-11 / angle, "px")
+
     yield refused(
         rig(box([0.02] * 3, (0.5, 0, 0)), pixels=16), "no ray from the viewer meets the glass"
     )

@@ -60,6 +60,7 @@ def index_one(quick: bool) -> Rows:
         "directions changed by an interface, cosines from 1e-16 to 1", np.count_nonzero(out != d)
     )
     yield exact("total reflections among them", np.count_nonzero(is_tir))
+
     for name, glass in (
         ("box", box([0.05] * 3, degrees_about_z=15.8)),
         ("ball", icosphere(0.025, 4)),
@@ -103,6 +104,7 @@ def index_nearly_one(quick: bool) -> Rows:
     o, d = rays_of(straight_rig, 33)
     straight = traced(straight_rig, o, d).positions
     glass = straight_rig.glasses[0]
+
     for n in (1 - 1e-9, 1 + 1e-9):
         bent_rig = replace(straight_rig, glasses=(replace(glass, ior=ConstantIndex(n)),))
         found = traced(bent_rig, o, d).positions - straight
@@ -148,6 +150,7 @@ def ball_of_two(quick: bool) -> Rows:
     steps = []
     finish(tracing(make_plan(a_rig, Settings()), o, d, steps=steps))
     b = np.hypot(o[:, 0], o[:, 2])
+
     # the chord turns the exit point to 2 a' - a off the
     # axis, which begins with the third power of b
     angle = 2 * np.arcsin(b / 0.025 / 2) - np.arcsin(b / 0.025)
@@ -187,6 +190,7 @@ def bubble(quick: bool) -> Rows:
     yield within(
         "landing through the bubble", furthest(a_rig, found, exit_, 0.1), 2e-3 if quick else 5e-5
     )
+
     # beyond b = R / n light is turned back into the water at
     # the bubble: it meets it once, or goes a long way
     sure = np.abs(nearest - 1 / water) > 1e-4
@@ -208,6 +212,7 @@ def nearly_equal(quick: bool) -> Rows:
     d = closed_forms.unit(
         np.stack([N * slopes, np.sqrt(1 - (N * slopes) ** 2), 0 * slopes], axis=1)
     )
+
     for more in (-1e-12, 1e-12):
         inner = N * (1 + more)
         a_rig = without_plate(
@@ -243,6 +248,7 @@ def critical(quick: bool) -> Rows:
     eta = Extended(N)
     apart_by = np.concatenate([s * 10.0 ** -np.arange(3, 16) for s in (-1, 1)])
     random = np.random.default_rng(3)
+
     off_by = []
     unsure = []
     for _ in range(20 if quick else 2000):
@@ -267,6 +273,7 @@ def critical(quick: bool) -> Rows:
         expected = eta * along - np.sqrt(np.maximum(k, 0))[:, None] * long_n
         allowed = 4 * EPS / np.sqrt(np.maximum(k, 1e-30))
         off_by.append((np.linalg.norm(out - expected, axis=1) / allowed)[passed].max())
+
     yield exact(
         "furthest from the critical angle that a ray is put into the wrong class",
         worst(unsure),
@@ -394,6 +401,7 @@ def through_vertices(quick: bool) -> Rows:
         "icosphere": icosphere(0.025, 3 if quick else 5),
     }
     bound = 0.02 if quick else 3e-5
+
     for name, mesh in shapes.items():
         for pixels in (32, 33):
             a_rig = rig(mesh, pixels=pixels, projection="orthographic", field=0.03)
@@ -402,6 +410,7 @@ def through_vertices(quick: bool) -> Rows:
             through = closed_forms.through_ball(o, d, 0.025, N)
             yield within(f"landing, {name}, {pixels} px", furthest(a_rig, found, through), bound)
             yield exact("rays lost inside", np.count_nonzero(found.reason == Reason.LOST_INSIDE))
+
     for pixels in (32, 33):
         seen = solve(
             rig(
@@ -547,6 +556,7 @@ def conditions(quick: bool) -> Rows:
     radial, across = lens.stretch(b)
     fold = b[np.flatnonzero(np.diff(np.sign(radial)))[0]]
     view_map = solve(a_rig).first.view_map
+
     for power in (2, 4, 6, 8):
         low = np.full(1, fold - 0.002)
         high = np.full(1, fold + 1e-6)
@@ -602,6 +612,7 @@ def many_to_one(quick: bool) -> Rows:
             f"{n_viewer}^2 viewer, {n_display}^2 display pixels: colours of a ramp", off, 1e-6, ""
         )
         yield exact("area", abs(found.weight.sum() - n_viewer**2) / n_viewer**2, 1e-12, "")
+
     lens = Lens(N * 0.025 / (2 * (N - 1)))
     pixels = 96 if quick else 1024
     a_rig = lens.rig(quick, display_pixels=8, pixels=pixels, field=0.03, display=0.016)

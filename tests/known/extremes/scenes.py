@@ -61,16 +61,19 @@ def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> 
     drawn.from_pydata(
         ((mesh.vertices - centre) @ turn / metres).tolist(), [], mesh.triangles.tolist()
     )
+
     if mesh.is_smooth is not None and mesh.is_smooth.all():
         drawn.shade_smooth()
     else:
         drawn.shade_flat()
+
     if mesh.uv is not None:
         drawn.uv_layers.new().data.foreach_set("uv", mesh.uv.astype(np.float32).ravel())
     thing = bpy.data.objects.new(role, drawn)
     place(thing, centre, turn, metres)
     bpy.context.scene.collection.objects.link(thing)
     thing.kiriko.role = role
+
     return thing
 
 
@@ -88,6 +91,7 @@ def read(
     viewer = a_rig.viewer
     scene.unit_settings.system, scene.unit_settings.scale_length = system, metres
     aside = far * np.array([0.3137, -0.7091, 0.4173])
+
     parts = {
         "GLASS": a_rig.glasses[0],
         "PLATE": a_rig.plates[0],
@@ -107,6 +111,7 @@ def read(
             blank.colorspace_settings.name = "Non-Color"
             blank.pixels.foreach_set(np.ascontiguousarray(part.image[::-1], np.float32).ravel())
             thing.kiriko.image = blank
+
     lens = bpy.data.cameras.new("viewer")
     lens.angle = 2 * np.arctan(viewer.window[1])
     camera = bpy.data.objects.new("viewer", lens)
@@ -116,6 +121,7 @@ def read(
     scene.camera = camera
     scene.render.resolution_x, scene.render.resolution_y = viewer.width, viewer.height
     bpy.context.view_layer.update()
+
     return core("blender.scene").read(bpy.context, scene).rig
 
 
@@ -159,6 +165,7 @@ def units(quick: bool) -> Rows:
     ball = ball_rig(True, pixels=pixels, display_pixels=pixels)
     here = solved(read(ball, "METRIC", 1.0))
     yield within("landing, slab, scene in m", landing_error(slab, read(slab, "METRIC", 1.0)), 5e-4)
+
     for name, unit in UNITS.items():
         yield within(
             f"landing, slab, scene in {name}", landing_error(slab, read(slab, *unit)), 5e-4
@@ -168,6 +175,7 @@ def units(quick: bool) -> Rows:
             f"source image's places, ball, {name} against m: float32 rounds otherwise", places, 5e-4
         )
         yield within("its colours", colours, 1e-3, "")
+
     places, colours = differs(here, solved(read(ball, "METRIC", 2.0**-10)))
     yield within("source image's places, unit of 2^-10 m: float32 rounds alike", places, 1e-6)
     yield within("its colours", colours, 1e-6, "")

@@ -39,6 +39,7 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
     radius = 10 ** random.uniform(-3, 0, n)
     index = random_indices(random, n)
     index = index[0] / index[1]
+
     # anywhere, near the rim, near the middle, near total reflection
     which = random.integers(0, 4, n)
     anywhere = np.sqrt(random.random(n))
@@ -50,11 +51,13 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
     far = radius * np.maximum(1.001, 10 ** random.uniform(-3, 4, n) / radius)
     o = (beside * radius)[:, None] * across - far[:, None] * d
     scale = 1 + far / radius  # a rounding of where light comes from, in parts of the radius
+
     with mpmath.workdps(DIGITS):
         exact_o = exactly(o)
         exact_d = unit(exactly(d))
         r = exactly(radius)
         meets = dot(exact_o, exact_o) - dot(exact_o, exact_d) ** 2 < r**2
+
     o, d, radius, index, scale, exact_o, exact_d, r = (
         column[meets] for column in (o, d, radius, index, scale, exact_o, exact_d, r)
     )
@@ -88,4 +91,5 @@ def judge_balls(n: int, seed: int = 0) -> list[Verdict]:
         refracted = verdict(
             "ball, refracted at its normals", error, k, describe, is_wrong, np.abs(beyond) / scale
         )
+
     return [closed, refracted]

@@ -66,6 +66,7 @@ def march(array: MirrorArray, place: np.ndarray, direction: np.ndarray) -> March
     layers = (
         [families] if array.layout == "holes" else [[f] for f in families][:: 1 if dz > 0 else -1]
     )
+
     for layer in layers:
         slits = [mpmath.floor((x * c + y * s - first) / pitch) for _, c, s, first in layer]
         clear = min(clear, margin(x, y, layer, slits, pitch))
@@ -92,6 +93,7 @@ def march(array: MirrorArray, place: np.ndarray, direction: np.ndarray) -> March
             if counts[k] > MOST_REFLECTIONS:
                 return None
         clear = min(clear, margin(x, y, layer, slits, pitch))
+
     dx, dy = dx * index, dy * index
     path = 2 * back + len(layers) * way
     return March(
@@ -158,6 +160,7 @@ def through_one_array(random: np.random.Generator) -> Cases:
         far_from(exact, found.positions) / scale, far_from(direction, found.directions)
     )
     k = d[:, 2] ** 2
+
     return Cases(error, k, is_wrong, clear / scale * np.sqrt(k), named(array, place, d))
 
 

@@ -58,6 +58,7 @@ def random_prism(random: np.random.Generator) -> Prism:
         at = np.sort(random.uniform(0, 2 * np.pi, 3))
         if np.diff([*at, at[0] + 2 * np.pi]).min() > np.radians(40):
             break
+
     radius = random.uniform(0.005, 0.06)
     index = random.choice(
         [
@@ -67,6 +68,7 @@ def random_prism(random: np.random.Generator) -> Prism:
             1 + random.choice([-1, 1]) * 10 ** random.uniform(-12, -3),
         ]
     )
+
     return Prism(
         radius * np.stack([np.cos(at), np.sin(at)], axis=1), random.uniform(0.02, 0.1), float(index)
     )
@@ -100,6 +102,7 @@ def random_light_into(
     across = np.cos(azimuth) * along + np.sin(azimuth) * np.array([0, 0, 1.0])
     out = np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * across
     out[is_inside] -= 2 * (out * normal)[is_inside].sum(axis=1)[:, None] * normal[is_inside]
+
     # of those in the glass, on to where they leave it, backwards
     way = np.full(n, np.inf)
     last = np.zeros((n, 3))
@@ -110,6 +113,7 @@ def random_light_into(
         nearer = is_inside & (side != k) & (slope > 0) & (t < way)
         way[nearer] = t[nearer]
         last[nearer] = normals[k]
+
     met = np.isfinite(way)
     place[met] += way[met, None] * out[met]
     out[met] = closed_forms.snell(out[met], last[met], index, 1.0)
@@ -119,6 +123,7 @@ def random_light_into(
         & (np.abs(place[:, 2]) < 0.49 * prism.height)
     )
     d = -closed_forms.unit(out[keep])
+
     return place[keep] - 10 ** random.uniform(-3, 4, (len(d), 1)) * d, d
 
 
@@ -149,6 +154,7 @@ def through_prism(
     k = mpmath.inf
     off = mpmath.inf
     is_inside, clear = False, mpmath.inf
+
     for event in range(1, MOST_EVENTS + 1):
         ways = []
         for m, level in planes:
@@ -183,6 +189,7 @@ def through_prism(
             is_inside = not is_inside
         if not is_inside:
             return End(p, d, event, float(k), float(off), float(clear))
+
     return None
 
 
@@ -201,6 +208,7 @@ def through_one_prism(random: np.random.Generator) -> Cases:
     is_wrong = (landings.n_events != n_events) | (landings.reason != Reason.MISSED_PLATE)
     error = far_from(place, landings.positions) / (np.linalg.norm(o, axis=1) + prism.height)
     error = np.maximum(error, far_from(direction, landings.directions))
+
     return Cases(error / n_events, k, is_wrong, off, named(prism, o, d))
 
 

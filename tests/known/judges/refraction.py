@@ -29,6 +29,7 @@ def snell(
     depth = sqrt(np.where(is_through, k, 0 * k))
     out = (n1 / n2)[:, None] * across - depth[:, None] * normals
     out[~is_through] = mpmath.nan
+
     # sines beyond 1 have no angle; the critical angle is then 90 degrees and more away
     critical = asin(np.where(n2 < n1, n2 / n1, 1 + 0 * n1))
     beyond = np.where(n2 < n1, atan2(sine, cosine) - critical, -mpmath.pi)
@@ -94,6 +95,7 @@ def judge_refraction(n: int, seed: int = 0) -> list[Verdict]:
         error = np.abs(
             ((np.where(given, fresnel, plain) - transmittance[some]) / (1 + slope)).astype(float)
         )
+
     return [
         found,
         verdict("transmittance", error, k[some].astype(float), lambda i: describe(some[i])),

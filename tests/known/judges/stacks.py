@@ -52,6 +52,7 @@ def random_stack(random: np.random.Generator, least: float) -> Stack:
     for _ in range(m - 1):
         nearly = indices[-1] * (1 + random.choice([-1, 1]) * 10 ** random.uniform(-12, -3))
         indices.append(nearly if random.random() < 0.5 else random.uniform(least, 2))
+
     bounds = np.cumsum([0, *10 ** random.uniform(-6, -2, m)])
     bounds -= bounds[-1] / 2
     if m == 3 and random.random() < 0.7:
@@ -59,6 +60,7 @@ def random_stack(random: np.random.Generator, least: float) -> Stack:
         solids = [slab(bounds[0], bounds[3], HALF), slab(bounds[1], bounds[2], 0.9 * HALF)]
     else:
         solids = [slab(*bounds[i : i + 2], HALF) for i in range(m)]
+
     glasses = (
         Glass(f"{i}", mesh, ConstantIndex(n))
         for i, (mesh, n) in enumerate(zip(solids, indices, strict=False))
@@ -121,6 +123,7 @@ def through_stack(stack: Stack, origins: np.ndarray, directions: np.ndarray) -> 
             tangent = sine / media[j] / sqrt(np.where(going, behind, 1 + 0 * sine))
             shift = shift + np.where(going, thickness * tangent, 0 * shift)
             events += going
+
     lost = sine == 0
     sideways = shift[:, None] * along / np.where(lost, 1 + sine, sine)[:, None]
     entry = o + ((y[0] - o[:, 1]) / d[:, 1])[:, None] * d
@@ -128,6 +131,7 @@ def through_stack(stack: Stack, origins: np.ndarray, directions: np.ndarray) -> 
     places[:, 1] = height
     out = d.copy()
     out[~going, 1] *= -1
+
     return Path(places, out, events, k, off, np.abs(shift.astype(float)))
 
 
@@ -160,6 +164,7 @@ def through_one_stack(random: np.random.Generator) -> Cases:
     plan = make_plan(rig(stack.glasses, **OUT_OF_THE_WAY), Settings())
     landings = trace_all(plan, o, d)
     is_wrong = (landings.n_events != path.n_events) | (landings.reason != Reason.MISSED_PLATE)
+
     # an error of the direction at cosine c in a layer is one of
     # the way along it, which it divides by c once more
     scale = np.linalg.norm(o, axis=1) + HALF + path.reach / np.sqrt(path.k)
@@ -167,6 +172,7 @@ def through_one_stack(random: np.random.Generator) -> Cases:
         far_from(path.places, landings.positions) / scale,
         far_from(path.directions, landings.directions),
     )
+
     return Cases(error, path.k, is_wrong, path.off, named(stack, o, d))
 
 
