@@ -1,6 +1,7 @@
 """Normals that agree where curved faces meet, and whether the faces are to be trusted."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,11 +11,32 @@ from .curved import FACES_AT_ONCE
 from .meshes import Edges
 from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
-# radians: normals that differ by less move landings by
-# 1e-3 px; those of fine meshes do, 1e-7 and less
-AGREE = 1e-6
-# of a face's gain over its facet: where normals of noisy balls jump by 0.25 of it, it gains nothing
-TRUSTED = 0.2
+
+@dataclass(frozen=True)
+class AgreementKnobs:
+    """When normals of neighbours agree, and faces are trusted for it (design.md, decision 3).
+
+    agree : rad: normals that differ by less move landings by 1e-3 px; those of fine regular meshes
+        do, by 1e-7 and less
+    trusted : part of a face's gain over its facet that its normals may jump by. Tuned by
+        `dev.py irregular` on noisy balls and tori: where normals jump by 0.25 of it, it gains
+        nothing
+    """
+
+    agree: float = 1e-6
+    trusted: float = 0.2
+
+
+AGREEMENT = AgreementKnobs()
+
+
+class Agreed(NamedTuple):
+    """Normals (p, 12, 3) at the nodes that neighbours agree on,
+    and about how far they are off, jump (p, 9), rad, at the nodes on edges.
+    """
+
+    normals: Floats
+    jump: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,22 +60,25 @@ class Beside:
         triangle = np.full((len(chosen), 3), -1, np.int32)
         edge = np.zeros((len(chosen), 3), np.int8)
         is_drawn = np.zeros((len(chosen), 3), bool)
+
+        # both sides of each joined edge
         f, s, i, j = (
             x[is_joined]
             for x in (edges.first, edges.second, edges.corner_first, edges.corner_second)
         )
         both = (row[f] >= 0) & (row[s] >= 0)
-        triangle[row[f[both]], i[both]], edge[row[f[both]], i[both]] = s[both], j[both]
-        triangle[row[s[both]], j[both]], edge[row[s[both]], j[both]] = f[both], i[both]
+        for here, e, there, other in ((f, i, s, j), (s, j, f, i)):
+            triangle[row[here[both]], e[both]] = there[both]
+            edge[row[here[both]], e[both]] = other[both]
+
         for here, e in ((f, i), (s, j)):
             ends = ~both & (row[here] >= 0)
             is_drawn[row[here[ends]], e[ends]] = True
         return cls(row, triangle, edge, is_drawn)
 
 
-def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tuple[Floats, Floats]:
-    """Normals (p, 12, 3) at the nodes that neighbours agree on,
-    and about how far they are off, rad, at the first 9.
+def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agreed:
+    """Normals that neighbours agree on.
 
     On an edge it is the mean of both sides, and a facet's own where it runs on as drawn; inside it
     is the face's own, changed as the edges are. Both sides interpolate the same numbers along an
@@ -74,16 +99,21 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tupl
         facets = np.matmul(NODES[:N_ON_EDGES], corners)
         change = np.zeros_like(own[some])
         change[:, N_NODES:] = corners - own[some, N_NODES:]
+
         for edge in range(3):
             nodes = slice(3 * edge, 3 * edge + 3)
             mine = own[some, nodes]
             found = agreed[some, nodes]
             triangle = beside.triangle[some, edge]
             is_drawn = beside.is_drawn[some, edge]
+
+            # the face across the edge, whose area counts, too
             other = beside.row[triangle]
             # it runs the other way there
             first = other * len(AT) + 3 * beside.edge[some, edge]
             theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
+
+            # a mean, in which each weighs by its area squared
             both = squared[some] + squared[other]
             my_part = squared[some] / both
             their_part = squared[other] / both
@@ -97,19 +127,15 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> tupl
             jump[k + alone, nodes] = 0.0
             found[is_drawn] = facets[is_drawn, nodes]
             change[:, nodes] = found - mine
+
         # others keep their own normals
-        differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREE / 10)
+        differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREEMENT.agree / 10)
         agreed[k + differ, N_ON_EDGES:] += np.matmul(INWARD, change[differ])
-    return agreed, jump
+    return Agreed(agreed, jump)
 
 
 def trusted(
-    corners: Floats,
-    coefficients: Floats,
-    at_corners: Floats,
-    vertex: Ints,
-    agreed: Floats,
-    jump: Floats,
+    corners: Floats, coefficients: Floats, at_corners: Floats, vertex: Ints, agreed: Agreed
 ) -> Bools:
     """Which curved faces (p,) are nearer to the surface meant than
     their facets, as far as the fit can tell by itself.
@@ -123,18 +149,20 @@ def trusted(
     ----------
     corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p,
         3, 3) unit normals of the vertices (p, 3)
-    agreed, jump : of `agree`
+    agreed : normals that neighbours agree on
     """
-    away = agreed - normalise(np.matmul(NODES, at_corners))
+    away = agreed.normals - normalise(np.matmul(NODES, at_corners))
     turned = np.einsum("nkc,nkc->n", away, away) / N_NODES
+
     # a ray that meets the face later, by its height, finds it turned by so much more
     height = length_of(np.matmul(AT_NODES, coefficients)).max(axis=1)
     along, turn = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in (corners, at_corners))
-    unsure = (jump**2).mean(axis=1)
+
+    unsure = (agreed.jump**2).mean(axis=1)
     gained = (np.sqrt(turned) + height * turn / along) ** 2
 
     def is_believed(unsure: Floats, gained: Floats) -> Bools:
-        return unsure <= TRUSTED**2 * gained + AGREE**2
+        return unsure <= AGREEMENT.trusted**2 * gained + AGREEMENT.agree**2
 
     is_fine = is_believed(
         *(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in (unsure, gained))

@@ -20,7 +20,7 @@ from .meshes import (
     volume_of,
 )
 from .motion import Motion
-from .surface_fit import make_curved
+from .surface_fit import Drawn, make_curved
 
 # a surface that turns by less over each triangle is as good as curved: 1e-3 display px
 LEAST_TURN = np.radians(0.25)
@@ -98,6 +98,8 @@ def making_surface(
     normals = geometric_normals(corners)
     edges = find_edges(index)
     yield 0
+
+    # smooth-shaded faces, but for those whose normals are their own
     is_bent = np.zeros(len(index), bool)
     curved = None
     n_contradicted = 0
@@ -118,6 +120,8 @@ def making_surface(
         )
         by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
         n_contradicted = int((is_smooth & ~is_usable).sum())
+
+    # curved faces over them, where they turn far enough
     is_joined = find_joined(by_corner, edges)
     if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
@@ -125,31 +129,30 @@ def making_surface(
         # vertices, against the error of bent normals
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
-            given = (
-                mesh.vertices,
-                index,
-                by_corner,
-                is_bent,
-                edges,
-                is_joined,
-                normals,
-                mesh.has_mean_normals,
+            drawn = Drawn(
+                vertices=mesh.vertices,
+                triangles=index,
+                corner_normals=by_corner,
+                facets=normals,
+                edges=edges,
+                is_joined=is_joined,
             )
             curved, is_doubted = yield from make_curved(
-                *given, is_automatic=mesh.surface == "automatic"
+                drawn, is_bent, mesh.has_mean_normals, mesh.surface == "automatic"
             )
             if curved is not None:
                 is_bent &= curved.row < 0
             n_doubted = int(is_doubted.sum())
             n_contradicted += int(is_bent.sum()) - n_doubted
+
     return Surface(
-        corners,
-        normals,
-        curved,
-        by_corner if is_bent.any() else None,
-        is_bent,
-        components(len(index), edges.first[is_joined], edges.second[is_joined]),
-        edges.n_open,
-        n_contradicted,
-        n_doubted,
+        corners=corners,
+        normals=normals,
+        curved=curved,
+        corner_normals=by_corner if is_bent.any() else None,
+        is_bent=is_bent,
+        patch=components(len(index), edges.first[is_joined], edges.second[is_joined]),
+        n_open=edges.n_open,
+        n_contradicted=n_contradicted,
+        n_doubted=n_doubted,
     )

@@ -2,6 +2,8 @@
 faces' normals.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .. import kernel
@@ -12,19 +14,39 @@ from .quartics import N_TERMS
 from .vertex_fields import RIDGE, Fields, gradients, system, tangent_planes
 from .vertices import Vertices
 
-# sweeps in which normals are found from vertices, and the change at which they end
-SWEEPS = 40
-SETTLED = 1e-10
-# of the turn to a neighbour: found normals further from the mean have to prove themselves
-MOVED = 0.2
-MOST_MOVED = 0.5
-# ... by chords to neighbours, which contradict them by no more of it; noise and rims make it more
-STRAIGHT = 0.1
 
-BULGE = np.radians(4)  # edges that turn by less cannot bulge enough to matter
-JUMP = 5.0  # a curvature that grows this much from one edge to the next, across a vertex, ...
-# ... on an edge this much shorter, means normals that belong to a bevel, not to the face beside it
-SHORTER = 3.0
+@dataclass(frozen=True)
+class NormalKnobs:
+    """How normals are found from vertices, and which are believed (design.md, decision 3).
+
+    Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: where vertices lie
+    on the surface chords contradict found normals by 0.001 of the turn and less.
+
+    Parameters
+    ----------
+    sweeps, settled : so many at most, and the change of normals at which they end
+    moved : of the turn to a neighbour: found normals further from the mean have to prove themselves
+    most_moved : of it: those further are refused
+    straight : of it, by which chords to neighbours may contradict them; noise and rims make it more
+    bulge : rad: edges that turn by less cannot bulge enough to matter
+    jump : a curvature that grows this much from one edge to the next, across a vertex, ...
+    shorter : ... on an edge this much shorter, means normals that belong to a bevel, not to the
+        face beside it
+    straight_on : cosine between edges of which one goes on as the other
+    """
+
+    sweeps: int = 40
+    settled: float = 1e-10
+    moved: float = 0.2
+    most_moved: float = 0.5
+    straight: float = 0.1
+    bulge: float = np.radians(4)
+    jump: float = 5.0
+    shorter: float = 3.0
+    straight_on: float = -0.7
+
+
+NORMALS = NormalKnobs()
 
 
 def find_normals(v: Vertices, wanted: Bools) -> Floats:
@@ -37,7 +59,8 @@ def find_normals(v: Vertices, wanted: Bools) -> Floats:
     """
     normal = v.normal.copy()
     if kernel.library() is not None:
-        kernel.Fit(v, tangent_planes(v)).settle_normals(wanted, RIDGE, normal, SWEEPS, SETTLED)
+        fit = kernel.Fit(v, tangent_planes(v))
+        fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
     else:
         _settle_normals(v, tangent_planes(v), wanted, normal)
 
@@ -46,8 +69,9 @@ def find_normals(v: Vertices, wanted: Bools) -> Floats:
     with np.errstate(invalid="ignore"):
         turn = np.maximum.reduceat(turn, v.first[:-1])
         moved = length_of(normal - v.normal)
-        is_near = moved <= MOVED * turn
-        is_straight = (moved <= MOST_MOVED * turn) & (_bend(v, normal) < STRAIGHT * turn)
+        is_near = moved <= NORMALS.moved * turn
+        is_straight = _bend(v, normal) < NORMALS.straight * turn
+        is_straight &= moved <= NORMALS.most_moved * turn
 
     # normals are found together: one far from the mean is no
     # better than the worst of its neighbours
@@ -74,14 +98,16 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = system(v, fields, some, pairs, slice(None))
         weighted = rows * weights[..., None]
+
         slope = np.zeros((len(some), N_TERMS, 2))
         slope[:, [0, 1], [0, 1]] = 1.0
         # rows of the pseudo-inverse that give the slope; the matrix is symmetric
         inverse = np.matmul(weighted, solve_symmetric(matrix, slope))
+
         m = pairs.shape[1]
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
 
-    for _ in range(SWEEPS):
+    for _ in range(NORMALS.sweeps):
         change = 0.0
         before = normal.copy()
         for some, pairs, from_heights, from_slopes in solvers:
@@ -95,7 +121,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
             found = normalise(found)
             change = max(change, float(np.abs(found - before[some]).max(initial=0.0)))
             normal[some] = found
-        if change < SETTLED:
+        if change < NORMALS.settled:
             break
 
 
@@ -109,15 +135,16 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     length = length_of(away)
     direction = away / np.maximum(length, 1e-300)[:, None]
     turn = np.abs(dot(taken(normal, v.end) - taken(normal, v.start), direction))
+
     is_bad = np.zeros(len(v.start), bool)
-    suspect = wanted & (np.bincount(v.start, turn > BULGE, len(v.at)) > 0)
+    suspect = wanted & (np.bincount(v.start, turn > NORMALS.bulge, len(v.at)) > 0)
     for _, pairs in v.by_valence(suspect):
         facing = np.einsum("nic,njc->nij", direction[pairs], direction[pairs])
         on = np.take_along_axis(pairs, facing.argmin(axis=2), axis=1)  # the pair straight on
         is_bad[pairs] = (
-            (facing.min(axis=2) < -0.7)
-            & (turn[pairs] > BULGE)
-            & (length[pairs] > SHORTER * length[on])
-            & (turn[on] * length[pairs] > JUMP * turn[pairs] * length[on])
+            (facing.min(axis=2) < NORMALS.straight_on)
+            & (turn[pairs] > NORMALS.bulge)
+            & (length[pairs] > NORMALS.shorter * length[on])
+            & (turn[on] * length[pairs] > NORMALS.jump * turn[pairs] * length[on])
         )
     return is_bad

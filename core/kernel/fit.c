@@ -9,7 +9,7 @@
 #define N_NODES 12
 #define LEAST_UPRIGHT 0.2 /* as in vertex_fields.py, like the next */
 #define LEAST_DISTANCE 1e-12
-#define STEPS 2 /* as in surface_fit.py */
+#define STEPS 2 /* as in fitted_faces.py */
 
 static const int POWERS[N_TERMS][2] = {{1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}, {3, 0}, {2, 1},
                                        {1, 2}, {0, 3}, {4, 0}, {3, 1}, {2, 2}, {1, 3}, {0, 4}};
@@ -265,7 +265,7 @@ static void find_some_offsets(void *context, int64_t first, int64_t last) {
 }
 
 /* Add the offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3) to zeros; nodes (12, 3) and weights
-   (12, 3) are those of quartics.py and surface_fit.py. */
+   (12, 3) are those of quartics.py and fitted_faces.py. */
 KIRIKO_API void kiriko_find_offsets(const Fit *fit, const double *coefficients, const double *nodes,
                                     const double *weights, const int64_t *corner, int64_t n, double *offsets,
                                     int64_t n_threads) {

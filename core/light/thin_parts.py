@@ -12,15 +12,34 @@ from ..arrays import Bools, Floats, Ints
 from ..glass.meshes import Frames
 from ..steps import Pauses
 
-MOST_PATCHES = 4096  # with more patches whole parts are looked for
-CHUNKS = 512, 64, 8, 1  # triangles that boxes hold, level by level below those of whole patches
-PAIRS_AT_ONCE = 1 << 18
-BOXES_AT_ONCE = 1 << 13
-# pairs of a bundle and a box, from which on they are looked into in so many turns
-MANY = 4096
-TURNS = 2
-WIDEST = 1 / 16  # of the rig's size: a bundle whose rays are further apart would touch everything
-DIGITS = 10  # binary, of each coordinate by which triangles are sorted
+
+@dataclass(frozen=True)
+class ThinPartsKnobs:
+    """How boxes are made and looked into; tuned for time by `dev.py growth` and `dev.py bench`.
+
+    Parameters
+    ----------
+    most_patches : with more patches whole parts are looked for
+    in_boxes : triangles that boxes hold, level by level below those of whole patches
+    pairs_at_once : of bundles and units of the rig
+    boxes_at_once : pairs of a bundle and a box
+    many, turns : such pairs, from which on they are looked into in so many turns
+    widest : of the rig's size: a bundle whose rays are further apart would touch everything; the
+        kernel's thin_parts.c has the same
+    digits : binary, of each coordinate by which triangles are sorted
+    """
+
+    most_patches: int = 4096
+    in_boxes: tuple[int, ...] = (512, 64, 8, 1)
+    pairs_at_once: int = 1 << 18
+    boxes_at_once: int = 1 << 13
+    many: int = 4096
+    turns: int = 2
+    widest: float = 1 / 16
+    digits: int = 10
+
+
+THIN = ThinPartsKnobs()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +86,7 @@ class ThinParts:
     def __init__(self, corners: Floats, patch: Ints, part: Ints) -> None:
         n = len(patch)
         _, unit = np.unique(patch, return_inverse=True)
-        unit = unit.ravel() if unit.max() < MOST_PATCHES else part
+        unit = unit.ravel() if unit.max() < THIN.most_patches else part
         self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
         self._unit_of_patch[patch] = unit
         order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
@@ -78,7 +97,7 @@ class ThinParts:
         within = np.arange(n) - first[unit]
         self._starts = [
             np.append(first, n),
-            *(np.append(np.flatnonzero(within % k == 0), n) for k in CHUNKS),
+            *(np.append(np.flatnonzero(within % k == 0), n) for k in THIN.in_boxes),
         ]
         low = self._corners.min(axis=1).T.copy()
         high = self._corners.max(axis=1).T.copy()
@@ -115,14 +134,14 @@ class ThinParts:
             everything
         """
         low, high = self.box
-        widest = WIDEST * float(np.linalg.norm(high - low))
+        widest = THIN.widest * float(np.linalg.norm(high - low))
         if kernel.library() is not None and self._of_kernel.knows(places):
             return (yield from self._of_kernel.touch(places, met, widest))
 
         is_met = np.zeros((len(places), self.n_units), bool)
         is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
         bundles, touched = _bundles(places, met, widest)
-        at_once = max(1, PAIRS_AT_ONCE // self.n_units)
+        at_once = max(1, THIN.pairs_at_once // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])
             yield from self._look_into(0, bundles, i + first, node, touched)
@@ -137,13 +156,13 @@ class ThinParts:
         One triangle is enough for an owner: many boxes are looked into
         in turns, and those of marked owners left out.
         """
-        turns = TURNS if len(i) > MANY else 1
+        turns = THIN.turns if len(i) > THIN.many else 1
         for turn in range(turns):
             some = np.arange(turn, len(i), turns)
             some = some[~touched[bundles.owner[i[some]]]]
 
-            for first in range(0, len(some), BOXES_AT_ONCE):
-                chosen = some[first : first + BOXES_AT_ONCE]
+            for first in range(0, len(some), THIN.boxes_at_once):
+                chosen = some[first : first + THIN.boxes_at_once]
                 boxes = (np.take(side, node[chosen], axis=1) for side in self._boxes[level])
                 near = chosen[_is_in_boxes(bundles, i[chosen], *boxes)]
 
@@ -204,11 +223,11 @@ def _along_curve(points: Floats) -> Ints:
     (Morton's): neighbours on it are near each other.
     """
     low = points.min(axis=0)
-    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(
-        np.int64
-    )
+    steps = (
+        (points - low) / max(float((points - low).max()), 1e-300) * (2**THIN.digits - 1)
+    ).astype(np.int64)
     place = np.zeros(len(points), np.int64)
-    for digit in range(DIGITS):
+    for digit in range(THIN.digits):
         for axis in range(3):
             place |= (steps[:, axis] >> digit & 1) << (3 * digit + axis)
     return place
@@ -229,7 +248,7 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
         # a ray that leaves the rig is followed far beyond it:
         # there its bundle may be as wide as the rig
         leaves = (met[:, :, k] < 0).any(axis=1)
-        is_wide = off > np.where(leaves, widest / WIDEST, widest)
+        is_wide = off > np.where(leaves, widest / THIN.widest, widest)
         parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
         if k == 0:
             first = is_wide & ~parts

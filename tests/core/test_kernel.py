@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import build_kernel
 from kiriko.core import kernel
-from kiriko.core.glass import curved, curved_roots, surface_fit, vertex_fields
+from kiriko.core.glass import curved, curved_roots, fitted_faces, vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
@@ -1103,7 +1103,7 @@ def test_the_environment_switches_it_off():
 
 SHARING = (
     *(asked, curved, curved_roots, fitting, loading, plate, pyramid, ray_engine, rescue),
-    *(cells_module, structures, surface_fit, thin_parts, touching, vertex_fields),
+    *(cells_module, structures, fitted_faces, thin_parts, touching, vertex_fields),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

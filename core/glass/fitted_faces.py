@@ -1,0 +1,180 @@
+"""Faces fitted to the fields around vertices, and whether they keep to the mesh."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import kernel
+from ..arrays import Bools, Floats, Ints, taken
+from ..products import combine
+from ..steps import Pauses
+from ..vectors import dot, length_of, normalise
+from .curved import FACES_AT_ONCE, MOST_OFFSET
+from .quartics import (
+    AT,
+    FROM_NODES,
+    N_NODES,
+    N_TERMS,
+    NODES,
+    cross,
+    product,
+    slopes,
+    value,
+)
+from .vertex_fields import Fields
+from .vertices import Vertices
+
+
+@dataclass(frozen=True)
+class FaceKnobs:
+    """When a fitted face keeps to its mesh (design.md, decision 3, "Contradictions").
+
+    Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides beside a bevel
+    would dip by a millimetre, and by `dev.py glasses`.
+
+    Parameters
+    ----------
+    steps : of a fixed point, each of which gains two orders: as many for all, or neighbours would
+        not meet; the kernel's fit.c has the same
+    least_cosine : between the normals of a curved face and its facet's: 60 degrees
+    swollen : times the sag of an arc that turns as the normals do: a face beyond it follows a bevel
+        beside it
+    untold : of an edge: so far faces may stand out besides, whose edges turn one way and back
+    """
+
+    steps: int = 2
+    least_cosine: float = np.cos(np.radians(60))
+    swollen: float = 3.0
+    untold: float = 0.01
+
+
+FACE = FaceKnobs()
+
+
+def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
+    """Offsets (12, 3, n) of the nodes of triangles with
+    corners (n, 3), from the facet to the blended fields.
+
+    All fields are met along one direction, blended from the corners' normals: met along different
+    ones they would differ sideways by the third power of the edge, which costs an order.
+    """
+    weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
+    if kernel.library() is not None:
+        return kernel.Fit(v, fields).find_offsets(fields.coefficients, NODES, weight, corner)
+
+    # numpy's way, corner by corner: the field around each, in its own frame
+    offsets = np.zeros((N_NODES, 3, len(corner)))
+    at = taken(v.at, corner)
+    normal = taken(v.normal, corner)
+    for i in range(3):
+        own = corner[:, i]
+        size = fields.size[own]
+        frame = fields.axis_x[own], fields.axis_y[own], v.normal[own]
+        sides = [
+            [dot(at[:, (i + s) % 3] - at[:, i], axis) / size for axis in frame] for s in (1, 2)
+        ]
+        leans = [[dot(normal[:, (i + s) % 3], axis) for axis in frame] for s in (1, 2)]
+
+        # a fixed point: where the way from the facet meets the field
+        c = np.ascontiguousarray(fields.coefficients[own].T)
+        for node in np.flatnonzero(weight[:, i]):
+            li, lj, lk = (NODES[node, (i + s) % 3] for s in range(3))
+            x, y, z = (lj * a + lk * b for a, b in zip(*sides, strict=True))
+            dx, dy, dz = (lj * a + lk * b for a, b in zip(*leans, strict=True))
+            dz += li
+            height = (value(c, x, y) - z) / dz
+            for _ in range(FACE.steps):
+                height = (value(c, x + height * dx, y + height * dy) - z) / dz
+
+            direction = sum(NODES[node, m] * normal[:, m].T for m in range(3))
+            offsets[node] += weight[node, i] * (size * height) * direction
+    return offsets
+
+
+_BY_U, _BY_V = slopes(*AT[:, 1:].T)  # (15, 14) of the terms
+# (15, 12) from offsets
+_DU_AT = _BY_U @ FROM_NODES
+_DV_AT = _BY_V @ FROM_NODES
+
+
+def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
+    """Unit normals (n, 15, 3) at nodes and corners of curved faces
+    of node offsets (12, 3, n) over facets (n, 3, 3).
+    """
+    by_u, by_v = (
+        combine(matrix, offsets.reshape(N_NODES, -1)).reshape(len(AT), 3, -1)
+        + (corners[:, c] - corners[:, 0]).T
+        for matrix, c in ((_DU_AT, 1), (_DV_AT, 2))
+    )
+    normal = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal /= np.sqrt(product(normal, normal))
+    return normal.transpose(2, 1, 0)
+
+
+def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
+    """Do curved faces, of node offsets (12, 3, n) and normals (n,
+    15, 3), stay near facets and look the same way?
+    """
+    longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        is_near = np.sqrt((offsets**2).sum(axis=1).max(axis=0)) < MOST_OFFSET * longest
+        cosine = np.einsum("nkc,nc->nk", normals, facets).min(axis=1)
+        return is_near & (cosine > FACE.least_cosine)
+
+
+def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
+    """Do curved faces stand out, or in, further than the normals
+    (n, 3, 3) at their corners (n, 3, 3) account for?
+    """
+    turned, along = (np.roll(x, -1, axis=1) - x for x in (at_corners, corners))
+    sag = dot(turned, along) / 8  # of arcs over the edges
+    height = np.einsum("kcn,nc->kn", offsets, normalise(at_corners.sum(axis=1)))
+    more = FACE.untold * length_of(along).max(axis=1)
+    with np.errstate(invalid="ignore"):
+        stands_out = height.max(axis=0) > FACE.swollen * np.maximum(sag.max(axis=1), 0) + more
+        stands_in = height.min(axis=0) < FACE.swollen * np.minimum(sag.min(axis=1), 0) - more
+    return stands_out | stands_in
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Curved faces in the making.
+
+    chosen (n,) numbers of their triangles; coefficients (n, 14, 3) m; own
+    (n, 15, 3) unit normals at nodes and corners; is_swollen (n,)
+    """
+
+    chosen: Ints
+    coefficients: Floats
+    own: Floats
+    is_swollen: Bools
+
+    def at(self, which: Bools) -> "Faces":
+        return Faces(
+            self.chosen[which], self.coefficients[which], self.own[which], self.is_swollen[which]
+        )
+
+
+def fit_faces(
+    v: Vertices, fields: Fields, corners: Floats, facets: Floats, chosen: Ints
+) -> Pauses[tuple[Faces, Bools]]:
+    """Faces over chosen triangles (n,), and which of them stay near their facets."""
+    coefficients = np.empty((len(chosen), N_TERMS, 3))
+    own = np.empty((len(chosen), len(AT), 3))
+    is_whole, is_swollen = np.empty((2, len(chosen)), bool)
+
+    for k in range(0, len(chosen), FACES_AT_ONCE):
+        some = slice(k, k + FACES_AT_ONCE)
+        at = taken(corners, chosen[some])
+        of_corner = v.of_corner[chosen[some]]
+
+        offsets = _node_offsets(v, fields, of_corner)
+        own[some] = _normals_at_nodes(offsets, at)
+        is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
+        is_swollen[some] = _is_swollen(offsets, at, taken(v.normal, of_corner))
+
+        fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
+        coefficients[some] = fitted.transpose(2, 0, 1)
+        yield 0
+    return Faces(chosen, coefficients, own, is_swollen), is_whole
