@@ -1,141 +1,28 @@
 """Makes a rig ready to be traced, as far as its parts ask for it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
 from .. import kernel
-from ..arrays import FLOAT32, Bools, Floats, Ints
+from ..arrays import FLOAT32, Floats
 from ..fingerprint import fingerprint
-from ..glass.motion import Motion
-from ..glass.surfaces import Surface
 from ..kinds import Kind
 from ..messages import Message
-from ..rig import Glass, Rig
+from ..rig import Rig
 from ..settings import Settings
 from ..steps import Pauses, finish
-from .checks import check_viewer_outside
 from .display import display_plane
 from .engines import engine_kind
 from .kept import Kept
 from .layers import group_parts, grown, make_layer, triangles_of_boxes
 from .media import Media, make_media
-from .plan import Aside, Counts, OpenPart, Parts, Plan, PlannedDisplay, PlannedLayer, Triangles
+from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
-from .sheets import Sheet, find_clear, find_sheets, read_sheets
+from .rig_parts import RigParts, read_solids
+from .sheets import find_clear, read_sheets
 from .thin_parts import ThinParts
-
-
-@dataclass(frozen=True, eq=False)
-class _Solid:
-    """A solid of a glass of that number, where it is; where it
-    was made, under its key; how it came from there.
-    """
-
-    surface: Surface
-    key: str
-    number: int
-    glass: Glass
-    made: Surface
-    motion: Motion | None
-
-    @property
-    def key_here(self) -> str:
-        return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
-
-
-@dataclass(frozen=True, eq=False)
-class _RigParts:
-    """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
-
-    solids: list[_Solid]
-    sheets: list[Sheet]
-
-    @cached_property
-    def surfaces(self) -> list[Surface]:
-        return [part.surface for part in (*self.solids, *self.sheets)]
-
-    @cached_property
-    def keys(self) -> list[str]:
-        return [*(solid.key_here for solid in self.solids), *(sheet.key for sheet in self.sheets)]
-
-    @cached_property
-    def kind(self) -> Ints:
-        return np.array([Kind.GLASS] * len(self.solids) + [s.role.kind for s in self.sheets])
-
-    @cached_property
-    def starts(self) -> Ints:
-        """The first triangle (p + 1,) of each, and the number of all."""
-        return np.cumsum([0] + [len(surface.corners) for surface in self.surfaces])
-
-    @cached_property
-    def patch(self) -> Ints:
-        """The patch of each triangle, in one numbering."""
-        return np.concatenate(
-            [s.patch + start for s, start in zip(self.surfaces, self.starts, strict=False)]
-        )
-
-    @cached_property
-    def part(self) -> Ints:
-        """The part of each triangle."""
-        return np.repeat(np.arange(len(self.surfaces)), np.diff(self.starts))
-
-    @cached_property
-    def is_closed(self) -> Bools:
-        return np.array([surface.n_open == 0 for surface in self.surfaces])
-
-    @property
-    def triangles(self) -> Triangles:
-        """The plan's table of all triangles."""
-        return Triangles(
-            normals=self.joined("normals"),
-            corner_normals=_corner_normals(self.surfaces),
-            is_bent=self.joined("is_bent"),
-            patch=self.patch,
-            part=self.part,
-        )
-
-    def joined(self, name: str) -> np.ndarray:
-        """A column of the surfaces, of all triangles."""
-        return np.concatenate([getattr(surface, name) for surface in self.surfaces])
-
-    def of_glass(self, name: str, rig: Rig) -> tuple[int, ...]:
-        """Sums of a number of the solids, for each glass of a rig."""
-        return tuple(
-            sum(getattr(s.surface, name) for s in self.solids if s.glass is glass)
-            for glass in rig.glasses
-        )
-
-    def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
-        """The same, then of each mirror: of all parts that may be curved."""
-        surface_of = {id(sheet.part): sheet.surface for sheet in self.sheets}
-        sheets = rig.curved_parts()[len(rig.glasses) :]
-        return *self.of_glass(name, rig), *(getattr(surface_of[id(p)], name) for p in sheets)
-
-    def owner(self, rig: Rig) -> Ints:
-        """The number of each part's object among those that may be curved; -1 for all others."""
-        number_of = {id(part): number for number, part in enumerate(rig.curved_parts())}
-        numbers = (number_of.get(id(sheet.part), -1) for sheet in self.sheets)
-        return np.array([*(solid.number for solid in self.solids), *numbers])
-
-
-def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[_Solid]]:
-    """All solids of a rig but those of glasses with these numbers."""
-    solids = []
-    for number, glass in enumerate(rig.glasses):
-        if number in aside:
-            continue
-        key, made, motion = yield from kept.get_solids(glass.mesh)
-        here = made if motion is None else [surface.moved(motion) for surface in made]
-        for surface in here:
-            for viewer in rig.viewers:
-                check_viewer_outside(viewer, glass, surface)
-        solids += [
-            _Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))
-        ]
-    return solids
 
 
 def make_plan(
@@ -164,7 +51,7 @@ def planning(
     """
     kept = kept or Kept()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    parts = _RigParts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
+    parts = RigParts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
     solids = [solid.surface for solid in parts.solids]
 
     # vertices and places are float32: faces of glass that are closer than their rounding touch
@@ -189,7 +76,7 @@ def planning(
         settings=settings,
         viewer=rig.viewers[0],
         triangles=parts.triangles,
-        parts=_plan_parts(rig, parts, media, is_clear),
+        parts=parts.table(rig, media, is_clear),
         open_parts=tuple(
             OpenPart(i, grown(solid.bounds)) for i, solid in enumerate(solids) if solid.n_open
         ),
@@ -208,31 +95,12 @@ def planning(
                 for i in aside
             ),
         ),
-        counts=Counts(
-            n_open=parts.of_glass("n_open", rig),
-            n_contradicted=parts.of_curved("n_contradicted", rig),
-            n_doubted=parts.of_curved("n_doubted", rig),
-            n_curved=parts.of_curved("n_curved", rig),
-        ),
-    )
-
-
-def _plan_parts(rig: Rig, parts: _RigParts, media: Media, is_clear: Bools) -> Parts:
-    """The plan's table of all parts."""
-    n_sheets = len(parts.sheets)
-    return Parts(
-        kind=parts.kind,
-        is_closed=parts.is_closed,
-        cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
-        bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
-        sheet=find_sheets(parts.surfaces, parts.kind),
-        owner=parts.owner(rig),
-        is_clear=is_clear,
+        counts=parts.counts(rig),
     )
 
 
 def _make_layers(
-    parts: _RigParts, media: Media, touching: float, kept: Kept
+    parts: RigParts, media: Media, touching: float, kept: Kept
 ) -> Pauses[tuple[PlannedLayer, ...]]:
     """Layers and their contents; one of solids that were moved together is moved as a whole."""
     layers = []
@@ -266,7 +134,7 @@ def _make_layers(
     return tuple(layers)
 
 
-def _kept_thin_parts(parts: _RigParts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
+def _kept_thin_parts(parts: RigParts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
     """Gives all that rays may pass near: all triangles, and
     the boxes (a, 2, 3) of glass that stands aside.
     """
@@ -284,7 +152,7 @@ def _kept_thin_parts(parts: _RigParts, boxes_aside: Floats, kept: Kept) -> Calla
     return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
 
 
-def _array_frames(parts: _RigParts) -> dict[int, ArrayFrame]:
+def _array_frames(parts: RigParts) -> dict[int, ArrayFrame]:
     """Where the mirror arrays of plates stand, by the number of their part."""
     return {
         number: array_frame(sheet.part, sheet.surface.normals[0])
@@ -293,20 +161,8 @@ def _array_frames(parts: _RigParts) -> dict[int, ArrayFrame]:
     }
 
 
-def _corner_normals(surfaces: list[Surface]) -> Floats | None:
-    """Normals (t, 3, 3) at the corners of all triangles, 0 where
-    they are those of the face; None where all are.
-    """
-    if all(surface.corner_normals is None for surface in surfaces):
-        return None
-    return np.concatenate([
-        np.zeros_like(surface.corners) if surface.corner_normals is None else surface.corner_normals
-        for surface in surfaces
-    ])  # fmt: skip
-
-
 def _rules(
-    parts: _RigParts,
+    parts: RigParts,
     layers: tuple[PlannedLayer, ...],
     media: Media,
     has_arrays: bool,
@@ -318,13 +174,12 @@ def _rules(
     """
     no_kernel = kernel.left_out(layers)
     has_engine = any(held.layer.has_engine for held in layers)
-    no_engine = (
-        "few flat faces"
-        if not has_engine
-        else "the kernel has its own trees"
-        if no_kernel is None
-        else None
-    )
+    no_engine = None
+    if not has_engine:
+        no_engine = "few flat faces"
+    elif no_kernel is None:
+        no_engine = "the kernel has its own trees"
+
     engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
     return {
         "compiled kernel": (no_kernel is None, no_kernel),

@@ -1,9 +1,6 @@
 """The mirror array plate in closed form: the ray that leaves for each that comes.
 
-Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors
-it would cross are the reflections, and folding the place where it comes out back into its own slit
-gives where it does come out. So a layer of any number of mirrors is one fold, exact to rounding
-(docs/closed_forms.md).
+Each of its two layers is one fold (slits.py), exact to rounding (docs/closed_forms.md).
 """
 
 from collections.abc import Callable
@@ -13,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..glass.meshes import areas_of
 from ..products import turn
 from ..rig import MirrorArray, Plate
 from ..vectors import normalise
 from .optics import transmittance
+from .slits import fold, is_odd, reflected_share
 
 # sine of the angle to the plate below which light runs in its plane and meets nothing
 GRAZING = 1e-12
@@ -52,48 +50,6 @@ class Crossing(NamedTuple):
     directions: Floats
     throughput: Floats
     path: np.ndarray
-
-
-def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
-    """One layer of mirrors at the whole numbers: where light
-    comes out, and how often it was reflected.
-
-    Parameters
-    ----------
-    q : (n,) where it enters, in pitches, along the mirrors' normal
-    travel : (n,) how far it would go along there without mirrors, in pitches, signed
-
-    Returns
-    -------
-    q' (n,) in the same slit as q, and n_reflections (n,); its slope is turned round as many times
-    """
-    slit = np.floor(q)
-    unfolded = q + travel
-    into = np.floor(unfolded)
-    n_reflections = np.abs(into - slit).astype(np.int64)
-    inside = unfolded - into
-    return slit + np.where(is_odd(n_reflections), 1.0 - inside, inside), n_reflections
-
-
-def is_odd(n: Ints) -> Bools:
-    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of
-    the fold.
-    """
-    return (n & 1).astype(bool)
-
-
-def odd_share(r: Floats) -> Floats:
-    """Share P (n,) of light with an odd number of reflections, over
-    all phases, that would cross r (n,) pitches.
-    """
-    return 1.0 - np.abs(np.abs(r) % 2 - 1.0)
-
-
-def odd_number(r: Floats) -> Floats:
-    """That odd number of reflections: of the two that are
-    possible, |r| rounded up and down, one is odd.
-    """
-    return 2.0 * np.floor(np.abs(r) / 2) + 1.0
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -217,11 +173,13 @@ class ArrayFrame:
         light = self._entering(positions, directions)
         throughput = _transmittance(array, light.cosine, light.depth) ** 2
         normals, offset = self._mirrors(light.place)
-        place, along = light.place, light.along
+        place = light.place
+        along = light.along
         way = array.height / (array.ior * light.depth)  # through a layer, for each unit of `along`
         phase = np.fmod(array.phase, 1.0)  # whole pitches make no difference
         is_first = light.side > 0  # light against the normal comes to the second layer first
         turned_round = []
+
         for first, then in ((0, 1), (1, 0)):
             normal = np.where(is_first, normals[first], normals[then])
             beside = np.where(
@@ -229,11 +187,14 @@ class ArrayFrame:
                 offset[first] - array.pitch * phase[first],
                 offset[then] - array.pitch * phase[then],
             )
+
+            # where the light meets the layer, and what that does to it
             speed = _dot(along, normal)
             q = (_dot(place, normal) + beside) / array.pitch
             moved, is_turned, part = layer(q, speed * way / array.pitch)
             throughput = throughput * part
             turned_round.append(is_turned)
+
             step = array.pitch * moved
             # along its mirrors a layer of slits lets light drift, holes do not
             if array.layout == "crossed":
@@ -241,6 +202,8 @@ class ArrayFrame:
                 step = step - way * speed
             place = place + step * normal
             along = along - np.where(is_turned, 2.0 * speed, 0.0) * normal
+
+        # seen from the middle plane
         place = place - 0.5 * array.thickness / light.cosine * along
         before, after = turned_round
         path = np.where(is_first, _PATHS[before + 2 * after], _PATHS[after + 2 * before])
@@ -251,7 +214,7 @@ class ArrayFrame:
         return out - q, is_odd(n_reflections), self.array.reflectance**n_reflections
 
     def _as_one_mirror(self, q: Floats, travel: Floats) -> "_Turned":
-        return np.zeros(len(q)), np.ones(len(q), bool), _part(self.array, travel, True)
+        return np.zeros(len(q)), np.ones(len(q), bool), reflected_share(self.array, travel, True)
 
 
 # by: is it turned round by the first layer, 1, and by the second, 2
@@ -279,29 +242,18 @@ def light_by_angle(
     depth = _depth(array, cosine)
     face = _transmittance(array, cosine, depth)
     pitches = sine * array.height / (array.ior * depth * array.pitch)
+
+    # by each layer an even number of times or an odd one
     first = np.pi / 4
     second = 3 * np.pi / 4 + array.crossing_error
     found = {PlatePath.REFLECTED: 1.0 - face}
     for by_first in (True, False):
-        before = _part(array, pitches * np.cos(azimuth - first), by_first)
+        before = reflected_share(array, pitches * np.cos(azimuth - first), by_first)
         turned = 2 * first + np.pi - azimuth if by_first else azimuth
         for by_second in (True, False):
-            after = _part(array, pitches * np.cos(turned - second), by_second)
+            after = reflected_share(array, pitches * np.cos(turned - second), by_second)
             found[PlatePath(_PATHS[by_first + 2 * by_second])] = face**2 * before * after
     return found
-
-
-def _part(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
-    """Share (n,) of light that is reflected an odd, or an
-    even, number of times by one layer, and comes out.
-    """
-    share = odd_share(travel)
-    number = odd_number(travel)
-    if is_turned:
-        return share * array.reflectance**number
-    return (1.0 - share) * array.reflectance ** (
-        number + np.where(np.abs(travel) < number, -1.0, 1.0)
-    )
 
 
 def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
@@ -311,6 +263,7 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     ------
     RigError : the plate is smaller than a pitch, or it is not known how its mirrors stand
     """
+    # its axes: along a side, along the other, normal
     corners = plate.mesh.corners
     side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
     side = normalise(side - (side @ normal) * normal)
@@ -321,9 +274,10 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
             plate=plate.name,
         )
     axes = np.stack([side, np.cross(normal, side), normal])
+
+    # its width: a strip that lies askew is narrower than it reaches along either side
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
     area = areas_of(corners).sum()
-    # a strip that lies askew is narrower than it reaches along either side
     width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))
     if width < plate.array.pitch:
         raise RigError(
@@ -333,6 +287,7 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
             width=1e3 * width,
             pitch=1e3 * plate.array.pitch,
         )
+
     middle = 0.5 * (low + high)
     if plate.centre is not None:
         middle[:2] = axes[:2] @ plate.centre

@@ -17,8 +17,9 @@ from kiriko.core.kinds import Kind
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
 from kiriko.core.light.planning import make_plan
-from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
+from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame
 from kiriko.core.light.sheets import find_sheets
+from kiriko.core.light.slits import fold
 from kiriko.core.light.trace import trace
 from kiriko.core.rig import PRESETS, MirrorArray, Plate
 from kiriko.core.settings import Settings
