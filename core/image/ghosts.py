@@ -63,8 +63,8 @@ class Paths:
         return found
 
     def weights(self) -> tuple[Floats, Floats]:
-        """Of each pixel (H, W) the sum over all paths, and the
-        share of it, 0..1, of others than the strongest.
+        """The sum over all paths of each pixel (H, W), and the part
+        of it, 0..1, that other paths than the strongest have.
         """
         width, height = self._size
         whole = np.bincount(self._pixel, self._weight, width * height)

@@ -53,7 +53,7 @@ def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]
     """Quads (m, 4, 4) and triangles (m, 3, 4) of which none is
     across one of the lines, from polygons (n, k, 4).
 
-    After each the numbers of the shapes they are of.
+    Each of the two is followed by the numbers of the shapes that its polygons are parts of.
     """
     number = np.arange(len(polygons))
     none = np.arange(0)
@@ -110,7 +110,7 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
     """Quads (m, 4, 4) of which none is across a line, and those
     (c, 4, 4) that it does not cross from side to side.
 
-    After each the numbers of the shapes they are of.
+    Each of the two is followed by the numbers of the shapes that its polygons are parts of.
     """
     sign = np.sign(_sides(line[None], quads[..., :2])[..., 0]).astype(int)
     is_across = (sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)
@@ -142,9 +142,8 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
 
 
 def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
-    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4).
-
-    And numbers of those they are of.
+    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4), and the number
+    (m,) of the shape that each is a part of.
     """
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)

@@ -27,7 +27,7 @@ class PicturePoints:
     """Where points of the viewer's image lie on the picture.
 
     xy : (n, 2) picture pixels, x right and y down from the top left
-        corner: the middle of what of a footprint lies on the picture
+        corner: the middle of the footprint's part on the picture
     cover : (n,) 0..1, how much of the footprint lies on the picture
     covariance : (3, n) picture px^2, xx, xy and yy of the footprint
     """
@@ -159,7 +159,7 @@ def _set_flat(
 ) -> None:
     """Set some points of a flat picture of a size (2,), px.
 
-    Column by column, rows of two are slow in numpy.
+    It is done column by column: numpy is slow where rows are two numbers long.
     """
     x, y = view_xy.T
     u, v, w = (a * x + b * y + c for a, b, c in way.matrix)

@@ -2,6 +2,7 @@
 
 import weakref
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,19 @@ class Taps:
     weight: NDArray[np.float32]
 
 
+class FootprintReads(NamedTuple):
+    """Where footprints are read, a row (r,) for each place.
+
+    number : of the point; x, y : picture px; weight; variance : along each axis, picture px^2
+    """
+
+    number: NDArray[np.int32]
+    x: Floats
+    y: Floats
+    weight: Floats
+    variance: Floats
+
+
 def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
     """How colours are read, times weight (n,), at points of a picture of a size (width, height).
 
@@ -99,10 +113,8 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
     return Taps(point, tuple(levels), pixel, weights)
 
 
-def _reads(
-    points: PicturePoints, some: NDArray[np.int32], weight: Floats
-) -> tuple[NDArray[np.int32], Floats, Floats, Floats, Floats]:
-    """Where some points are read: number, x, y, weight and variance along each axis of every read.
+def _reads(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
+    """Where some points are read.
 
     Reads come apart gradually, so that a footprint that rounding changes is read at the same places
     but for rounding.
@@ -144,7 +156,7 @@ def _reads(
             turned = is_upright[rows]
             at = x[rows] + np.where(turned, near, far), y[rows] + np.where(turned, far, near)
             found.append((some[rows], *at, part[rows] / n, left[rows]))
-    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+    return FootprintReads(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
 def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:

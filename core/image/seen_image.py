@@ -33,7 +33,7 @@ class DotKnobs:
     most_rounds: int = 20
 
 
-DOTS = DotKnobs()
+DOT_KNOBS = DotKnobs()
 
 
 def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -86,7 +86,7 @@ class LatticeShift:
         return float(dx), float(dy)
 
     def _lengths(self) -> Floats:
-        """Of the shifts (m,) of the dots that are seen, viewer px."""
+        """How far each dot (m,) that is seen has moved, viewer px."""
         return np.linalg.norm(self.shift[self.is_seen], axis=-1)
 
 
@@ -106,7 +106,7 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
     counts where most of it is.
     """
     red, green, blue = (np.asarray(image[..., c], float) for c in range(3))
-    y, x = np.nonzero(red > DOTS.dark * max(red.max(), 1e-30))
+    y, x = np.nonzero(red > DOT_KNOBS.dark * max(red.max(), 1e-30))
     weight = red[y, x]
 
     # the column and the row that the colour says
@@ -124,23 +124,25 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
 
 def _main_piece(points: Floats, weight: Floats) -> Floats:
     """Weighted centroid (2,) of points (m, 2), or of the largest heap when they lie in several."""
-    for _ in range(DOTS.most_rounds):
+    for _ in range(DOT_KNOBS.most_rounds):
         centre = np.average(points, axis=0, weights=weight)
         square = ((points - centre) ** 2).sum(axis=1)
         # mean square radius of a disc of this area
         disc = weight.sum() / weight.max() / (2 * np.pi)
-        if np.average(square, weights=weight) <= DOTS.compact**2 * max(disc, DOTS.least_square):
+        if np.average(square, weights=weight) <= DOT_KNOBS.compact**2 * max(
+            disc, DOT_KNOBS.least_square
+        ):
             break
 
         # the heaviest of the cells of a grid
-        side = np.sqrt(2 * disc) * DOTS.heap + 1
+        side = np.sqrt(2 * disc) * DOT_KNOBS.heap + 1
         cell = np.floor((points - points.min(axis=0)) / side).astype(int)
         name = cell[:, 1] * (cell[:, 0].max() + 1) + cell[:, 0]
         heaviest = np.argmax(np.bincount(name, weight))
         is_in = name == heaviest
         heart = np.average(points[is_in], axis=0, weights=weight[is_in])
 
-        near = ((points - heart) ** 2).sum(axis=1) <= (DOTS.near * side) ** 2
+        near = ((points - heart) ** 2).sum(axis=1) <= (DOT_KNOBS.near * side) ** 2
         if near.all():
             break
         points = points[near]

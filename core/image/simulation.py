@@ -1,7 +1,4 @@
-"""The viewer's image through the mirrors of a real plate: stray light, dimness and blur.
-
-By samples.
-"""
+"""Stray light, dimness and blur of the viewer's image through a plate's mirrors, by samples."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -50,8 +47,8 @@ def simulate(
 ) -> Generator[float, None, Simulation]:
     """Follow rays from everywhere in the viewer's image the way that the plate's mirrors send them.
 
-    All light of the display counts, that which comes past glass and plate too, with what they leave
-    of it. What is reflected by the face of the first plate that light comes to is a ray of its own.
+    All light of the display counts, also past glass and plate, with the share that they leave of
+    it. Light reflected by the face of the first plate on its way is a ray of its own.
 
     Parameters
     ----------
@@ -185,8 +182,8 @@ def _moved(
     """By how much (m, 2), viewer px, mirrors move the image
     at viewer px (n, 2), which lands at xy (n, 2).
 
-    Of those that the mirrors image, by the view map's derivatives,
-    where these are known. Yields progress 0.3..1.
+    The view map's derivatives tell it, for light that the mirrors
+    image, where they are known. Yields progress 0.3..1.
     """
     viewer = plan.viewer
     steps = DERIVATIVE_STEP_PX * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])

@@ -115,7 +115,7 @@ def splat(
     viewer pixel, averaged on each display pixel.
 
     Pixels that no sample met are black. Imaged light carries the same values as `Painting` and
-    converges to the same image. Of other light, stray light among it, a pixel shows the mean colour
+    converges to the same image. By other light, stray light among it, a pixel shows the mean colour
     weighed by throughput, which the plan's settings have to ask for (`brightness`): white stays
     white.
     """

@@ -11,7 +11,7 @@ from ..map.view_map import ViewMap
 from ..rig import PicturePlace
 from ..viewer import Viewer
 
-UNSEEN = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
+UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = "finer than a viewer pixel"
 
 ROUNDING = 1e-12  # of the picture: less is no light
@@ -56,7 +56,7 @@ def of_the_picture(
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
 
-    if shown < UNSEEN:
+    if shown < UNSEEN_PX2:
         raise RigError(
             "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
             viewer=viewer.name,
