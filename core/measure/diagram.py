@@ -15,7 +15,7 @@ LEFT = 90
 RIGHT = 30
 TOP = 56
 BOTTOM = 64
-PLAIN = 3  # powers of ten up to this, either way, are written out
+MOST_WRITTEN_OUT = 3  # powers of ten up to this, either way, are written out
 LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
 FONT = "Helvetica, Arial, sans-serif"
 # told apart by colour-blind people as well, with the marks
@@ -143,7 +143,7 @@ def _from_zero(label: str, values: Sequence[float]) -> Axis:
 
 
 def _power(k: int) -> str:
-    return f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= PLAIN else f"1e{k}"
+    return f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= MOST_WRITTEN_OUT else f"1e{k}"
 
 
 def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]:

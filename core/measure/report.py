@@ -21,7 +21,7 @@ from .rungs import Rung, WorkPrecision
 NAMES = ("report.csv", "report.json", "report.svg")
 PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors
 ANGLES = range(0, 86)  # degrees, of incidence on it
-UNITS = {"adaptive": "px", "splat": "spp"}
+UNITS_OF_SETTING = {"adaptive": "px", "splat": "spp"}
 COLUMNS = {  # of CSV and JSON, by field of Rung, MapErrors, ImageErrors, SeenErrors
     "method": "method",
     "setting": "setting",
@@ -165,7 +165,7 @@ def table(found: WorkPrecision) -> str:
         ("reference", found.reference),
         *((rung.method, rung) for rung in found.rungs),
     ]:
-        head = f"{name} {rung.setting:g} {UNITS[rung.method]}"
+        head = f"{name} {rung.setting:g} {UNITS_OF_SETTING[rung.method]}"
         if rung.predicted_seconds is not None:
             lines.append(f"{head:<18} not run: would take about {rung.predicted_seconds:.0f} s")
             continue

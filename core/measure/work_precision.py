@@ -28,9 +28,9 @@ from .rungs import Rung, WorkPrecision
 from .timing import clocked, median_seconds, peak_memory, timed
 
 BUDGET = 60.0  # s for the splat
-FINER = 10.0  # than the finest rung is the reference
-MORE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
-LONG = 0.5  # s: a splat that takes longer is run once for each of the two pictures
+REFERENCE_FINER = 10.0  # than the finest rung is the reference
+REFERENCE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
+LONG_SPLAT_S = 0.5  # s: a splat that takes longer is run once for each of the two pictures
 
 
 @dataclass(frozen=True)
@@ -128,10 +128,10 @@ def _finest(settings: Settings, ladders: Ladders) -> Settings:
     """Settings of the reference."""
     return replace(
         settings,
-        tolerance=max(ladders.tolerances[-1] / FINER, LEAST_TOLERANCE),
+        tolerance=max(ladders.tolerances[-1] / REFERENCE_FINER, LEAST_TOLERANCE),
         # samples are at the same places in each solve of the same effort:
         # their noise would not be seen
-        effort=min(MORE_EFFORT * settings.effort, MOST_EFFORT),
+        effort=min(REFERENCE_EFFORT * settings.effort, MOST_EFFORT),
     )
 
 
@@ -227,4 +227,4 @@ def _n_runs(spent: float, predicted: float, ladders: Ladders) -> int:
     """How often a rung of the splat is run that takes so many seconds, after so many."""
     if spent + 2 * predicted > ladders.budget:
         return 1
-    return 2 if predicted > LONG else max(ladders.runs, 2)
+    return 2 if predicted > LONG_SPLAT_S else max(ladders.runs, 2)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TypeVar
 
@@ -19,25 +19,37 @@ from .solution import Solution
 
 Sized = TypeVar("Sized", Viewer, Display)
 
-# On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result, in
-# linear values, at once; a display of half the resolution is off by 0.03. So a first picture saves
-# on the viewer. px of the longer side; how much finer each picture is than the one before
-COARSE_VIEWER = 64
-FINER = 4
-COARSE_DISPLAY = 512  # px of the longer side
-COARSE_TOLERANCE = 1.0  # display px
 
-# s of work after the build that the rig itself gets before its first picture is made, while it
-# traces and while it paints images larger than coarse ones. A rig done by then needs none: the
-# ball's is, of which it takes a seventh.
-TRACING = 0.2
-PAINTING = 0.4
+@dataclass(frozen=True)
+class Coarse:
+    """How coarse a first picture is, and when it is made.
+
+    On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result,
+    in linear values, at once; a display of half the resolution is off by 0.03. So a first picture
+    saves on the viewer. A rig done before its first picture would be made needs none: the ball's
+    is, of which it takes a seventh.
+
+    viewer_px, display_px : of the longer side
+    finer : how much finer each picture is than the one before
+    tracing_s, painting_s : work after the build that the rig itself gets before its first picture
+        is made, while it traces and while it paints images larger than coarse ones
+    """
+
+    viewer_px: int = 64
+    display_px: int = 512
+    tolerance_px: float = 1.0
+    finer: int = 4
+    tracing_s: float = 0.2
+    painting_s: float = 0.4
+
+
+COARSE = Coarse()
 
 
 def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
     """The rig seen by viewers of about `side` pixels, for a first picture."""
     display = rig.display
-    n = -(-max(display.width, display.height) // COARSE_DISPLAY)
+    n = -(-max(display.width, display.height) // COARSE.display_px)
     coarse_rig = replace(
         rig,
         viewers=tuple(
@@ -48,7 +60,7 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
 
     coarse_settings = replace(
         settings,
-        tolerance=max(settings.tolerance, COARSE_TOLERANCE),
+        tolerance=max(settings.tolerance, COARSE.tolerance_px),
         margin=-(-settings.margin // n),
     )
     return coarse_rig, coarse_settings
@@ -69,10 +81,10 @@ def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
     itself, those before take a fraction of its time.
     """
     rungs = []
-    side = COARSE_VIEWER
+    side = COARSE.viewer_px
     while 2 * side < max(map(_longer_side, rig.viewers)):
         rungs.append(coarser(rig, settings, side))
-        side *= FINER
+        side *= COARSE.finer
     return [*rungs, (rig, settings)]
 
 
@@ -92,11 +104,11 @@ def solve_in_sight(
     `show` gets coarse source images of the display's size.
 
     The rig itself is begun first, so that nothing is shown where it cannot be solved; it rests
-    while a coarse picture is made. The next one, which takes FINER^2 times as long, comes after as
-    many times the work. None is made where nothing has to be traced, since nothing coarse is
+    while a coarse picture is made. The next one, which takes `finer`^2 times as long, comes after
+    as many times the work. None is made where nothing has to be traced, since nothing coarse is
     faster.
     """
-    is_large = max(map(_longer_side, (*rig.viewers, rig.display))) > COARSE_DISPLAY
+    is_large = max(map(_longer_side, (*rig.viewers, rig.display))) > COARSE.display_px
     worked, patience = 0.0, 1
     with closing(session.solve(rig, settings)) as solving:
         progress = next(solving)  # the glass is made ready
@@ -105,12 +117,9 @@ def solve_in_sight(
             while True:
                 yield progress
                 is_tracing = session.is_tracing
-                if (
-                    rungs
-                    and (is_tracing or is_large)
-                    and worked >= patience * (TRACING if is_tracing else PAINTING)
-                ):
-                    patience *= FINER**2
+                enough = COARSE.tracing_s if is_tracing else COARSE.painting_s
+                if rungs and (is_tracing or is_large) and worked >= patience * enough:
+                    patience *= COARSE.finer**2
                     yield from _shown(session, *rungs.pop(0), rig, show, progress)
 
                 started = perf_counter()

@@ -4,6 +4,8 @@ The amounts are those that `dev.py bench` measures beside this estimate: within 
 factor of 2 from 100 MB on, with the compiled kernel and without it.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..free_memory import check_free
@@ -17,27 +19,49 @@ from ..rig import Display, Mesh, Rig
 from ..settings import Settings
 from ..viewer import Viewer
 
-# bytes; and those that batches of rays take more without the kernel
-ALWAYS = 45e6
-BY_NUMPY = 75e6
-# bytes for each pixel, share, triangle, traced ray that is kept
-OF_DISPLAY = 55
-OF_VIEWER = 20
-OF_PICTURE = 20
-OF_SHARE = 62
-OF_TRIANGLE = 2000
-OF_RAY = 120
-# for a display pixel; for one of the viewer's, up to
-OWN_SHARES = 1.2
-VIEWER_SHARES = 1.5
-MOST_VIEWER_SHARES = 14
-# times the display's side in tolerances; for a viewer pixel
-QUADS = 7
-MOST_QUADS = 512
-# times the 2/5th power of the same; for a cell, for a viewer pixel
-CELLS = 5
-RAYS = 40
-MOST_RAYS = 1.5
+
+@dataclass(frozen=True)
+class Bytes:
+    """Bytes of a solve, fitted to the peaks of `dev.py bench` and `dev.py glasses`.
+
+    always : of every solve; by_numpy : of batches of rays, more without the kernel
+    display, viewer, picture : of a pixel
+    share, triangle, ray : of one that is kept
+    """
+
+    always: float = 45e6
+    by_numpy: float = 75e6
+    display: int = 55
+    viewer: int = 20
+    picture: int = 20
+    share: int = 62
+    triangle: int = 2000
+    ray: int = 120
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of things that a solve makes, fitted to the same solves; see `estimated`.
+
+    display_shares, viewer_shares : shares for a pixel of the display, and for one of the viewer's
+        up to so many a display pixel (most_viewer_shares)
+    quads : times the display's side in tolerances, up to most_quads a viewer pixel
+    cells : times the 2/5th power of that
+    rays : for a cell, up to most_rays a viewer pixel
+    """
+
+    display_shares: float = 1.2
+    viewer_shares: float = 1.5
+    most_viewer_shares: int = 14
+    quads: int = 7
+    most_quads: int = 512
+    cells: int = 5
+    rays: int = 40
+    most_rays: float = 1.5
+
+
+BYTES = Bytes()
+NUMBERS = Numbers()
 
 
 def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
@@ -59,29 +83,34 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
 
-    n_quads = min(QUADS * sides, MOST_QUADS * viewer)
-    n_cells = CELLS * sides**0.4
+    # quads, cells and rays that the tolerance asks for
+    n_quads = min(NUMBERS.quads * sides, NUMBERS.most_quads * viewer)
+    n_cells = NUMBERS.cells * sides**0.4
     n_rays = (
-        min(RAYS * n_cells, MOST_RAYS * viewer)
+        min(NUMBERS.rays * n_cells, NUMBERS.most_rays * viewer)
         if n_cells < n_curved
-        else MOST_RAYS * min(n_quads, viewer)
+        else NUMBERS.most_rays * min(n_quads, viewer)
     )
 
-    n_shares = OWN_SHARES * display + min(VIEWER_SHARES * viewer, MOST_VIEWER_SHARES * display)
+    # shares are kept up to a number, first those that pixels ask for
+    n_viewer_shares = min(NUMBERS.viewer_shares * viewer, NUMBERS.most_viewer_shares * display)
+    n_shares = NUMBERS.display_shares * display + n_viewer_shares
     n_kept = min(n_shares, MOST_KEPT)
     n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
     n_cut, n_points = (
         (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
     )
 
+    n_triangles = sum(len(mesh.triangles) for mesh in meshes)
+    cut_shares = BYTES.share * min(n_cut, MOST_KEPT - n_kept)
     return {
-        "display": OF_DISPLAY * display + OF_SHARE * n_kept,
-        "viewer": OF_VIEWER * viewer,
-        "picture": OF_PICTURE * float(place.height) * place.width,
-        "tolerance": OF_SHARE * n_more + OF_RAY * n_rays,
-        "glass": OF_TRIANGLE * sum(len(mesh.triangles) for mesh in meshes),
-        "borders": OF_SHARE * min(n_cut, MOST_KEPT - n_kept) + BYTES_OF_POINT * n_points,
-        "always": ALWAYS + BY_NUMPY * (library() is None),
+        "display": BYTES.display * display + BYTES.share * n_kept,
+        "viewer": BYTES.viewer * viewer,
+        "picture": BYTES.picture * float(place.height) * place.width,
+        "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,
+        "glass": BYTES.triangle * n_triangles,
+        "borders": cut_shares + BYTES_OF_POINT * n_points,
+        "always": BYTES.always + BYTES.by_numpy * (library() is None),
     }
 
 

@@ -14,7 +14,7 @@ from ..viewer import Viewer
 UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = "finer than a viewer pixel"
 
-ROUNDING = 1e-12  # of the picture: less is no light
+LEAST_LIGHT = 1e-12  # of the picture: less is no light
 
 PIXELS_AT_ONCE = 1 << 18
 
@@ -68,7 +68,7 @@ def of_the_picture(
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0
     }
     between = float((unseen - lost.sum()) / shown)
-    if between > ROUNDING:
+    if between > LEAST_LIGHT:
         misses[TOO_FINE] = between
 
     return float(1 - unseen / shown), misses

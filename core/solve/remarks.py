@@ -20,7 +20,7 @@ from .tessellation import COARSE, Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
 LEAST_LOST = 1e-3
-ROUNDED = 0.1  # display px: where rounding may do more than this it is worth a remark
+LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
 BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
 UNDECIDED = 0.01  # share of the light whose way may be another one
 # of the light that is cut off: where more never comes free, to raise the limit does not help
@@ -240,7 +240,7 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
 
 def _on_rounding(plan: Plan, rounded: float) -> Iterator[Remark]:
     touching = plan.merge_distance
-    if max(rounded, touching / display_pixel(plan.rig.display)) > ROUNDED:
+    if max(rounded, touching / display_pixel(plan.rig.display)) > LEAST_ROUNDED_PX:
         yield note(
             "Blender rounds places: landings may be off by {error} display pixels, and glass"
             " nearer than {gap} touches. Move the rig to the origin, and the origins of its"

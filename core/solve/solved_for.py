@@ -11,7 +11,7 @@ from ..arrays import Floats
 from ..fingerprint import fingerprint
 
 # of the bench's size: the error, in float32, of a place that was left and returned to
-ROUNDED = 4 * 2.0**-23
+ROUNDING_OF_PLACES = 4 * 2.0**-23
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,8 @@ class SolvedFor:
         size = np.abs(mine[..., 3] - mine[:1, :, 3]).max(initial=0.0)
         off = np.abs(mine - its)
         return bool(
-            (off[..., :3] <= ROUNDED * axes).all() and (off[..., 3] <= ROUNDED * size).all()
+            (off[..., :3] <= ROUNDING_OF_PLACES * axes).all()
+            and (off[..., 3] <= ROUNDING_OF_PLACES * size).all()
         )
 
     def as_text(self) -> str:

@@ -8,7 +8,7 @@ from ..light.landings import Landings
 from ..light.plan import Plan
 from ..light.trace import Step
 
-NEAR = 1e-3  # of the glass's size
+NEAR_OF_GLASS = 1e-3  # of the glass's size
 
 
 def undecided(
@@ -35,7 +35,7 @@ def undecided(
 
 def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
     """Which rays (n,) meet two solids one after the other
-    within NEAR of the glass's size of each other?
+    within NEAR_OF_GLASS of the glass's size of each other?
     """
     size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
     last = origins.copy()
@@ -46,7 +46,7 @@ def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
         part = np.where(plan.parts.kind[part] == Kind.GLASS, part, -1)
         is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
         is_near[step.rays] |= is_other & (
-            np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR * size
+            np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR_OF_GLASS * size
         )
         last[step.rays], solid[step.rays] = step.place, part
 

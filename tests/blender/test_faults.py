@@ -474,7 +474,7 @@ def shown(rig: dict, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     coarse = part("core.solve.coarse")
     solve = part("operators.solve")
     images = []
-    monkeypatch.setattr(coarse, "TRACING", 0.0)
+    monkeypatch.setattr(coarse, "COARSE", replace(coarse.COARSE, tracing_s=0.0))
     write = solve.write_coarse
     monkeypatch.setattr(solve, "write_coarse", lambda *a: (images.append(a[-1]), write(*a))[1])
     bpy.ops.ed.undo_push(message="rig")

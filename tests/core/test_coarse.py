@@ -23,8 +23,8 @@ def a_rig(pixels=160, **options):
 
 def patience(monkeypatch, seconds):
     """How long the rig itself is at work before the first picture is made."""
-    monkeypatch.setattr(coarse, "TRACING", seconds)
-    monkeypatch.setattr(coarse, "PAINTING", seconds)
+    patient = replace(coarse.COARSE, tracing_s=seconds, painting_s=seconds)
+    monkeypatch.setattr(coarse, "COARSE", patient)
 
 
 @pytest.fixture
@@ -52,7 +52,8 @@ def test_the_result_is_that_of_a_plain_solve(monkeypatch, progress):
     """
     expected = solve(a_rig(), brightness=True).source
     patience(monkeypatch, np.inf)
-    monkeypatch.setattr(coarse, "COARSE_DISPLAY", 95)  # so that this one is large
+    # so that this one is large
+    monkeypatch.setattr(coarse, "COARSE", replace(coarse.COARSE, display_px=95))
     shown = []
     work = in_sight(a_rig(), Session(), shown, brightness=True)
     while next(work) < progress:
@@ -111,7 +112,7 @@ def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
     solve(a_rig(), session)
     assert drain(in_sight(a_rig(), session, shown)).n_rays == 0
     drain(in_sight(a_rig(128), Session(), shown))
-    monkeypatch.setattr(coarse, "TRACING", np.inf)
+    monkeypatch.setattr(coarse, "COARSE", replace(coarse.COARSE, tracing_s=np.inf))
     drain(in_sight(a_rig(), Session(), shown))
     assert not shown
 

@@ -45,7 +45,9 @@ told = memory.estimated(a_rig, settings, view_map)
 print(json.dumps([status("VmHWM") - before, sum(told.values())]))
 """
 SOLVE = "finish(Session().solve(a_rig, settings)).first.view_map"
-TRACE = "finish(sample(Session().plan(a_rig, settings))); memory.OF_SHARE = 0"
+TRACE = (
+    "finish(sample(Session().plan(a_rig, settings))); memory.BYTES = replace(memory.BYTES, share=0)"
+)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
