@@ -48,8 +48,10 @@ COARSE = Coarse()
 
 def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
     """The rig seen by viewers of about `side` pixels, for a first picture."""
+    # how many pixels of the display, each way, become one
     display = rig.display
     n = -(-max(display.width, display.height) // COARSE.display_px)
+
     coarse_rig = replace(
         rig,
         viewers=tuple(
@@ -110,9 +112,11 @@ def solve_in_sight(
     """
     is_large = max(map(_longer_side, (*rig.viewers, rig.display))) > COARSE.display_px
     worked, patience = 0.0, 1
+
     with closing(session.solve(rig, settings)) as solving:
         progress = next(solving)  # the glass is made ready
         rungs = ladder(rig, settings)[:-1] if session.is_tracing else []
+
         try:
             while True:
                 yield progress

@@ -135,6 +135,7 @@ def check_memory(rig: Rig, settings: Settings) -> None:
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
 
+    # what helps most is less of what takes most
     remedies = {
         "display": Message(
             "lower the resolution of the display '{display}' ({width} x {height})",

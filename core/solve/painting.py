@@ -138,6 +138,8 @@ def _add(
 def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings) -> Placed:
     """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, picture, viewer, settings)
+
+    # a guess at the time, and at the shares that so many cells make
     width, height = shares.display_size
     cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
     seconds = times_slower() * float(
@@ -146,6 +148,7 @@ def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Se
         + PACE.painted_share * n_shares[-1]
     )
     part = n_shares / max(n_shares[-1], 1)
+
     coverage = Coverage(shares.display_size, shares.view_size)
     return Placed(
         viewer=viewer,

@@ -113,9 +113,10 @@ def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
 
 
 def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
-    for part, n, m in zip(
-        (*rig.glasses, *rig.mirrors), plan.counts.n_doubted, plan.counts.n_curved, strict=True
-    ):
+    counts = plan.counts
+    parts = rig.curved_parts()
+
+    for part, n, m in zip(parts, counts.n_doubted, counts.n_curved, strict=True):
         if n and m:
             yield note(
                 "'{part}' is followed as drawn where its mesh is too irregular or too coarse to"
@@ -254,18 +255,18 @@ def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Rem
     # rows of three are slow
     brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
     bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)
-    if bright > 0:
-        remedy = (
-            Message("turn Brightness off, make") if plan.settings.brightness else Message("make")
-        )
-        yield note(
-            "{share} of the source image is brighter than a display's white and would be clipped:"
-            " {remedy} the image of '{picture}' darker in an image editor, or export OpenEXR,"
-            " which keeps it.",
-            share=percent(bright),
-            remedy=remedy,
-            picture=rig.picture.name,
-        )
+    if not bright:
+        return
+
+    remedy = Message("turn Brightness off, make") if plan.settings.brightness else Message("make")
+    yield note(
+        "{share} of the source image is brighter than a display's white and would be clipped:"
+        " {remedy} the image of '{picture}' darker in an image editor, or export OpenEXR,"
+        " which keeps it.",
+        share=percent(bright),
+        remedy=remedy,
+        picture=rig.picture.name,
+    )
 
 
 def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:

@@ -278,8 +278,8 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.floa
         placed.covered = of_the_picture(
             plan.rig.picture_place, plan.viewer, traced.view_map, placed.view_coverage
         )
-
     picture_coverage, misses = placed.covered
+
     return Channel(
         plan=plan,
         view_map=traced.view_map,

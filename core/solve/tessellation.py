@@ -214,6 +214,7 @@ def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None,
     ways = sample.steps, steps
     origins = sample.every[0], sample.rays[0]
     jumps, uneven = _turned_by_jumps(sample.plan, sample.steps, sample.here.sample)
+
     return found._replace(
         order=last * min(1.0, last / before) if before else last,
         undecided=undecided(sample.plan, (sample.here, cubic), origins, ways),
