@@ -64,31 +64,32 @@ class Rig:
         is_single=True, may_be_off=True,
     ))
     glasses: tuple[Glass, ...] = _parts_of(Role(
-        "GLASS", "Glass", 0, 1, "MATSPHERE",
-        "Bends the light; closed surfaces, an inner one is a cavity",
-        "set an object's role to Glass", is_curved=True, may_be_off=True,
+        "GLASS", "Glass", kind=0, number=1, icon="MATSPHERE",
+        tip="Bends the light; closed surfaces, an inner one is a cavity",
+        remedy="set an object's role to Glass", is_curved=True, may_be_off=True,
     ))
     plates: tuple[Plate, ...] = _parts_of(Role(
-        "PLATE", "Plate", 1, 2, "MESH_GRID",
-        "Flat imaging plate: sends light to the mirror image of where it came from",
-        "set a plane's role to Plate", may_be_off=True,
+        "PLATE", "Plate", kind=1, number=2, icon="MESH_GRID",
+        tip="Flat imaging plate: sends light to the mirror image of where it came from",
+        remedy="set a plane's role to Plate", may_be_off=True,
     ))
     displays: tuple[Display, ...] = _parts_of(Role(
-        "DISPLAY", "Display", 4, 4, "RESTRICT_VIEW_OFF",
-        "Shows the source image on its front, laid out by its UV map",
-        "set a plane's role to Display", is_single=True, is_mapped=True, may_be_off=True,
+        "DISPLAY", "Display", kind=4, number=4, icon="RESTRICT_VIEW_OFF",
+        tip="Shows the source image on its front, laid out by its UV map",
+        remedy="set a plane's role to Display", is_single=True, is_mapped=True, may_be_off=True,
     ))
     pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
-        "PICTURE", "Picture", None, 5, "IMAGE_DATA",
-        "Textured plane that the viewer shall see undistorted",
-        "set a textured plane's role to Picture or choose an image",
+        "PICTURE", "Picture", number=5, icon="IMAGE_DATA",
+        tip="Textured plane that the viewer shall see undistorted",
+        remedy="set a textured plane's role to Picture or choose an image",
         is_single=True, is_mapped=True,
     ), ())
     mirrors: tuple[Mirror, ...] = _parts_of(Role(
-        "MIRROR", "Mirror", 2, 3, "MOD_MIRROR", "Reflects light on both sides", is_curved=True,
+        "MIRROR", "Mirror", kind=2, number=3, icon="MOD_MIRROR",
+        tip="Reflects light on both sides", is_curved=True,
     ), ())
     blockers: tuple[Blocker, ...] = _parts_of(Role(
-        "BLOCKER", "Blocker", 3, 6, "CANCEL", "Stops light",
+        "BLOCKER", "Blocker", kind=3, number=6, icon="CANCEL", tip="Stops light",
     ), ())
     # fmt: on
 

@@ -54,11 +54,23 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
         notes += found.notes
         if settings.use_ior:
             readings.append(
-                MaterialReading(name, material.name, settings.ior, "override", found.ignored)
+                MaterialReading(
+                    object_name=name,
+                    material_name=material.name,
+                    ior=settings.ior,
+                    source="override",
+                    ignored=found.ignored,
+                )
             )
         else:
             readings.append(
-                MaterialReading(name, material.name, found.ior, found.source, found.ignored)
+                MaterialReading(
+                    object_name=name,
+                    material_name=material.name,
+                    ior=found.ior,
+                    source=found.source,
+                    ignored=found.ignored,
+                )
             )
 
     if not readings:

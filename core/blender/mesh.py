@@ -194,7 +194,15 @@ def read_local(
         vertices = column(mesh.vertices, "co", 3, np.float32).astype(float)
 
     triangles = column(found, "vertices", 3, np.int32).astype(np.int64)
-    local = LocalMesh(vertices, triangles, loops, is_smooth, normals, has_mean_normals, uv)
+    local = LocalMesh(
+        vertices=vertices,
+        triangles=triangles,
+        loops=loops,
+        is_smooth=is_smooth,
+        normals=normals,
+        has_mean_normals=has_mean_normals,
+        uv=uv,
+    )
     return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
 
 
@@ -247,7 +255,14 @@ def in_world(
     has_mean_normals = local.has_mean_normals and is_smooth is not None
     triangles = np.ascontiguousarray(triangles)
     return Mesh(
-        vertices, triangles, normals, is_smooth, uv, surface, has_mean_normals, rounding
+        vertices=vertices,
+        triangles=triangles,
+        corner_normals=normals,
+        is_smooth=is_smooth,
+        uv=uv,
+        surface=surface,
+        has_mean_normals=has_mean_normals,
+        rounding=rounding,
     ), n_dropped
 
 

@@ -94,14 +94,14 @@ def read_part(
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
     return Part(
-        owner,
-        name,
-        mesh,
-        shown.original,
-        used_materials(shown, shape.slots),
-        shape.texture,
-        n_dropped,
-        matrix,
+        owner=owner,
+        name=name,
+        mesh=mesh,
+        drawn=shown.original,
+        materials=used_materials(shown, shape.slots),
+        texture=shape.texture,
+        n_dropped=n_dropped,
+        matrix=matrix,
     )
 
 

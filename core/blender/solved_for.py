@@ -38,7 +38,14 @@ class _Unmoved:
 
     def at(self, matrix: Floats, surface: str) -> tuple[Mesh, int]:
         local = self._shape.local
-        mesh = Mesh(local.vertices, local.triangles, None, None, local.uv, surface.lower())
+        mesh = Mesh(
+            vertices=local.vertices,
+            triangles=local.triangles,
+            corner_normals=None,
+            is_smooth=None,
+            uv=local.uv,
+            surface=surface.lower(),
+        )
         # the mesh, so that no other gets its id
         self._notes.drawn[id(mesh)] = mesh, self._shape, matrix
         return mesh, 0

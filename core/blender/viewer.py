@@ -49,11 +49,11 @@ def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Fram
 def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
     """The pixels of a scene's render."""
     return Frame(
-        render.resolution_x,
-        render.resolution_y,
-        render.resolution_percentage,
-        render.pixel_aspect_x,
-        render.pixel_aspect_y,
+        width=render.resolution_x,
+        height=render.resolution_y,
+        percentage=render.resolution_percentage,
+        aspect_x=render.pixel_aspect_x,
+        aspect_y=render.pixel_aspect_y,
     )
 
 
@@ -142,11 +142,14 @@ def read_viewer(
 
     matrix = np.array(evaluated.matrix_world, dtype=float)
     frame = frame_of(camera, render)
+    width, height = frame.size
+
     return Viewer(
-        camera.name,
-        PROJECTIONS[lens.type],
-        matrix[:3, 3] * metres,
-        orthonormal_axes(matrix, camera.name),
-        image_window(lens, frame, metres),
-        *frame.size,
+        name=camera.name,
+        projection=PROJECTIONS[lens.type],
+        position=matrix[:3, 3] * metres,
+        axes=orthonormal_axes(matrix, camera.name),
+        window=image_window(lens, frame, metres),
+        width=width,
+        height=height,
     )
