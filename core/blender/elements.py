@@ -42,9 +42,32 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     too, while the evaluated copy does not hear of a script's settings.
     """
     settings = part.owner.kiriko
-    name = part.owner.name
-    notes = []
+    readings, notes = _readings_of(part)
+    if not readings:
+        ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
+        material = next((m.name for m in part.materials if m is not None), "")
+        readings = [MaterialReading(part.owner.name, material, ior, source)]
+
+        if source == "default":
+            notes.append(
+                Message(
+                    "The glass '{name}' has no refractive material: using an index of"
+                    " refraction of {ior}.",
+                    name=part.owner.name,
+                    ior=ior,
+                )
+            )
+
+    notes += _notes_on_materials(part, readings)
+    glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
+    return glass, readings, notes
+
+
+def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
+    """The refractive materials of a glass, with the override where there is one; their notes."""
+    settings = part.owner.kiriko
     readings = []
+    notes = []
 
     for material in part.materials:
         found = read_refraction(material)
@@ -52,41 +75,24 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
             continue
 
         notes += found.notes
-        if settings.use_ior:
-            readings.append(
-                MaterialReading(
-                    object_name=name,
-                    material_name=material.name,
-                    ior=settings.ior,
-                    source="override",
-                    ignored=found.ignored,
-                )
+        ior, source = (settings.ior, "override") if settings.use_ior else (found.ior, found.source)
+        readings.append(
+            MaterialReading(
+                object_name=part.owner.name,
+                material_name=material.name,
+                ior=ior,
+                source=source,
+                ignored=found.ignored,
             )
-        else:
-            readings.append(
-                MaterialReading(
-                    object_name=name,
-                    material_name=material.name,
-                    ior=found.ior,
-                    source=found.source,
-                    ignored=found.ignored,
-                )
-            )
+        )
 
-    if not readings:
-        ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
-        material = next((m.name for m in part.materials if m is not None), "")
-        readings = [MaterialReading(name, material, ior, source)]
+    return readings, notes
 
-        if source == "default":
-            notes.append(
-                Message(
-                    "The glass '{name}' has no refractive material: using an index of"
-                    " refraction of {ior}.",
-                    name=name,
-                    ior=ior,
-                )
-            )
+
+def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str]:
+    """Notes on materials that do not refract, and on those that disagree."""
+    name = part.owner.name
+    notes = []
 
     # faces whose material does not refract
     plain = sorted(
@@ -118,8 +124,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
             )
         )
 
-    glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
-    return glass, readings, notes
+    return notes
 
 
 def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:

@@ -13,7 +13,8 @@ from ..bench.offset import part_motions
 from ..errors import RigError
 from ..glass.tessellate import tessellate
 from ..rig import ROLES, Mesh, Rig
-from .mesh import mesh_from_triangles, sharpen_creases
+from .made_mesh import mesh_from_triangles
+from .mesh import sharpen_creases
 from .parts import part_name, shown_parts
 from .roles import InBlender, Studio, in_blender
 from .scene import Reading, object_matrix

@@ -92,6 +92,26 @@ def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
     )
 
 
+def _has_no_place(display: bpy.types.Object) -> str:
+    """Why no material can be put on a display; '' where one can."""
+    if display.data is None or not hasattr(display.data, "materials"):
+        return Message(
+            "The display '{display}' has no material: give the image '{image}' to what it shows.",
+            display=display.name,
+            image=SOURCE,
+        )
+
+    if not display.is_editable:
+        return Message(
+            "The display '{display}' is linked from another file: give it the image"
+            " '{image}' there.",
+            display=display.name,
+            image=SOURCE,
+        )
+
+    return ""
+
+
 def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
     """Make a display emit an image, by a material of its own in place of the user's.
 
@@ -99,25 +119,8 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     own material stays in the mesh and in the file. Returns one sentence for each material that gave
     way.
     """
-    if display.data is None or not hasattr(display.data, "materials"):
-        return [
-            Message(
-                "The display '{display}' has no material: give the image '{image}' to what it"
-                " shows.",
-                display=display.name,
-                image=SOURCE,
-            )
-        ]
-
-    if not display.is_editable:
-        return [
-            Message(
-                "The display '{display}' is linked from another file: give it the image"
-                " '{image}' there.",
-                display=display.name,
-                image=SOURCE,
-            )
-        ]
+    if why_not := _has_no_place(display):
+        return [why_not]
 
     old = next(
         (

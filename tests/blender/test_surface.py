@@ -368,6 +368,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     same triangles, normals and shading, in any unit.
     """
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.mesh")
+    making = importlib.import_module(f"{kiriko.__name__}.core.blender.made_mesh")
     thing = ball()
     thing.location = (100.0, 20.0, 3.0)
     thing.scale = (1.0, -2.0, 0.5)
@@ -379,7 +380,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     drawn = replace(drawn, corner_normals=normals)
 
     for metres in (1.0, 0.001):
-        made, matrix = module.mesh_from_triangles("made", drawn, metres)
+        made, matrix = making.mesh_from_triangles("made", drawn, metres)
         to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(matrix, dtype=float)
         found, n_dropped = module.in_world(module.read_local(made, has_normals=True), to_metres)
         assert n_dropped == 0
