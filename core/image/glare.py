@@ -86,5 +86,8 @@ def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     is_beside, beside = landings.pixels_beside(*size)
     is_seen = is_through | is_beside
     return LightBeside(
-        view[is_seen], (pixel + beside)[is_seen], landings.throughput[is_seen], is_beside[is_seen]
+        view[landings.sample[is_seen]],
+        (pixel + beside)[is_seen],
+        landings.throughput[is_seen],
+        is_beside[is_seen],
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
+from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight
@@ -81,9 +82,12 @@ def simulate(
                 some = np.flatnonzero(random.random(len(pixels)) < share)
                 ways.append(("reflected", some, 1.0 / share))
             for light, some, weight in ways:
-                is_seen, colours, path = _shown(plan, xy[some], light, texels)
+                rays, colours, path = _shown(plan, xy[some], light, texels)
                 colours *= weight
-                halves[k % 2][:, pixels[some[is_seen]]] += colours.T
+                # of a ray that parts all light counts
+                of_chunk = halves[k % 2][:, first : first + len(pixels)]
+                for channel in range(3):
+                    of_chunk[channel] += np.bincount(some[rays], colours[:, channel], len(pixels))
                 by_pass[k] += np.bincount(path, dot(colours, LUMINANCE), len(PlatePath)) / n
             yield (k * n + first + len(pixels)) / (passes * n)
 
@@ -101,11 +105,9 @@ def simulate(
     )
 
 
-def _shown(
-    plan: Plan, xy: Floats, light: PlateLight, texels: Floats
-) -> tuple[NDArray[np.bool_], Floats, Ints]:
-    """The display's light at viewer px (n, 2) by one way: where there is any (n,), and for these
-    places its colours (m, 3) and its PlatePath (m,).
+def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[Ints, Floats, Ints]:
+    """The display's light at viewer px (n, 2) by one way: which of them (m,) have any,
+    its colours (m, 3) and its PlatePath (m,).
 
     texels : (H * W, 3) of the display, row by row
     """
@@ -116,7 +118,7 @@ def _shown(
         is_seen &= landings.plate_path == PlatePath.REFLECTED
 
     colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
-    return is_seen, colours, landings.plate_path[is_seen]
+    return landings.sample[is_seen], colours, landings.plate_path[is_seen]
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,7 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     size = (viewer.width, viewer.height)
     bright = replace(plan, settings=replace(plan.settings, brightness=True))
     view = np.random.default_rng(seed).uniform(0, size, (N_PLATE_RAYS, 2))
-    here = trace(bright, *viewer.rays(view))
+    here = main_landings(trace(bright, *viewer.rays(view)), len(view))
     is_seen, _ = here.pixels(plan.rig.display.width, plan.rig.display.height)
     if not is_seen.any():
         return None
@@ -159,7 +161,8 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     # the light that the plate leaves: all that is left, by the light left with an ideal plate
     yield 0.2
     view = view[is_seen]
-    without = trace(replace(bright, arrays={}), *viewer.rays(view)).throughput
+    ideal = trace(replace(bright, arrays={}), *viewer.rays(view))
+    without = main_landings(ideal, len(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
 
     yield 0.3
@@ -189,14 +192,15 @@ def _moved(
     steps = DERIVATIVE_STEP_PX * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
     around = []
     for step in steps:
-        around.append(trace(plan, *viewer.rays(view + step)))
+        found = trace(plan, *viewer.rays(view + step))
+        around.append(main_landings(found, len(view), branch))
         yield 0.3 + 0.15 * len(around)
 
     right, left, below, above = (landings.xy for landings in around)
     j = np.stack([right - left, below - above], axis=2) / DERIVATIVE_STEP_PX
     determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
 
-    real = trace(plan, *viewer.rays(view), light="folded")
+    real = main_landings(trace(plan, *viewer.rays(view), light="folded"), len(view), branch)
     is_known = real.plate_path == PlatePath.IMAGED
     for other in (real, *around):
         is_known &= other.branch == branch

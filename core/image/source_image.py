@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .. import kernel
 from ..arrays import Bools, Floats
+from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.rays import PlateLight
 from ..light.trace import TRACED_AT_ONCE, trace
@@ -137,9 +138,11 @@ def splat(
             xy = corner + random.random((len(some), 2))
 
             landings = trace(plan, *viewer.rays(xy), light=light)
+            if light == "imaged":  # as the view map
+                landings = main_landings(landings, len(xy))
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]
-            colours = pyramid.sample(picture_from_view(place, viewer, xy[inside]))
+            colours = pyramid.sample(picture_from_view(place, viewer, xy[landings.sample[inside]]))
             weight = landings.throughput[inside]
 
             norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..image.seen_image import lattice_shift
+from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
@@ -225,7 +226,7 @@ def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> Referen
     viewer = plan.viewer
     points = np.random.default_rng(0).random((N_CHECKED, 2)) * (viewer.width, viewer.height)
     clock = perf_counter()
-    landings = trace_all(plan, *viewer.rays(points))
+    landings = main_landings(trace_all(plan, *viewer.rays(points)), len(points))
     seconds = perf_counter() - clock
     arrived = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
 

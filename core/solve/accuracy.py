@@ -96,7 +96,9 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     rays, cover = _picture_rays(plan.rig.picture_place, plan.viewer)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
-    weights = np.bincount(plan.parts.owner[landings.leak[leaked]], cover[leaked], n_glasses)
+    weights = np.bincount(
+        plan.parts.owner[landings.leak[leaked]], cover[landings.sample[leaked]], n_glasses
+    )
     return tuple(float(weight) for weight in weights / max(cover.sum(), 1e-300))
 
 
@@ -109,7 +111,7 @@ def caught(plan: Plan) -> Pauses[float]:
     """
     (origins, directions), _ = _picture_rays(plan.rig.picture_place, plan.viewer)
     landings = yield from tracing(plan, origins, directions)
-    cut_off = np.flatnonzero(landings.reason == Reason.CUT_OFF)
+    cut_off = np.unique(landings.sample[landings.reason == Reason.CUT_OFF])
     if not len(cut_off):
         return 0.0
     some = cut_off[
@@ -117,7 +119,7 @@ def caught(plan: Plan) -> Pauses[float]:
     ]
     settings = replace(plan.settings, max_events=FURTHER * plan.settings.max_events)
     further = yield from tracing(replace(plan, settings=settings), origins[some], directions[some])
-    return float((further.reason == Reason.CUT_OFF).mean())
+    return len(np.unique(further.sample[further.reason == Reason.CUT_OFF])) / len(some)
 
 
 def _picture_rays(picture: PicturePlace, viewer: Viewer) -> tuple[tuple[Floats, Floats], Floats]:

@@ -11,7 +11,7 @@ from ..arrays import Floats, Ints
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..light.display import display_pixel
-from ..light.landings import Landings
+from ..light.landings import Landings, main_landings
 from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
 from ..light.ray_engine import Layer
@@ -123,7 +123,8 @@ class _Sample:
             replace(planned, layer=layer)
             for planned, layer in zip(self.plan.layers, layers, strict=True)
         )
-        return tracing(replace(self.plan, layers=held), *self.rays, steps=steps)
+        found = yield from tracing(replace(self.plan, layers=held), *self.rays, steps=steps)
+        return main_landings(found, len(self.rays[0]), self.here.branch)
 
     def changed(
         self, change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
@@ -172,7 +173,7 @@ def _sampled(plan: Plan) -> Pauses[_Sample]:
     """Rays spread evenly over the viewer's image, followed to the display."""
     every = _spread_rays(plan.viewer, SAMPLES)
     steps: list[Step] = []
-    whole = yield from tracing(plan, *every, steps=steps)
+    whole = main_landings((yield from tracing(plan, *every, steps=steps)), len(every[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
     return _Sample(
         plan=plan,

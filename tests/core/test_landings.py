@@ -7,13 +7,19 @@ import pytest
 
 from kiriko.core.bench import misalignment, spread, visible_range
 from kiriko.core.bench.misalignment import Bench
+from kiriko.core.image import glare, simulation, source_image
+from kiriko.core.image.simulation import plate_view, simulate
+from kiriko.core.image.source_image import splat
 from kiriko.core.light.landings import Landings, Reason, join, main_landings
 from kiriko.core.light.planning import make_plan
-from kiriko.core.light.trace import trace_all, tracing
+from kiriko.core.light.trace import trace, trace_all, tracing
 from kiriko.core.map import points
 from kiriko.core.map.points import trace_points
 from kiriko.core.map.sampling import sample
+from kiriko.core.rig import Mesh, MirrorArray
 from kiriko.core.settings import Settings
+from kiriko.core.solve import accuracy, tessellation
+from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain
 
@@ -83,6 +89,14 @@ def same(one, other):
         if isinstance(getattr(one, f.name), np.ndarray)
         else getattr(one, f.name) == getattr(other, f.name)
         for f in fields(one)
+    )
+
+
+def without_some(mesh):
+    """An open mesh: light goes in and out by the gaps."""
+    keep = np.arange(len(mesh.triangles)) % 17 != 0
+    return Mesh(
+        mesh.vertices, mesh.triangles[keep], mesh.corner_normals[keep], mesh.is_smooth[keep]
     )
 
 
@@ -232,3 +246,59 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
     for one, other in zip(*found, strict=True):
         assert np.isfinite(one).any()
         assert np.array_equal(one, other, equal_nan=True)
+
+
+def in_halves(landings):
+    """Each ray has two landings in one place, with half of its light each, in any order."""
+    half = replace(landings, throughput=0.5 * landings.throughput)
+    return shuffled(join([half, half]))
+
+
+def test_a_ray_that_parts_in_halves_shows_the_same(monkeypatch):
+    """The simulated image is that of whole rays, to rounding: all light of a ray counts."""
+    plan = make_plan(ball_rig(2, pixels=32), Settings())
+    source = np.random.default_rng(0).random((512, 512, 3)).astype(np.float32)
+    whole = drain(simulate(plan, source, 4))
+    monkeypatch.setattr(simulation, "trace", lambda *a, **k: in_halves(trace(*a, **k)))
+    halves = drain(simulate(plan, source, 4))
+    assert whole.image.max() > 0.1
+    assert np.allclose(halves.image, whole.image, rtol=1e-6, atol=1e-9)
+
+
+def test_images_and_errors_join_landings_by_ray(monkeypatch):
+    """Light beside the glass, the plate's brightness, splatted images, leaks and errors of the
+    mesh are the same, to rounding, for landings in any order.
+    """
+    a_rig = ball_rig(2, pixels=32)
+    array = replace(a_rig.plates[0], array=MirrorArray())
+    opened = replace(a_rig.glasses[0], mesh=without_some(a_rig.glasses[0].mesh))
+    plan = make_plan(a_rig, Settings())
+    by_array = make_plan(replace(a_rig, plates=(array,)), Settings())
+    open_plan = make_plan(replace(a_rig, glasses=(opened,)), Settings())
+    short = make_plan(replace(a_rig, glasses=(opened,)), Settings(max_events=1))
+
+    monkeypatch.setattr(accuracy, "FURTHER", 1)  # all that is cut off is caught
+    found = []
+    for change in (lambda landings: landings, shuffled):
+        for module in (glare, accuracy, tessellation):
+            monkeypatch.setattr(module, "tracing", traced_as(change))
+        for module in (simulation, source_image):
+            monkeypatch.setattr(
+                module, "trace", lambda *a, change=change, **k: change(trace(*a, **k))
+            )
+        beside = finish(glare.look_beside(plan))
+        order = np.lexsort(beside.view.T)
+        view = finish(plate_view(by_array))
+        mesh = finish(tessellation.tessellation(plan))
+        found.append([
+            beside.view[order],
+            beside.pixel[order],
+            [view.brightness, view.blur],
+            finish(splat(plan, 1)),
+            finish(accuracy.leaks(open_plan)),
+            [finish(accuracy.caught(short))],
+            [mesh.order, mesh.undecided, mesh.jumps],
+        ])  # fmt: skip
+    for one, other in zip(*found, strict=True):
+        assert np.any(one)
+        assert np.allclose(one, other, rtol=1e-6, atol=1e-12)
