@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..steps import within
-from .least_squares import Task, settle
+from .least_squares import State, Task, settle
 from .misalignment import FEWEST, Bench
 
 
@@ -139,22 +139,8 @@ def fit(
     left_out |= _strangers(far, left_out, n_measured)
     measured[left_out] = np.nan
 
-    # then against the fit, as long as there are any
     task = Task(bench, measured, np.asarray(tolerances, float), noise)
-    state = task.at(np.zeros(len(task.tolerances)), bench.view)
-    done = 0.0
-    while True:
-        state = yield from within(settle(task, state), done, 0.5 + 0.5 * done)
-        done = 0.5 + 0.5 * done
-        far = np.full(len(measured), np.nan)
-        far[state.used] = np.linalg.norm(state.off.reshape(-1, 2), axis=1)
-        strange = _strangers(far, left_out, n_measured)
-        if not strange.any():
-            break
-        left_out |= strange
-        measured[strange] = np.nan
-        state = task.at(state.amounts, state.at)
-
+    state = yield from _without_strangers(task, left_out, n_measured)
     after = _rms(state.off * noise)
     _check(state.used, n_measured - int((is_measured & left_out).sum()), after, noise)
 
@@ -172,6 +158,26 @@ def fit(
         n_measured=n_measured,
         movements=state.movements,
     )
+
+
+def _without_strangers(
+    task: Task, left_out: Bools, n_measured: int
+) -> Generator[float, None, State]:
+    """The fit of a task without points that are far from it, which are left out (m,), too."""
+    state = task.at(np.zeros(len(task.tolerances)), task.bench.view)
+    done = 0.0
+    while True:
+        state = yield from within(settle(task, state), done, 0.5 + 0.5 * done)
+        done = 0.5 + 0.5 * done
+
+        far = np.full(len(task.measured), np.nan)
+        far[state.used] = np.linalg.norm(state.off.reshape(-1, 2), axis=1)
+        strange = _strangers(far, left_out, n_measured)
+        if not strange.any():
+            return state
+        left_out |= strange
+        task.measured[strange] = np.nan
+        state = task.at(state.amounts, state.at)
 
 
 def _strangers(distance: Floats, left_out: Bools, n_measured: int) -> Bools:

@@ -63,28 +63,13 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, Pieces]:
     Returns the first column and the number of columns that each row of a cell enters, and
     the pieces of the edges, their pixels counted through all these rows.
     """
-    # corners from the upper border of the row
-    k = len(outline) // 3
-    x = outline[:k]
-    y = outline[k : 2 * k] - row
-    slope = outline[2 * k : -1]
     last_column = outline[-1]
-
-    # the ends of each edge within the row
-    inside = np.clip(y, 0, 1)
-    off = inside - y
-    following = [*range(1, k), 0]
-    # x is rounded to steps of 2^-51 at the least, so that distances to
-    # a grid line are exact, also just left of 0
-    xa = (x + off * slope + 4) - 4
-    xb = (x[following] + off[following] * slope + 4) - 4
-    ya = inside
-    yb = inside[following]
+    ends = _ends(outline, row)
 
     # the columns that the row enters
-    low = np.minimum(xa, xb)
-    high = np.maximum(xa, xb)
-    is_there = ya != yb
+    low = np.minimum(ends.xa, ends.xb)
+    high = np.maximum(ends.xa, ends.xb)
+    is_there = ends.ya != ends.yb
     away = NOWHERE * ~is_there
     first = np.clip(np.floor((low + away).min(axis=0)), 0, last_column)
     last = np.clip(np.ceil((high - away).max(axis=0)) - 1, first, last_column)
@@ -98,33 +83,70 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, Pieces]:
     end = np.clip(np.floor(high), -1, last)
     of_edge, step = ragged((is_there * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
 
-    slope_y = (yb - ya) / (xb - xa + (xa == xb))
-
     def of_piece(values: NDArray) -> NDArray:
         return np.take(values.ravel(), of_edge)
 
     # each edge from the left border of a piece's pixel
-    pixel = of_piece((starts - first + begin).astype(np.int64)) + step
-    ya = of_piece(ya)
-    yb = of_piece(yb)
-    slope_y = of_piece(slope_y)
-    xa = of_piece(xa - begin) - step
-    xb = of_piece(xb - begin) - step
-
-    # cut at both borders
-    ua = np.clip(xa, 0, 1)
-    ub = np.clip(xb, 0, 1)
+    slope_y = (ends.yb - ends.ya) / (ends.xb - ends.xa + (ends.xa == ends.xb))
+    edges = Pieces(
+        pixel=of_piece((starts - first + begin).astype(np.int64)) + step,
+        xa=of_piece(ends.xa - begin) - step,
+        ya=of_piece(ends.ya),
+        xb=of_piece(ends.xb - begin) - step,
+        yb=of_piece(ends.yb),
+    )
     is_left = (
         np.flatnonzero((of_piece(begin) < 0) & (step == 0)) if begin.min(initial=0) < 0 else ()
     )
+    return first.astype(np.int64), widths, _cut(edges, of_piece(slope_y), is_left)
+
+
+class _Ends(NamedTuple):
+    """Ends of edges (k, r) within rows of pixels, from the window's left border and the row's
+    upper one.
+    """
+
+    xa: Floats
+    ya: Floats
+    xb: Floats
+    yb: Floats
+
+
+def _ends(outline: Floats, row: Ints) -> _Ends:
+    """The ends of edges within their rows."""
+    # corners from the upper border of the row
+    k = len(outline) // 3
+    x = outline[:k]
+    y = outline[k : 2 * k] - row
+    slope = outline[2 * k : -1]
+
+    inside = np.clip(y, 0, 1)
+    off = inside - y
+    following = [*range(1, k), 0]
+    # x is rounded to steps of 2^-51 at the least, so that distances to
+    # a grid line are exact, also just left of 0
+    xa = (x + off * slope + 4) - 4
+    xb = (x[following] + off[following] * slope + 4) - 4
+    return _Ends(xa, inside, xb, inside[following])
+
+
+def _cut(edges: Pieces, slope_y: Floats, is_left: Ints | tuple[()]) -> Pieces:
+    """Edges (p,), of slopes dy/dx, cut at the left and right borders of their pixels.
+
+    Those that are left of the window count as on its border.
+    """
+    pixel, xa, ya, xb, yb = edges
+    ua = np.clip(xa, 0, 1)
+    ub = np.clip(xb, 0, 1)
     if len(is_left):
         ua[is_left], ub[is_left] = np.minimum(xa[is_left], 1), np.minimum(xb[is_left], 1)
+
     ya = ya + (ua - xa) * slope_y
     yb = yb + (ub - xb) * slope_y
     if len(is_left):
         ua[is_left] = ub[is_left] = 0
         pixel[is_left] += 1
-    return first.astype(np.int64), widths, Pieces(pixel, ua, ya, ub, yb)
+    return Pieces(pixel, ua, ya, ub, yb)
 
 
 def sums(widths: Ints, pieces: Pieces) -> Moments:

@@ -231,26 +231,39 @@ def check_picture(
     is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
 
     # which way is more like it than that which was found
-    shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
-    n = min(seen.shape[1], shown.shape[1])
-    worst, way = -np.inf, ""
-    for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
-        other_u = (1 - u if mirror_u else u) + columns * steps[0]
-        other_v = (1 - v if mirror_v else v) + rows * steps[1]
-        other, is_there = _read(picture, np.stack([other_u, 1 - other_v], axis=1))
-        some = is_inside & is_there
-        more = _likeness(seen[some, :n], other[some, :n]) - _likeness(
-            seen[some, :n], shown[some, :n]
-        )
-        if more > worst:
-            worst, way = more, name
-    if worst > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
+    way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
+    if more > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
         raise ImageError(
             "The photograph seems to show the picture {way}, against how its points were"
             " told apart: hold the camera as the viewer looks, show all of the lattice, or"
             " say in a CSV which point is which.",
             way=way,
         )
+
+
+def _most_like(
+    seen: NDArray, is_inside: Bools, picture: NDArray, uv: Floats, steps: Floats
+) -> tuple[str, float]:
+    """The way in which a picture, at places (n, 2), is most like
+    the colours that are seen (n, c), and by how much more than as it is.
+
+    is_inside : (n,) places that count; steps : (2,) between columns and between rows, in UV
+    """
+    u, v = uv.T
+    shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
+    n = min(seen.shape[1], shown.shape[1])
+    most, way = -np.inf, ""
+    for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
+        other_u = (1 - u if mirror_u else u) + columns * steps[0]
+        other_v = (1 - v if mirror_v else v) + rows * steps[1]
+        other, is_there = _read(picture, np.stack([other_u, 1 - other_v], axis=1))
+
+        some = is_inside & is_there
+        of_other = _likeness(seen[some, :n], other[some, :n])
+        more = of_other - _likeness(seen[some, :n], shown[some, :n])
+        if more > most:
+            most, way = more, name
+    return way, most
 
 
 def _likeness(a: NDArray, b: NDArray) -> float:

@@ -58,7 +58,7 @@ class DotRule:
     drawn_px: float = 0.15
 
 
-DOTS = DotRule()
+DOT_RULE = DotRule()
 # off a window's middle, px, pixel by pixel
 X, Y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(-SEARCH.around_px, SEARCH.around_px + 1.0)]))
 
@@ -105,9 +105,9 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
         (ellipses.xx - ellipses.yy) ** 2 / 4 + ellipses.xy**2
     )
     keep = (
-        (spots.area > DOTS.solid * 4 * np.pi * np.sqrt(ellipses.det))
-        & (long**2 < DOTS.longest**2 * ellipses.det)
-        & (4 * long < DOTS.largest_px**2)
+        (spots.area > DOT_RULE.solid * 4 * np.pi * np.sqrt(ellipses.det))
+        & (long**2 < DOT_RULE.longest**2 * ellipses.det)
+        & (4 * long < DOT_RULE.largest_px**2)
     )
     spots = spots.at(keep)
     ellipses = ellipses.at(keep)
@@ -129,7 +129,7 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     # the ground around it
     radius = np.sqrt(spots.area / np.pi)
-    inner, outer = ((a + b / radius)[:, None] for a, b in (DOTS.inner, DOTS.outer))
+    inner, outer = ((a + b / radius)[:, None] for a, b in (DOT_RULE.inner, DOT_RULE.outer))
     ring = (rho > inner) & (rho < outer)
     plane, off, calm = _plane(spots, smooth, ring)
     n_calm = calm.sum(axis=1)
@@ -137,18 +137,18 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     # light from beside is cut off, so that it hardly draws the centroid
     contrast = spots.contrast
-    a, b = DOTS.bright_within
+    a, b = DOT_RULE.bright_within
     bright = contrast[:, None] * np.where(
-        rho < (a + b / radius)[:, None], DOTS.brightest, DOTS.brightest_beside
+        rho < (a + b / radius)[:, None], DOT_RULE.brightest, DOT_RULE.brightest_beside
     )
-    dark = -DOTS.darkest * contrast[:, None]
+    dark = -DOT_RULE.darkest * contrast[:, None]
     weight = np.where(rho < inner, np.clip(light - plane, dark, bright), 0)
     total = np.maximum(weight.sum(axis=1), 1e-12 * contrast)
     centre = np.stack([weight @ X / total, weight @ Y / total], axis=1)
 
-    keep = (n_calm > DOTS.free * ring.sum(axis=1)) & (rms < DOTS.unquiet * contrast)
+    keep = (n_calm > DOT_RULE.free * ring.sum(axis=1)) & (rms < DOT_RULE.unquiet * contrast)
     drawn = np.hypot(centre[:, 0] - ellipses.x, centre[:, 1] - ellipses.y)
-    keep &= drawn < DOTS.drawn_by_light * radius + DOTS.drawn_px
+    keep &= drawn < DOT_RULE.drawn_by_light * radius + DOT_RULE.drawn_px
     return Marks(spots.which[keep], centre[keep], radius[keep], contrast[keep])
 
 
@@ -158,14 +158,14 @@ def _spots(windows: NDArray[np.float32]) -> _Spots:
     smooth = smooth[:, :-2] + 2 * smooth[:, 1:-1] + smooth[:, 2:]
     smooth = (smooth[:, :, :-2] + 2 * smooth[:, :, 1:-1] + smooth[:, :, 2:]) / 16
 
-    ground = np.percentile(windows.reshape(len(windows), -1), DOTS.ground_percent, axis=1)
+    ground = np.percentile(windows.reshape(len(windows), -1), DOT_RULE.ground_percent, axis=1)
     contrast = smooth[:, SEARCH.around_px, SEARCH.around_px] - ground
-    region = _flooded(smooth > (ground + DOTS.edge * contrast)[:, None, None])
+    region = _flooded(smooth > (ground + DOT_RULE.edge * contrast)[:, None, None])
 
     # not cut off by the window
     is_whole = ~(region[:, [0, -1]].any(axis=(1, 2)) | region[:, :, [0, -1]].any(axis=(1, 2)))
     area = region.sum(axis=(1, 2))
-    keep = is_whole & (area >= DOTS.least_area_px)
+    keep = is_whole & (area >= DOT_RULE.least_area_px)
     return _Spots(
         which=np.arange(len(windows)),
         light=windows,
@@ -192,14 +192,14 @@ def _plane(spots: _Spots, smooth: NDArray[np.float32], ring: Bools) -> tuple[Flo
     """Planes (n, p) through the calm parts of rings (n, p), how far smoothed
     light (n, p) is off them, and where it is calm (n, p).
     """
-    edge = spots.ground + DOTS.edge * spots.contrast
+    edge = spots.ground + DOT_RULE.edge * spots.contrast
     calm = ring & (smooth < edge[:, None])
     design = np.stack([np.ones_like(X), X / SEARCH.around_px, Y / SEARCH.around_px], axis=1)
     for _ in range(2):
         normal = np.einsum("kp,pi,pj->kij", calm, design, design, optimize=True) + 1e-6 * np.eye(3)
         plane = solve_symmetric(normal, ((calm * smooth) @ design)[..., None])[..., 0] @ design.T
         off = smooth - plane
-        calm = ring & (np.abs(off) < DOTS.calm * spots.contrast[:, None])
+        calm = ring & (np.abs(off) < DOT_RULE.calm * spots.contrast[:, None])
     return plane, off, calm
 
 
