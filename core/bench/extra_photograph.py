@@ -85,15 +85,16 @@ def extra_photographs(
         second = np.zeros((2 * used.sum(), first.shape[1]))
         second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
         both = np.vstack([first, second])
+
         covariance = covariance_of(both)
         after = covariance[np.ix_(shared, shared)]
         gain = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) / np.log(2)
         extras.append(
             Extra(
-                where,
-                np.sqrt(np.diag(covariance))[:n] * tolerances,
-                condition_of(both),
-                float(gain),
+                where=where,
+                errors=np.sqrt(np.diag(covariance))[:n] * tolerances,
+                condition=condition_of(both),
+                gain=float(gain),
             )
         )
     return sorted(extras, key=lambda extra: -extra.gain)

@@ -68,8 +68,10 @@ class Task:
             at = self.bench.seen(amounts, start)
         except RigError:  # no such bench can be made
             return State(amounts, np.inf, np.empty(0), start, np.zeros(len(start), bool))
+
         used = np.isfinite(self.measured - at).all(axis=1)
         off = (self.measured - at)[used].ravel() / self.noise
+
         # points that are not seen count as the others do on
         # average: else to lose the worst would seem to help
         n_measured = int(np.isfinite(self.measured).all(axis=1).sum())
@@ -83,6 +85,7 @@ class Task:
             found = yield from self.bench.sensitivities(state.amounts, state.at)
         except RigError:
             return state
+
         by_parameter = found[:, state.used].reshape(len(self.tolerances), -1)
         movements = np.nan_to_num(by_parameter.T * self.tolerances / self.noise)
         return replace(state, movements=movements)
@@ -93,6 +96,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
     tolerances = task.tolerances
     damping = DAMPING.first
     state = yield from within(task.with_movements(state), 0.0, 0.2)
+
     for k in range(DAMPING.most_steps):
         d = state.movements
         normal = d.T @ d + np.eye(len(tolerances))
@@ -100,6 +104,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
             normal + damping * np.diag(np.diag(normal)),
             d.T @ state.off - state.amounts / tolerances,
         )
+
         tried = task.at(state.amounts + step * tolerances, state.at)
         if tried.cost <= state.cost:
             # how many steps it takes is not known: each gets a part of the rest
@@ -111,12 +116,14 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
             if damping > DAMPING.most:
                 return state
             continue
+
         gain = state.cost - tried.cost
         is_at_end = gain < DAMPING.enough * max(state.cost, 1.0)
         state = tried
         damping = damping / DAMPING.step
         if is_at_end:
             return state
+
     raise RigError(
         "After {steps} steps the fit still changes: look for points that are wrong or"
         " counted in another way, compare the lattice with the picture, or expect less to"

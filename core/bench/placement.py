@@ -14,15 +14,28 @@ from ..light.optics import reflect
 from ..rig import Display, Mesh, PicturePlace, Plate, Rig, Viewer
 from ..vectors import dot
 
-# The rig of Kiriko's reference (docs): for a glass up to
-# LARGE wide; a larger one scales all of them
-DISTANCE = 0.15  # m, from the glass's centre to the plate's
-VIEWER_DISTANCE = 1.0  # m
-PLATE_SIZE = 0.488  # m
-LARGE = 0.1  # m
-# of the glass's smaller side: the plate takes all light of it from balls of index up to 1.6
-PICTURE_SHARE = 0.5
-DISPLAY_LIMIT = 10  # times the picture
+
+@dataclass(frozen=True)
+class ReferenceBench:
+    """The bench of Kiriko's reference, for a glass up to `large_m` wide; a larger one scales all.
+
+    distance_m : from the glass's centre to the plate's
+    viewer_distance_m : from the glass's centre to the viewer
+    plate_m : side of the plate
+    picture_share : of the glass's smaller side: the plate takes all light
+        of it from balls of index up to 1.6
+    most_display : times the picture, where nobody says how wide a display may be
+    """
+
+    large_m: float = 0.1
+    distance_m: float = 0.15
+    viewer_distance_m: float = 1.0
+    plate_m: float = 0.488
+    picture_share: float = 0.5
+    most_display: float = 10
+
+
+REFERENCE_BENCH = ReferenceBench()
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,18 +133,18 @@ def propose(bounds: Floats, wishes: Wishes) -> Proposal:
     width = np.ptp(corners @ np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0]))
     height = high[2] - low[2]
     wide = float(max(width, height))
-    grow = max(1.0, wide / LARGE)
+    grow = max(1.0, wide / REFERENCE_BENCH.large_m)
 
-    picture = wishes.picture or PICTURE_SHARE * float(min(width, height) or wide)
-    distance = wishes.distance or DISTANCE * grow
-    away = wishes.viewer_distance or VIEWER_DISTANCE * grow
+    picture = wishes.picture or REFERENCE_BENCH.picture_share * float(min(width, height) or wide)
+    distance = wishes.distance or REFERENCE_BENCH.distance_m * grow
+    away = wishes.viewer_distance or REFERENCE_BENCH.viewer_distance_m * grow
     return Proposal(
         placement=place((low + high) / 2, distance, wishes.tilt, away, wishes.azimuth),
         viewer_distance=away,
         field=wishes.field or wide,
-        plate=wishes.plate or PLATE_SIZE * grow,
+        plate=wishes.plate or REFERENCE_BENCH.plate_m * grow,
         picture=picture,
-        display=wishes.display or wishes.max_display or DISPLAY_LIMIT * picture,
+        display=wishes.display or wishes.max_display or REFERENCE_BENCH.most_display * picture,
     )
 
 

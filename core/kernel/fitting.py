@@ -30,10 +30,12 @@ class Fit:
             ("axis_y", fields.axis_y),
         ):
             made.point(name, values, float)
+
         made.point("size", fields.size, float)
         made.point("is_known", v.is_known, np.uint8)
         made.point("first", v.first, np.int64)
         made.point("end", v.end, np.int64)
+
         self._n_pairs = len(v.end)
         self._address = ctypes.addressof(made.structure)
 

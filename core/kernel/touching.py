@@ -57,11 +57,12 @@ class Boxes:
         for first in range(0, len(places), BUNDLES_AT_ONCE):
             some = slice(first, first + BUNDLES_AT_ONCE)
             made = Made(PathsStructure)
-            (n, n_rays, n_events) = met[some].shape
             made.point("places", places[some], float)
             made.point("met", met[some], np.int32)
             made.point("touched", touched[some], bool)  # a view: the kernel writes into the result
+            n, n_rays, n_events = met[some].shape
             made.set(n=n, n_rays=n_rays, n_events=n_events, widest=widest)
+
             structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
             loaded().kiriko_touch(*structures, n_threads())
             yield 0

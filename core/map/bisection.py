@@ -191,20 +191,22 @@ def _last_on_branch(
     width = end.copy()
 
     course = yield from _courses(plan, a)
-    todo = np.arange(len(near))
     digits = max(
         BISECTION.least_digits,
         int(np.ceil(-np.log2(BISECTION.of_tolerance * plan.settings.tolerance))),
     )
     # where several borders cross one way the kernel and numpy may thus find different ones
     batch = BISECTION.batch_rays if kernel.left_out(plan.layers) else BISECTION.kernel_batch_rays
+
     parts = 1
+    todo = np.arange(len(near))
     while len(todo):
         # the first time the end alone is tried; then several places at once, the more the fewer
         # borders there are: a batch of rays costs as much as hundreds of its rays
         steps = np.arange(1, parts)[:, None] / parts if parts > 1 else np.ones((1, 1))
         at = low[todo] + width[todo] * steps
         view = (a[todo] + at[..., None] * (b - a)[todo]).reshape(-1, 2)
+
         if parts > 1 or (end < 1).any():
             found = yield from trace_points(plan, view, np.tile(course[todo], (len(steps), 1)))
             holds = found.branch.reshape(at.shape) == points.branch[near[todo]]
@@ -225,6 +227,7 @@ def _last_on_branch(
         parts = 2 ** int(
             np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, BISECTION.most_digits)))
         )
+
     landed = Points(
         a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput
     )

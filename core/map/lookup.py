@@ -150,11 +150,13 @@ def filled(
         column, row = (corner[some].T // PARTS)[..., None] + np.arange(side)
         row = row[:, :, None]
         column = column[:, None, :]
+
         is_there = (row < image.shape[0]) & (column < image.shape[1])
         row, column, value = (
             a[is_there] for a in np.broadcast_arrays(row, column, values[some][:, None, None])
         )
         image[row, column] = value
+
     return image.repeat(PARTS, axis=0).repeat(PARTS, axis=1)[:h, :w]
 
 

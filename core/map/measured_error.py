@@ -59,18 +59,20 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     # places that show the display; light beside the glass carries no picture
     seen = is_seen(expected, found.xy, display_size) & is_in_image(places.at, view_map.view_size)
     seen &= places.is_in_glass | (found.reason != Reason.MISSED_GLASS)
+
     whole = max(float(places.area[seen].sum()), TINY)
     sampled = float(places.area[seen & is_sampled].sum() / whole)
     seen &= ~is_sampled
 
+    # display px; seen by one account only, however far away by the other
     off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
     both = is_in_image(expected, display_size) & is_in_image(found.xy, display_size)
-    # seen by one account only, however far away by the other
     off[~both[seen] & (off > view_map.tolerance)] = np.inf
 
     area = places.area[seen]
     is_one = places.is_one[seen]
     is_cut_off = found.reason[seen] == Reason.CUT_OFF
+
     noise = sampled / plan.settings.samples_along
     limited, unresolved = (kind & (off > view_map.tolerance) for kind in (is_one, ~is_one))
     return MapError(
@@ -95,6 +97,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     # light beside the glass carries no picture
     has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
+
     n_smooth, n_pixels = (
         min(CHECK.n_places, CHECK.n_places_each * len(kind)) for kind in (smooth, pixels)
     )
@@ -110,6 +113,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
         squares.corner + squares.size[:, None] * random.random((n_smooth, 2)),
         points.view[some[:, 0]] + random.random((n_pixels, 2)),
     ])  # fmt: skip
+
     area = np.repeat(
         [(smooth.size**2.0).sum() / max(n_smooth, 1), len(pixels) / max(n_pixels, 1)],
         [n_smooth, n_pixels],

@@ -152,6 +152,7 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
         kept = np.flatnonzero(share > SMALLEST)
         moments = Moments(*(values[kept] for values in moments))
         share = share[kept]
+
         of_row = of_row[kept]
         of_cell = cell[of_row]
         column = first[of_row] + step[kept]
@@ -163,18 +164,19 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
         to_cell = np.take(inverse, of_cell, axis=1)
         to_view = np.take(forward, of_cell, axis=1)
         u, v = on_view(to_cell, to_view, column + mean_x, row + mean_y, is_triangle=len(x) == 3)
+
         xx = moments.xx / moments.area
         xy = moments.xy / moments.area
         yy = moments.yy / moments.area
         on_display = xx - mean_x * mean_x, xy - mean_x * mean_y, yy - mean_y * mean_y
         yield _Part(
-            cells.number[of_cell],
-            origin[of_cell] + row * width + column,
-            u,
-            v,
-            spread_on_view(to_cell, to_view, *on_display),
-            share * view_area[of_cell],
-            share * display_area[of_cell],
+            number=cells.number[of_cell],
+            pixel=origin[of_cell] + row * width + column,
+            u=u,
+            v=v,
+            covariance=spread_on_view(to_cell, to_view, *on_display),
+            area=share * view_area[of_cell],
+            display_area=share * display_area[of_cell],
         )
 
 

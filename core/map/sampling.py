@@ -104,6 +104,7 @@ class Sampling:
         checking = none
         smooth = none
         finest = none
+
         while len(todo) or len(checking):
             # nodes that were not traced, and checks of squares that were found smooth before
             column, row = todo.nodes()
@@ -115,6 +116,7 @@ class Sampling:
             found = yield from trace_points(
                 self.plan, np.concatenate([nodes, checks.reshape(-1, 2)]), paths=self.paths
             )
+
             first = len(self.points)
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
@@ -133,9 +135,11 @@ class Sampling:
             refused = todo.at(~is_smooth & ~is_done).and_more(checking.at(~good))
             checking = todo.at(is_smooth)
             finest = finest.and_more(refused.at(refused.size == PARTS))
+
             todo = refused.at(refused.size > PARTS).quarters()
             known = refused.area + checking.area + smooth.area
             self._expect(todo, checking, refused.area / max(known, 1), finest.area)
+
         return (yield from self._finished(smooth, finest))
 
     def _expect(self, todo: Squares, checking: Squares, refused: float, finest: int) -> None:
@@ -235,12 +239,14 @@ class Sampling:
         is_aside = is_beside_display(
             taken(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)
         )
+
         # beside the glass there is nothing to find, but where
         # something thin is near, or light is followed there, too
         is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
         is_beside_glass = is_lost[cells].all(axis=1)
         is_touched = yield from self._is_touched(finest)
         is_beside_glass &= ~np.broadcast_to(is_touched[:, None], is_there.shape)[is_there]
+
         is_seen = ~is_aside & ~is_beside_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
         cells = cells[is_seen]
@@ -249,6 +255,7 @@ class Sampling:
         samples, sample_area = yield from sample_cells(
             self.plan, pieces.points.view[pieces.chaotic]
         )
+
         view_map = ViewMap(
             view_size=self.view_size,
             display_size=self.display_size,

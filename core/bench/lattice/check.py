@@ -87,6 +87,7 @@ def check(points: Floats, lattice: Lattice) -> None:
     rough = np.median(list(roughness(at, good, bases).values()) or [0.0])
     most = max(MISTAKES.mistaken, GROWTH.above_roughness * rough)
     found = _misplaced(at, sites, good, bases, most)
+
     if rough > MISTAKES.mistaken or len(found.wanted) > len(sites) / MISTAKES.mistaken_one_in:
         raise ImageError(
             "The points do not go on from one to the next as those of a lattice of"
@@ -95,6 +96,7 @@ def check(points: Floats, lattice: Lattice) -> None:
             columns=lattice.columns,
             rows=lattice.rows,
         )
+
     if found.wanted:
         names = {site: lattice.name(sites[site]) for site in found.wanted}
         raise ImageError(

@@ -14,13 +14,23 @@ from numpy.typing import NDArray
 from ...arrays import Floats
 from ...errors import ImageError
 
-# as drawn, in spacings
-# radii of dots and of the first two; half the width of lines
-DOT = 0.2
-MARK = 0.26
-LINE = 0.04
-LEAST_DRAWN = 1.0  # px, of these
 
+@dataclass(frozen=True)
+class Drawing:
+    """How a lattice is drawn, in spacings of its points.
+
+    dot, mark : radii of dots, and of the first two
+    line : half the width of lines
+    least_px : px, radius of the dots or half the width of the lines, at the least
+    """
+
+    dot: float = 0.2
+    mark: float = 0.26
+    line: float = 0.04
+    least_px: float = 1.0
+
+
+DRAWING = Drawing()
 Style = Literal["dots", "grid"]
 
 
@@ -78,8 +88,8 @@ class Lattice:
         room = self.margin * size.min()
 
         # as large as can be seen, and within the margin
-        thin = LINE if style == "grid" else DOT
-        if spacing * thin < LEAST_DRAWN:
+        thin = DRAWING.line if style == "grid" else DRAWING.dot
+        if spacing * thin < DRAWING.least_px:
             raise ImageError(
                 "{columns} x {rows} points do not fit into {width} x {height} pixels: take"
                 " fewer points, or {pixels:.0f} pixels.",
@@ -87,9 +97,10 @@ class Lattice:
                 rows=self.rows,
                 width=width,
                 height=height,
-                pixels=np.ceil(LEAST_DRAWN / thin / spacing * max(width, height)),
+                pixels=np.ceil(DRAWING.least_px / thin / spacing * max(width, height)),
             )
-        if room < (MARK if style == "dots" else 5 * LINE) * spacing:
+
+        if room < (DRAWING.mark if style == "dots" else 5 * DRAWING.line) * spacing:
             raise ImageError(
                 "A margin of {margin:g} would cut the outer points: set one of half a"
                 " spacing, {half:.2g}.",
@@ -101,10 +112,10 @@ class Lattice:
             cover = _lines(at, pitch, (width, height))
             n_marks = min(2, self.columns - 1)
             at = at[:n_marks] + pitch / 2
-            radii = spacing * np.array([DOT, DOT / 2])[:n_marks]
+            radii = spacing * np.array([DRAWING.dot, DRAWING.dot / 2])[:n_marks]
         else:
             cover = np.zeros((height, width))
-            radii = spacing * np.r_[MARK, MARK, np.full(len(self) - 2, DOT)]
+            radii = spacing * np.r_[DRAWING.mark, DRAWING.mark, np.full(len(self) - 2, DRAWING.dot)]
         _add_discs(cover, at, radii)
         return np.repeat(cover[..., None], 3, axis=2).astype(np.float32)
 
@@ -130,10 +141,10 @@ def _lines(at: Floats, pitch: Floats, size: tuple[int, int]) -> Floats:
     )
 
     for across in np.unique(at[:, 0]):
-        thin = np.clip(LINE * spacing + 0.5 - np.abs(x - across), 0, 1)
+        thin = np.clip(DRAWING.line * spacing + 0.5 - np.abs(x - across), 0, 1)
         np.maximum(cover, thin * long_y[:, None], out=cover)
     for down in np.unique(at[:, 1]):
-        thin = np.clip(LINE * spacing + 0.5 - np.abs(y - down), 0, 1)
+        thin = np.clip(DRAWING.line * spacing + 0.5 - np.abs(y - down), 0, 1)
         np.maximum(cover, thin[:, None] * long_x, out=cover)
     return cover
 

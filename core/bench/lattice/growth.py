@@ -100,6 +100,7 @@ def _seeds(
     first, second = (k.ravel() for k in np.nonzero(~np.eye(n, dtype=bool)))
     a = around[:, first]
     b = around[:, second]
+
     is_likely = np.zeros(a.shape, bool)
     for k, shape in enumerate(shapes):
         fits = np.abs(b / a / shape - 1) < GROWTH.unlike_shape
@@ -168,6 +169,8 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
             if tried.get(site) == len(near):
                 continue
             tried[site] = len(near)
+
+            # of like points the nearest
             known = [sites[s] for s in near]
             place, there = predicted(
                 site, near, at[known], np.mean([bases[s] for s in near], axis=0)

@@ -110,11 +110,13 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
     at = (expected[:, 0] + 1j * expected[:, 1]).reshape(lattice.rows, lattice.columns)
     right = (at[:-1, 1:] - at[:-1, :-1]).ravel()
     down = (at[1:, :-1] - at[:-1, :-1]).ravel()
+
     is_known = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
     if not is_known.any():
         raise ImageError(
             "Too little of the lattice is expected to be seen to tell its points apart."
         )
+
     right = right[is_known]
     down = down[is_known]
     some = np.unique(np.linspace(0, len(right) - 1, CLARITY.n_steps).astype(int))

@@ -63,6 +63,7 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
         scale = 2.0**level
         x, y, strength = candidates(image_there)
         padded = np.pad(image_there, SEARCH.around_px, mode="edge")
+
         for first in range(0, len(x), SEARCH.windows_at_once):
             some = slice(first, first + SEARCH.windows_at_once)
             windows = windows_at(padded, x[some], y[some])
@@ -120,8 +121,7 @@ def _distinct(found: Floats) -> Floats:
             size, rank = found[k, 2:]
             sizes, ranks = found[k + 1 :, 2:].T
             # a dot may stand in a glare
-            is_same = (sizes < ALIKE_SIZE * size) & (size < ALIKE_SIZE * sizes) | (
-                ranks < RANK_IN_GLARE * rank
-            )
+            is_same = (sizes < ALIKE_SIZE * size) & (size < ALIKE_SIZE * sizes)
+            is_same |= ranks < RANK_IN_GLARE * rank
             free[k + 1 :] &= ~is_same | (np.abs(at[k + 1 :] - at[k]) > np.maximum(size, sizes))
     return found[free, :3]
