@@ -9,8 +9,10 @@ from ..products import turn
 from ..rig import Mesh
 
 FITTED = 64  # vertices from which a motion is found; all others have to follow it
-ROUNDING = 1e-13  # of the distances: the loss in products of doubles
-SAME_NORMAL = 1e-6
+# of the distances: the loss in products of doubles
+PRODUCT_ROUNDING = 1e-13
+# in each component: so far normals may be off that were turned along
+TURNED_NORMAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,25 +53,31 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     b = after.vertices
     if a.shape != b.shape or (before.corner_normals is None) != (after.corner_normals is None):
         return None
+
+    # a rotation that takes some of the vertices as near as any
     some = np.linspace(0, len(a) - 1, min(len(a), FITTED)).astype(int)
     from_middle = a[some].mean(axis=0)
     to_middle = b[some].mean(axis=0)
+
     # Kabsch, A solution for the best rotation to relate two sets
     # of vectors (Acta Crystallographica A 32, 1976)
     u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
     if np.linalg.det(u) * np.linalg.det(v) < 0:
         u[:, 2] *= -1  # the mirror image of a flat mesh is the same; of others it will not fit
+
     rotation = u @ v
-    if np.abs(rotation - np.eye(3)).max() < ROUNDING:
+    if np.abs(rotation - np.eye(3)).max() < PRODUCT_ROUNDING:
         rotation = np.eye(3)  # so that a mesh that was only moved is not turned by rounding
     motion = Motion(rotation, to_middle - rotation @ from_middle)
+
+    # all the others have to follow it
     scale = max(np.abs(a).max(), np.abs(b).max())
-    allowed = ROUNDING * scale + 4 * max(before.rounding, after.rounding)
+    allowed = PRODUCT_ROUNDING * scale + 4 * max(before.rounding, after.rounding)
     if np.abs(motion.points(a) - b).max() > allowed:
         return None
     if after.corner_normals is not None:
         turned = motion.directions(before.corner_normals)
-        if not np.abs(turned - after.corner_normals).max() < SAME_NORMAL:
+        if not np.abs(turned - after.corner_normals).max() < TURNED_NORMAL:
             return None
     return motion
 

@@ -13,7 +13,8 @@ from .surfaces import Surface, making_surface
 SAME_VOLUME = 1e-6
 # and back
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
-INWARD = 1e-3  # of a shell: by less than this it may stand out of another and be a cavity in it
+# of a shell: by less than this it may stand out of another and be a cavity in it
+OUTSTANDING = 1e-3
 
 
 def contains(corners: Floats, points: Floats) -> Bools:
@@ -42,9 +43,11 @@ def holds(outer: Floats, inner: Floats) -> bool:
     size = np.linalg.norm(outer - centres[:, None], axis=2).max(axis=1)
     if (np.linalg.norm(centres - middle, axis=1) > radius + size).all():
         return bool(contains(outer, inner[0, :1])[0])  # they do not come near each other
+
+    # its outermost points, a little further in
     at = inner.reshape(-1, 3)
     found = at[[find(dot(at, way)) for way in OUTWARD for find in (np.argmin, np.argmax)]]
-    return bool(contains(outer, found + INWARD * (middle - found)).all())
+    return bool(contains(outer, found + OUTSTANDING * (middle - found)).all())
 
 
 def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
@@ -59,6 +62,7 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
     if edges.n_open:
         drawn = np.sort(np.unique(np.sort(mesh.triangles, axis=1), axis=0, return_index=True)[1])
         edges = find_edges(mesh.triangles[drawn])
+
     n = len(drawn)
     is_flipped = np.zeros(n, bool)
     if edges.is_same_way.any():

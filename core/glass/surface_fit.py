@@ -8,6 +8,7 @@ flat faces, and sharp ones, stay straight.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -81,21 +82,9 @@ def make_curved(
     n_triangles = len(drawn.triangles)
 
     # the vertices, with normals that may be found from their places
-    asked = wanted
     corners = taken(drawn.vertices, drawn.triangles)
-    least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
-    wanted = wanted & (least > FIT.least_cosine)
-    v = find_vertices(
-        drawn.vertices, drawn.triangles, drawn.corner_normals, least > 0, edges, is_joined
-    )
-    given = v.normal
-    is_used = _are_corners(v, wanted)
-    yield 0
-    if has_mean_normals:
-        v = replace(v, normal=find_normals(v, is_used))
-        cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
-        wanted &= (cosine > FIT.least_cosine).all(axis=1)
-    yield 0
+    asked = wanted
+    v, given, wanted, is_used = yield from _find_normals(drawn, wanted, has_mean_normals)
 
     # a face over each triangle that does not contradict itself
     wanted, flat_face = _in_agreement(v, drawn, wanted, asked, is_used)
@@ -134,6 +123,41 @@ def make_curved(
         agreed = agree(faces.own, taken(normal, vertex), area[faces.chosen], beside)
     yield 0
     return _put_together(corners, vertex, normal, faces, agreed, beside), is_doubted
+
+
+class _Meant(NamedTuple):
+    """The vertices of a mesh, with the normals that were meant; those given (f, 3); the triangles
+    (t,) that are wanted still; and the vertices (f,) at the corners of those wanted before.
+    """
+
+    v: Vertices
+    given: Floats
+    wanted: Bools
+    is_used: Bools
+
+
+def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses[_Meant]:
+    """Vertices whose normals are found where they were means; wanted are those they fit."""
+    least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
+    wanted = wanted & (least > FIT.least_cosine)
+    v = find_vertices(
+        drawn.vertices,
+        drawn.triangles,
+        drawn.corner_normals,
+        least > 0,
+        drawn.edges,
+        drawn.is_joined,
+    )
+    given = v.normal
+    is_used = _are_corners(v, wanted)
+    yield 0
+
+    if has_mean_normals:
+        v = replace(v, normal=find_normals(v, is_used))
+        cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
+        wanted &= (cosine > FIT.least_cosine).all(axis=1)
+    yield 0
+    return _Meant(v, given, wanted, is_used)
 
 
 def _are_corners(v: Vertices, wanted: Bools) -> Bools:

@@ -79,6 +79,30 @@ def make_surface(mesh: Mesh) -> Surface:
     return finish(making_surface(mesh))
 
 
+def _bent_normals(
+    mesh: Mesh, chosen: Ints, corner_normals: Floats | None, normals: Floats
+) -> tuple[Floats, Bools, int]:
+    """Normals (t, 3, 3) at the corners of chosen triangles, those of the face where it is flat;
+    which (t,) are bent; and how many smooth ones contradict their shape.
+    """
+    by_corner = np.broadcast_to(normals[:, None], (len(chosen), 3, 3))
+    is_smooth = None if mesh.is_smooth is None else mesh.is_smooth[chosen]
+    if corner_normals is None or is_smooth is None or not is_smooth.any():
+        return by_corner, np.zeros(len(chosen), bool), 0
+
+    with np.errstate(invalid="ignore", over="ignore"):
+        corner_normals = normalise(corner_normals)
+        # not so where one is NaN
+        is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)
+
+    # a smooth-shaded face whose normals are its own is flat,
+    # and its own normal is the more exact one
+    is_own = np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL
+    is_bent = is_smooth & is_usable & ~is_own
+    by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
+    return by_corner, is_bent, int((is_smooth & ~is_usable).sum())
+
+
 def making_surface(
     mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None
 ) -> Pauses[Surface]:
@@ -99,27 +123,9 @@ def making_surface(
     edges = find_edges(index)
     yield 0
 
-    # smooth-shaded faces, but for those whose normals are their own
-    is_bent = np.zeros(len(index), bool)
+    by_corner, is_bent, n_contradicted = _bent_normals(mesh, chosen, corner_normals, normals)
     curved = None
-    n_contradicted = 0
     n_doubted = 0
-    by_corner = np.broadcast_to(normals[:, None], corners.shape)
-    if corner_normals is not None and mesh.is_smooth is not None and mesh.is_smooth[chosen].any():
-        is_smooth = mesh.is_smooth[chosen]
-        with np.errstate(invalid="ignore", over="ignore"):
-            corner_normals = normalise(corner_normals)
-            # not so where one is NaN
-            is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)
-        # a smooth-shaded face whose normals are its own is flat,
-        # and its own normal is the more exact one
-        is_bent = (
-            is_smooth
-            & is_usable
-            & ~(np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL)
-        )
-        by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
-        n_contradicted = int((is_smooth & ~is_usable).sum())
 
     # curved faces over them, where they turn far enough
     is_joined = find_joined(by_corner, edges)

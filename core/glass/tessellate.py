@@ -26,6 +26,8 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     if curved is None:
         return mesh
     k = count_parts(curved, angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
+
+    # points and normals of all triangles as drawn
     weights, parts = grid(k)
     points = np.matmul(weights, surface.corners)
     normals = np.empty((len(mesh.triangles), len(weights), 3))
@@ -33,6 +35,8 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     if surface.corner_normals is not None:
         bent = surface.is_bent
         normals[bent] = normalise(np.matmul(weights, surface.corner_normals[bent]))
+
+    # those of curved faces
     triangle = curved.triangle
     points[triangle] = curved.points_on(k)
     for i, weight in enumerate(weights):

@@ -53,14 +53,17 @@ def find_vertices(
     n = len(triangles)
     corner = 3 * np.arange(n)[:, None] + np.arange(3)
     of_corner = triangles.copy()
+
     # most vertices have joined edges only and are themselves;
     # around the others corners are put together one by one
     beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         beside[t[is_joined], e[is_joined]] = True
+
     whole = np.ones(len(vertices), bool)
     open_t, open_e = np.nonzero(~beside)
     whole[triangles[open_t, open_e]] = whole[triangles[open_t, (open_e + 1) % 3]] = False
+
     chosen = np.flatnonzero(~whole[triangles].ravel())
     if len(chosen):
         local = np.full(3 * n, -1)
@@ -74,12 +77,15 @@ def find_vertices(
         inside = (local[a] >= 0) & (local[b] >= 0)
         label = components(len(chosen), local[a[inside]], local[b[inside]])
         of_corner.reshape(-1)[chosen] = len(vertices) + label
+
+    # each once, with its place and normal
     used, of_corner = np.unique(of_corner, return_inverse=True)
     of_corner = of_corner.reshape(n, 3)
     normal = np.zeros((len(used), 3))
     at = np.empty((len(used), 3))
     at[of_corner] = taken(vertices, triangles)
     normal[of_corner[is_usable]] = corner_normals[is_usable]
+
     # each joined edge is met from both sides, once in each
     # direction; the others have to be turned round as well
     a = of_corner.ravel()
@@ -87,6 +93,7 @@ def find_vertices(
     lone = ~beside.ravel()
     start = np.concatenate([a, b[lone]])
     end = np.concatenate([b, a[lone]])
+
     order = np.argsort(start, kind="stable")
     start = start[order]
     end = end[order]

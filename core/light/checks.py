@@ -22,6 +22,7 @@ def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
             glass=glass.name,
             viewer=viewer.name,
         )
+
     at, _ = viewer.rays(np.zeros((1, 2)))
     low, high = solid.bounds
     if ((at >= low) & (at <= high)).all() and contains(solid.corners, at).any():
@@ -42,16 +43,20 @@ def cuts_image(viewer: Viewer, solid: Surface) -> bool:
     reach = (high - low) / 2 @ np.abs(viewer.axes.T)
     if abs(middle[2]) > reach[2]:
         return False
+
+    # triangles with corners on both sides of the plane
     corners = (solid.corners - viewer.position) @ viewer.axes.T
     is_before = corners[..., 2] > 0
     corners, is_before = (
         x[is_before.any(axis=1) & ~is_before.all(axis=1)] for x in (corners, is_before)
     )
+
     # two of each triangle's edges cross the plane, those at the
     # corner that is on the other side than the others
     alone = np.argmax(is_before == (is_before.sum(axis=1) == 1)[:, None], axis=1)
     apex, *others = (corners[np.arange(len(corners)), (alone + k) % 3] for k in range(3))
     start, end = (apex + (apex[:, 2:] / (apex - other)[:, 2:]) * (other - apex) for other in others)
     start[:, 2] = end[:, 2] = 0.0
+
     enter, leave = slab(np.array([[left, bottom, -1.0], [right, top, 1.0]]), start, end - start)
     return bool(((enter <= leave) & (enter <= 1) & (leave >= 0)).any())

@@ -71,6 +71,8 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     corner = surface.corners[0, 0]
     normal = surface.normals[0]
     inside = surface.corners.reshape(-1, 3) - corner
+
+    # is it flat, and under its whole image?
     uv = display.mesh.uv.reshape(-1, 2)
     size = np.ptp(inside, axis=0).max()
     is_whole = (
@@ -84,6 +86,8 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     )
     if not (is_whole and is_flat and np.abs(uv.max(axis=0) - 1).max() < DISPLAY_FLATNESS):
         return None
+
+    # an affine map from the plane to UV
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
     # in parts of its size: far from 1 m the columns would
@@ -91,10 +95,11 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     fit, missed = affine_fit(inside @ axes.T / size, uv)
     if missed > DISPLAY_FLATNESS:
         return None
+
     scale = np.array([display.width, -display.height])
     return DisplayPlane(
-        corner,
-        normal,
-        scale[:, None] * (fit[:2].T @ axes) / size,
-        np.array([0, display.height]) + scale * fit[2],
+        corner=corner,
+        normal=normal,
+        pixels=scale[:, None] * (fit[:2].T @ axes) / size,
+        origin=np.array([0, display.height]) + scale * fit[2],
     )

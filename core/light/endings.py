@@ -67,6 +67,7 @@ def give_reasons(
         ],
         Reason.ARRIVED,
     )
+
     rays.reason[i] = reason
     lands = (reason == Reason.ARRIVED) | (reason == Reason.MISSED_DISPLAY)
     return lands | _is_beside_glass(plan, rays, i)

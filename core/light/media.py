@@ -70,6 +70,7 @@ def make_media(
     bit = np.zeros(len(solids), np.uint64)
     indices: list[float] = []
     clusters = clusters_of(boxes_touch(np.stack([solid.bounds for solid in solids]), slack))
+
     for number, cluster in enumerate(clusters):
         if len(cluster) > MOST_OVERLAPPING:
             name = glass_of[cluster[0]].name
@@ -88,6 +89,7 @@ def make_media(
                 name=name,
                 most=MOST_OVERLAPPING,
             )
+
         by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))
         bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)
         row[by_priority] = len(indices)

@@ -40,21 +40,30 @@ class Rays:
         n = len(origins)
         self.positions = np.array(origins, float, order="C")
         self.directions = np.array(directions, float, order="C")
+
+        # where they are, in which media
         self.mask = np.zeros(n, np.uint64)
         self.cluster = np.zeros(n, np.int64)
+
+        # their result
         self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # of those still under way in the end
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
         self.n_events = np.zeros(n, np.int64)
+
+        # parts they have met
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
         self.light = light
         self.last_part = np.full(n, -1, np.int64)
         self.leak = np.full(n, -1, np.int64)
+
+        # the course that they keep to, or that is recorded
         self.live = np.arange(n)
-        self.course, self.is_recorded = course, is_recorded
+        self.course = course
+        self.is_recorded = is_recorded
         self.n_words = np.zeros(n, np.int64)
         self.is_astray = np.zeros(n, bool)
         self.has_ended = np.zeros(n, bool)
@@ -66,6 +75,8 @@ class Rays:
             self.branch[rays] = mixed ^ (mixed >> np.uint64(29))
         if self.course is None:
             return
+
+        # the course: recorded, or compared
         n_words = self.n_words[rays]
         width = self.course.shape[1]
         if self.is_recorded:
@@ -78,4 +89,5 @@ class Rays:
             )
             self.is_astray[rays] = expected != self.branch[rays]
             self.has_ended[rays] |= self.is_astray[rays]
+
         self.n_words[rays] += 1

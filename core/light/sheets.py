@@ -51,6 +51,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
         normal = surfaces[i].normals[0]
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
         boxes = np.concatenate([np.stack(others), aside])
+
         # how far boxes reach along the normal; a face that bulges out
         # of its facet stays well within half their size
         middle = boxes.mean(axis=1)

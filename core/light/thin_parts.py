@@ -89,16 +89,21 @@ class ThinParts:
         unit = unit.ravel() if unit.max() < THIN.most_patches else part
         self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
         self._unit_of_patch[patch] = unit
+
+        # triangles in an order in which neighbours lie together, unit by unit
         order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
         self._corners = corners[order]
         unit = unit[order]
         self.n_units = int(unit[-1]) + 1
+
+        # boxes: of whole units, then of ever fewer triangles
         first = np.flatnonzero(np.diff(unit, prepend=-1))
         within = np.arange(n) - first[unit]
         self._starts = [
             np.append(first, n),
             *(np.append(np.flatnonzero(within % k == 0), n) for k in THIN.in_boxes),
         ]
+
         low = self._corners.min(axis=1).T.copy()
         high = self._corners.max(axis=1).T.copy()
         self._boxes = [
@@ -192,9 +197,12 @@ class ThinParts:
         axes = np.stack([frames.normal[k], frames.axis_u[k], frames.axis_v[k]], axis=2)
         # heights over the planes, and barycentric coordinates of the points below, (n, 2, r) each
         height, u, v = np.moveaxis(np.matmul(inside, axes), 2, 0).reshape(3, *ends.shape[:3])
+
+        # those whose rays come to the plane from both sides
         near = np.flatnonzero((height.min(axis=(1, 2)) <= 0) & (height.max(axis=(1, 2)) >= 0))
         before, after = np.moveaxis(height[near], 1, 0)
         (u, by_u), (v, by_v) = ((x[near, 0], x[near, 1] - x[near, 0]) for x in (u, v))
+
         crosses = before * after <= 0
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.nan_to_num(before / (before - after))
@@ -213,6 +221,7 @@ class ThinParts:
                 x = u + place * by_u
                 y = v + place * by_v
                 beyond &= np.stack([np.fmax.reduce(side, axis=1) < 0 for side in (x, y, 1 - x - y)])
+
         touched = np.zeros(len(ends), bool)
         touched[near] = ~beyond.any(axis=0)
         return touched
@@ -249,10 +258,12 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
         # there its bundle may be as wide as the rig
         leaves = (met[:, :, k] < 0).any(axis=1)
         is_wide = off > np.where(leaves, widest / THIN.widest, widest)
+
         parts = (met[:, :, k] != met[:, :1, k]).any(axis=1)
         if k == 0:
             first = is_wide & ~parts
         parted |= is_wide | np.isnan(off)
+
         chosen = np.flatnonzero(~parted)
         ends.append(np.moveaxis(places[chosen, :, k : k + 2], 2, 1))
         owner.append(chosen)

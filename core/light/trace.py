@@ -88,6 +88,7 @@ def tracing(
     """
     rays = Rays(origins, directions, course, False, light)
     yield from _following(plan, rays, steps)
+
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
     return Landings(
@@ -123,6 +124,7 @@ def _steps_of(plan: Plan, rays: Rays, ways: kernel.Ways) -> Iterator[Step]:
         left = np.flatnonzero(ways.left_at == event)
         if not len(some) + len(left):
             return
+
         triangle = met[some]
         yield Step(
             rays=some,
