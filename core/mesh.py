@@ -90,7 +90,7 @@ class Mesh:
 
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):
             raise MeshError(
-                "{owner} has faces with corners that it has no vertices for: number them from 0.",
+                "{owner} has faces whose corners are none of its vertices: number them from 0.",
                 owner=owner,
             )
 

@@ -81,7 +81,7 @@ class Settings:
 
         if not 1 <= self.effort <= MOST_EFFORT or self.effort != int(self.effort):
             raise RigError(
-                "Effort is {n} rays for a viewer pixel: allow it 1 to {most}, whole.",
+                "Effort is {n} rays for a viewer pixel: set a whole number from 1 to {most}.",
                 n=self.effort,
                 most=MOST_EFFORT,
             )

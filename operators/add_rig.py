@@ -47,8 +47,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     )
     tilt: bpy.props.FloatProperty(
         name="Tilt",
-        description="Of the plate about the horizontal; at 45 degrees the display lies straight"
-        " below the plate",
+        description="Angle between plate and horizontal; at 45 degrees the display lies"
+        " straight below the plate",
         subtype="ANGLE",
         default=np.pi / 4,
         min=np.radians(5),

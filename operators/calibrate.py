@@ -80,8 +80,8 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     found_before = Numbers.read(ours.found).by_name
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
-            "What '{file}' tells is in the scene already: solve, and take another"
-            " photograph of what is seen.",
+            "The scene has the result of '{file}' already: solve, and take another"
+            " photograph of the view.",
             file=path.name,
         )
     offset = Offset.read(ours.offset).sets

@@ -54,7 +54,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
                 picture.kiriko.image, where = image, f"'{picture.name}'"
             text = Message(
                 "The lattice is in {where}: solve, show it on the display, and photograph"
-                " what is seen.",
+                " the view.",
                 where=where,
             )
             telling.report(self, "INFO", text)

@@ -33,7 +33,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     )
     percentage: bpy.props.IntProperty(
         name="Resolution",
-        description="Size of the preview, of the viewer's image",
+        description="Size of the preview, relative to the viewer's image",
         subtype="PERCENTAGE",
         default=100,
         min=1,

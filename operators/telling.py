@@ -60,7 +60,7 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
         )
     if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
         return Message(
-            "{work} was stopped, for undo or a script took away what it worked on: start it again.",
+            "{work} was stopped, for undo or a script removed data that it needs: start it again.",
             work=label,
         )
     if isinstance(error, OSError):
@@ -71,8 +71,8 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
             state=state,
         )
     return Message(
-        "{work} failed ({kind}: {text}); {state}: please report this with the file and what the"
-        " console says.",
+        "{work} failed ({kind}: {text}); {state}: please report this with the file and the"
+        " text in the console.",
         work=label,
         kind=type(error).__name__,
         text=text,

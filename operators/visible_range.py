@@ -25,7 +25,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 
     share: bpy.props.FloatProperty(
         name="Share",
-        description="How much of the picture has to be seen from a place that counts",
+        description="Share of the picture that has to be seen from a place for it to count",
         subtype="FACTOR",
         default=0.95,
         min=0.01,
@@ -44,8 +44,8 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         is_seen = found.share >= self.share
         if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
             raise RigError(
-                "From nowhere within {angle:.0f} degrees is {share} of the picture seen, at"
-                " best {best}: enlarge the display or the plate, or ask for less.",
+                "No place within {angle:.0f} degrees shows {share} of the picture, the best"
+                " one {best}: enlarge the display or the plate, or ask for less.",
                 angle=np.degrees(SURVEY.farthest_rad),
                 share=percent(self.share),
                 best=percent(found.best),
@@ -54,8 +54,8 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(
-                "'{name}' shows from where {share} of the picture is seen; the viewer is"
-                " not there.",
+                "'{name}' marks the places that see {share} of the picture; the viewer is"
+                " at none of them.",
                 name=NAME,
                 share=percent(self.share),
             )

@@ -75,6 +75,13 @@ def run_in_blender(script: str, rest: list[str]) -> None:
     sys.exit(run_in_newest_blender(script, *rest))
 
 
+def run_plainly(script: str, rest: list[str]) -> None:
+    """Run a script beside this one that needs only Python, and leave with its exit code."""
+    answer_help(script, rest)
+    path = ROOT / "scripts" / f"{script}.py"
+    sys.exit(subprocess.run([sys.executable, path, *rest], check=False).returncode)
+
+
 def bench(arguments: argparse.Namespace) -> None:
     """Measure seconds and memory of solves and of their parts
     (further options go to scripts/bench/solve.py).
@@ -227,6 +234,13 @@ def test(arguments: argparse.Namespace) -> None:
     )
 
 
+def messages(arguments: argparse.Namespace) -> None:
+    """Print every sentence that people read, with sample values
+    (further options go to scripts/messages.py).
+    """
+    run_plainly("messages", arguments.rest)
+
+
 def lint(arguments: argparse.Namespace) -> None:
     """Check the code's style."""
     sys.exit(not run_suite(tools=newest_blender()[0], prefixes=["lint", "format"], need_all=True))
@@ -270,6 +284,7 @@ def main() -> None:
         paper,
         pictures,
         pipeline,
+        messages,
         lint,
         build,
         setup,

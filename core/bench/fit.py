@@ -194,15 +194,16 @@ def _check(used: Bools, n_left: int, after: float, noise: float) -> None:
     """
     if used.sum() < max(FEWEST, FITTING.least_used * n_left):
         raise RigError(
-            "Only {n_used} of {n_left} measured points can be followed to the display: they"
-            " may be swapped or those of another rig, or the glass has too many flat faces.",
+            "Only {n_used} of {n_left} measured points can be followed to the display: look"
+            " for swapped points, for points of another rig, or for glass with many flat"
+            " faces.",
             n_used=used.sum(),
             n_left=n_left,
         )
     if after >= FITTING.unlikely * noise:
         raise RigError(
-            "The points lie {off:.3g} pixels from where the rig can show them, whatever is"
-            " off: they may be swapped, or those of another rig.",
+            "The points lie {off:.3g} pixels from every place where the rig can show them:"
+            " look for swapped points, or for points of another rig.",
             off=after,
         )
 

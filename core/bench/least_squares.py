@@ -125,8 +125,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
             return state
 
     raise RigError(
-        "After {steps} steps the fit still changes: look for points that are wrong or"
-        " counted in another way, compare the lattice with the picture, or expect less to"
-        " be off.",
+        "The fit still changes after {steps} steps: look for wrong or swapped points,"
+        " compare the lattice with the picture, or lower the tolerances.",
         steps=DAMPING.most_steps,
     )

@@ -44,8 +44,8 @@ def put_into_scene(
     _, unknown = with_offset(reading.drawn, Offset.read(scene.kiriko.calibration.offset).sets)
     if unknown:
         raise RigError(
-            "The calibration's offset has '{part}', of which this rig has none: calibrate"
-            " again, or remove the offset.",
+            "The calibration's offset names '{part}', which this rig does not have:"
+            " calibrate again, or remove the offset.",
             part=unknown[0],
         )
 
@@ -211,8 +211,8 @@ def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
 
 def _held(name: str) -> RigError:
     return RigError(
-        "'{name}' does not come to be as fitted (a constraint, a parent or shared data"
-        " holds it, or takes it along): keep the offset instead.",
+        "'{name}' cannot be set as fitted, for a constraint, a parent or shared data moves"
+        " it: keep the offset instead.",
         name=name,
     )
 

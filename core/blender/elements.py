@@ -102,8 +102,8 @@ def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str
         listed = ", ".join(f"'{material}'" for material in plain)
         notes.append(
             Message(
-                "The glass '{name}' has faces of {listed}, which does not refract: taken as"
-                " glass all the same.",
+                "The glass '{name}' has faces of a material that does not refract"
+                " ({listed}): they count as glass, too.",
                 name=name,
                 listed=listed,
             )
@@ -115,8 +115,8 @@ def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str
         listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
         notes.append(
             Message(
-                "The glass '{name}' has materials of different index: using {ior:.4g} of"
-                " '{material}' for all of it, not {listed}.",
+                "The glass '{name}' has materials with different indices: all of it has"
+                " {ior:.4g}, the index of '{material}', and not {listed}.",
                 name=name,
                 ior=readings[0].ior,
                 material=readings[0].material_name,
@@ -248,7 +248,7 @@ def place_of(image: bpy.types.Image, name: str, mesh: Mesh | None = None) -> Pic
 def about(image: bpy.types.Image) -> list[str]:
     """Notes on an image of which only a part was read."""
     return (
-        [Message("Of the image '{image}' only the first tile is used.", image=image.name)]
+        [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
         if image.source == "TILED"
         else []
     )

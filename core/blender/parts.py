@@ -257,8 +257,8 @@ def notes_on_parts(
     full = {part.owner for part in parts if len(part.mesh.triangles)}
     notes += [
         Message(
-            "The metaball '{name}' is part of another of the same name: give the role to the"
-            " first of the family.",
+            "The metaball '{name}' belongs to the family of another one: give the role to"
+            " the first of the family.",
             name=o.name,
         )
         for o in scene.objects

@@ -33,8 +33,8 @@ def modifier_notes(parts: list[Part]) -> list[str]:
     )
     return [
         Message(
-            "The modifier '{modifier}' of '{name}' leaves the vertices beside the surface that"
-            " is meant: {remedy}.",
+            "The modifier '{modifier}' of '{name}' leaves the vertices off the curved"
+            " surface: {remedy}.",
             modifier=m.name,
             name=o.name,
             remedy=remedy,

@@ -153,6 +153,6 @@ def _factors(matrix: Floats, points: Floats, side: float) -> Floats:
     if thick > SQUARE * width:
         raise RigError("it is not flat")
     if abs(width - height) > SQUARE * width:
-        raise RigError("its mesh is turned within the object and no square")
+        raise RigError("its mesh is turned within the object, and is no square")
 
     return np.full(3, side / width)

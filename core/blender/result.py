@@ -96,7 +96,8 @@ def _has_no_place(display: bpy.types.Object) -> str:
     """Why no material can be put on a display; '' where one can."""
     if display.data is None or not hasattr(display.data, "materials"):
         return Message(
-            "The display '{display}' has no material: give the image '{image}' to what it shows.",
+            "The display '{display}' has no material: give the image '{image}' to the"
+            " object that it shows.",
             display=display.name,
             image=SOURCE,
         )

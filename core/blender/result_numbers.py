@@ -25,7 +25,8 @@ def numbers_of(
         *reading.notes,
         *(
             Message(
-                "Not followed of the material '{material}' of '{name}': {ignored}.",
+                "The material '{material}' of '{name}' has settings that are not followed:"
+                " {ignored}.",
                 material=read.material_name,
                 name=read.object_name,
                 ignored=joined(read.ignored, ", "),

@@ -176,8 +176,8 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
     rig, unknown = with_offset(rig, kept)
     notes = [
         Message(
-            "The calibration's offset has '{name}', of which this rig has none: calibrate again"
-            " or remove the offset.",
+            "The calibration's offset names '{name}', which this rig does not have:"
+            " calibrate again, or remove the offset.",
             name=name,
         )
         for name in unknown

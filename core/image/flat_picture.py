@@ -55,7 +55,7 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
     way = flat_way(place, viewer)
     if way is None:
         raise RigError(
-            "The picture '{picture}' is no flat rectangle: points of it are told for such only.",
+            "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
             picture=place.name,
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(way.matrix).T

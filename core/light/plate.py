@@ -269,8 +269,8 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
     side = normalise(side - (side @ normal) * normal)
     if not (side @ side > 0.5 and np.isfinite(0.0 if plate.centre is None else plate.centre).all()):
         raise RigError(
-            "The x axis of the plate '{plate}', to which its mirrors stand at 45 degrees,"
-            " does not lie in it: turn its mesh, and apply its scale.",
+            "The x axis of the plate '{plate}' does not lie in the plate, but its mirrors"
+            " stand at 45 degrees to that axis: turn its mesh, and apply its scale.",
             plate=plate.name,
         )
     axes = np.stack([side, np.cross(normal, side), normal])

@@ -103,9 +103,9 @@ def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
     for part, n in zip((*rig.glasses, *rig.mirrors), plan.counts.n_contradicted, strict=True):
         if n:
             yield note(
-                "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or are"
-                " missing: followed flat. Mark edges there sharp (Shade Smooth by Angle), or"
-                " subdivide.",
+                "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or"
+                " are missing, so that light follows the flat facets there. Mark edges"
+                " there sharp (Shade Smooth by Angle), or subdivide.",
                 n=n,
                 s="s" if n > 1 else "",
                 part=part.name,
@@ -119,8 +119,9 @@ def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
     for part, n, m in zip(parts, counts.n_doubted, counts.n_curved, strict=True):
         if n and m:
             yield note(
-                "'{part}' is followed as drawn where its mesh is too irregular or too coarse to"
-                " tell the curved surface: {drawn}; {curved} as curved.",
+                "The mesh of '{part}' is too irregular or too coarse to tell the curved"
+                " surface in {drawn} of its smooth faces, which are followed as drawn;"
+                " {curved} are followed as curved.",
                 part=part.name,
                 drawn=percent(n / (n + m)),
                 curved=percent(m / (n + m)),
@@ -141,8 +142,8 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
 
     if caught > MOST_CAUGHT:
         yield warning(
-            "{share} of the picture's light is caught in the glass, however high Max Events is:"
-            " look for faces of it that lie in one another, or for a hollow that touches its"
+            "{share} of the picture's light is caught in the glass, however high Max Events"
+            " is: look for faces that lie in one another, or for a hollow that touches the"
             " outside.",
             share=percent(share),
         )
@@ -167,8 +168,8 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     )
 
     text = Message(
-        "Light is chaotic in {share} of what is seen: {rays} there, {n} in all. Four times the"
-        " Effort takes four times as many, and halves their noise.",
+        "Light is chaotic in {share} of the view: {rays} there, {n} in all. Four times the"
+        " Effort takes four times as many rays, and halves their noise.",
         share=percent(error.sampled),
         rays=rays,
         n=error.n_samples,
@@ -187,17 +188,17 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
     beyond = error.facet_limited + error.unresolved - error.noise
     if beyond > BEYOND:
         yield warning(
-            "{share} of what is seen is off by more than the tolerance, or lost, where the view"
-            " through the glass changes within a viewer pixel: {remedy}.",
+            "{share} of the view is off by more than the tolerance, or lost, where it"
+            " changes within a viewer pixel: {remedy}.",
             share=percent(beyond),
             remedy=remedy_for(rig, mesh, error),
         )
 
     if mesh.undecided > UNDECIDED:
         yield warning(
-            "{share} of the light meets gaps or overlaps of glass that are thinner than its mesh"
-            " is exact, and may go another way: use the same mesh for faces that touch, or move"
-            " them apart.",
+            "{share} of the light meets gaps or overlaps of glass that are thinner than the"
+            " mesh's own error, and may go another way: use the same mesh for faces that"
+            " touch, or move them apart.",
             share=percent(mesh.undecided),
         )
 
@@ -273,9 +274,9 @@ def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
     remedy = (
-        Message("cover what is seen of the plate there")
+        Message("cover the part of the plate that is seen there")
         if plan.settings.suppress_glare == 1
-        else Message("raise Suppress Glare, or cover what is seen of the plate there")
+        else Message("raise Suppress Glare, or cover the part of the plate that is seen there")
     )
 
     yield note(

@@ -20,7 +20,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
     bends = error.facet_limited > error.unresolved
     if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
         return Message(
-            "the faces of '{name}' contradict each other: {remedy}",
+            "the faces of '{name}' contradict each other; {remedy}",
             name=name_of(rig, mesh.uneven),
             remedy=remedy_for_irregular(rig, mesh),
         )

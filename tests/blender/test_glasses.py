@@ -49,7 +49,7 @@ def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):
     (remark,) = _on_doubted(plan.rig, plan)
 
     assert remark.text.startswith(
-        "'glass' is followed as drawn where its mesh is too irregular or too coarse"
+        "The mesh of 'glass' is too irregular or too coarse to tell the curved surface in"
     )
     shares = plan.counts.n_doubted[0], plan.counts.n_curved[0]
 

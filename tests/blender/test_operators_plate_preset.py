@@ -151,7 +151,7 @@ def test_undo_brings_the_size_back(scene: bpy.types.Scene) -> None:
         ("constraint", "a constraint or a driver holds it"),
         ("locked", "its scale is locked"),
         ("no width", "it has no size"),
-        ("turned", "its mesh is turned within the object and no square"),
+        ("turned", "its mesh is turned within the object, and is no square"),
         ("instance", "it is an instance"),
     ],
 )

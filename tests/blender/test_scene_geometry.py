@@ -330,7 +330,9 @@ def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     add(drop.copy(), "GLASS", "drop.001").location.x = 2.0
     reading = read()
 
-    assert any("The metaball 'drop.001' is part of another" in note for note in reading.notes)
+    assert any(
+        "The metaball 'drop.001' belongs to the family of another" in note for note in reading.notes
+    )
     glasses = {g.name: g.mesh for g in reading.rig.glasses}
     assert sorted(glasses) == ["drop", "ring", "text"]
 

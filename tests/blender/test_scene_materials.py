@@ -250,8 +250,8 @@ def test_materials_of_different_index(read: Callable[[], Any]) -> None:
     assert index(reading) == pytest.approx(1.7)
     assert [m.material_name for m in reading.materials] == ["many", "few"]
     assert reading.notes == (
-        "The glass 'stone' has materials of different index: using 1.7 of 'many' for all of it,"
-        " not 1.5.",
+        "The glass 'stone' has materials with different indices: all of it has 1.7, the index of"
+        " 'many', and not 1.5.",
     )
 
 
@@ -264,8 +264,8 @@ def test_faces_that_do_not_refract(read: Callable[[], Any]) -> None:
     reading = read()
     assert index(reading) == pytest.approx(1.7)
     assert reading.notes == (
-        "The glass 'stone' has faces of 'label', which does not refract: taken as glass all the"
-        " same.",
+        "The glass 'stone' has faces of a material that does not refract ('label'): they count as"
+        " glass, too.",
     )
 
 

@@ -555,7 +555,7 @@ def test_tiled_picture(read: Callable[[], Any]) -> None:
     plane.kiriko.image = bpy.data.images.new("tiles", *SIZE, tiled=True)
     reading = read()
     assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
-    assert reading.notes == ("Of the image 'tiles' only the first tile is used.",)
+    assert reading.notes == ("Only the first tile of the image 'tiles' is used.",)
 
 
 def test_two_pictures_are_for_the_check(read: Callable[[], Any]) -> None:

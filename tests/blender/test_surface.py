@@ -352,7 +352,7 @@ def test_vertices_moved_off_the_surface_are_noted(read, kind, options, is_told) 
         setattr(modifier, name, value)
 
     def notes() -> list[str]:
-        return [note for note in read().notes if "beside the surface" in note]
+        return [note for note in read().notes if "off the curved surface" in note]
 
     found = notes()
     assert [("'Other' of" in note, note.endswith("Surface to Automatic.")) for note in found] == [

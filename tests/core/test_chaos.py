@@ -132,8 +132,8 @@ def test_chaos_is_told_with_what_more_effort_costs():
     n = solved().first.map_error.n_samples
     assert f"up to 16 rays stand for a viewer pixel there, {n} in all." in told
     assert (
-        "Four times the Effort takes four times as many, and halves their noise. Shade 'glass'"
-        " smooth if" in told
+        "Four times the Effort takes four times as many rays, and halves their noise. Shade"
+        " 'glass' smooth if" in told
     )
 
 
@@ -159,7 +159,8 @@ def test_places_outside_of_the_view_are_not_on_the_map():
 @pytest.mark.parametrize("effort", [0, 5000, 3.5])
 def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
     with pytest.raises(
-        RigError, match=f"Effort is {effort} rays for a viewer pixel: allow it 1 to 4096"
+        RigError,
+        match=f"Effort is {effort} rays for a viewer pixel: set a whole number from 1 to 4096",
     ):
         replace(Settings(), effort=effort).check()
 

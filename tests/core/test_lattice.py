@@ -340,7 +340,7 @@ def test_what_cannot_be_told_apart_is_said():
         match(GRID * 300, GRID[:9] * 300, Lattice(3, 3, 0.1))
     with pytest.raises(ImageError, match="do not form the lattice"):
         match(GRID[:3] * 300, GRID * 300, SEVEN)
-    with pytest.raises(ImageError, match="Too little of the lattice is expected"):
+    with pytest.raises(ImageError, match="sees too little of the lattice"):
         match(GRID * 300, GRID * np.nan, SEVEN)
     with pytest.raises(ImageError):
         match(random.uniform(-300, 300, (49, 2)), GRID * 300, SEVEN)
@@ -416,8 +416,8 @@ def test_a_file_of_places_alone_is_matched(tmp_path):
         ('x,y\n1,"2', "is no CSV file, see line 2"),
         ("x,y\n1,2\n3", "Line 3 of .* has 1 of 2 columns"),
         ("x,y\n1,two", "Line 2 of .* has 'two' where a number should be"),
-        ("x,y\nnan,2", "Line 2 of .* has 'nan', which is no place"),
-        ("x,y\n1,inf", "Line 2 of .* has 'inf', which is no place"),
+        ("x,y\nnan,2", "Line 2 of .* has 'nan', which is no finite number"),
+        ("x,y\n1,inf", "Line 2 of .* has 'inf', which is no finite number"),
         (
             "column,row,x,y\n0,1,5,5",
             r"Line 2 of .* has a point \(0, 1\), but columns run from 1 to 7",
@@ -547,7 +547,7 @@ def test_smooth_light_is_no_mistake_and_mistakes_are_named(make):
 
 
 def test_points_of_another_lattice_are_refused():
-    with pytest.raises(ImageError, match="as those of a lattice of 7 x 7"):
+    with pytest.raises(ImageError, match="in the order of a lattice of 7 x 7"):
         check(np.random.default_rng(0).permutation(GRID) * 300, SEVEN)
     check(np.where((N < 3)[:, None], GRID, np.nan), SEVEN)
 

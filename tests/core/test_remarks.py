@@ -104,7 +104,7 @@ def test_a_view_that_changes_within_a_pixel_is_told():
     error = bent.first.map_error
     share = error.facet_limited + error.unresolved - error.noise
     assert share > BEYOND
-    assert [f"{percent(share)} of what is seen" in note for note in bent.warnings] == [True]
+    assert [f"{percent(share)} of the view" in note for note in bent.warnings] == [True]
     assert plain.notes == ()
 
 

@@ -10,7 +10,12 @@ import environments
 DEV = Path(environments.__file__).with_name("dev.py")
 HANDED_ON = re.compile(r'^def (\w+)\(.*\n(?:    .*\n)*?    run_\w+\("([\w.]+)"', re.MULTILINE)
 SCRIPTS = dict(HANDED_ON.findall(DEV.read_text()))
-OWN = {"test": "--only", "lint": "--help", "build": "--help", "setup": "--help"}
+OWN = {
+    "test": "--only",
+    "lint": "--help",
+    "build": "--help",
+    "setup": "--help",
+}
 
 
 def told(verb: str) -> str:

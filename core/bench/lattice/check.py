@@ -90,9 +90,8 @@ def check(points: Floats, lattice: Lattice) -> None:
 
     if rough > MISTAKES.mistaken or len(found.wanted) > len(sites) / MISTAKES.mistaken_one_in:
         raise ImageError(
-            "The points do not go on from one to the next as those of a lattice of"
-            " {columns} x {rows}: they may be numbered in another way, or those of another"
-            " lattice.",
+            "The points are not in the order of a lattice of {columns} x {rows}: number"
+            " them by column and row, or set the lattice that was shown.",
             columns=lattice.columns,
             rows=lattice.rows,
         )
@@ -187,8 +186,8 @@ def check_way(points: Floats, expected: Floats) -> None:
         > GROWTH.most_turned_rad
     ):
         raise ImageError(
-            "The points are mirrored or turned against what is expected: count columns from the"
-            " left and rows from the top, and hold the camera as the viewer looks."
+            "The points are mirrored or turned: count columns from the left and rows from"
+            " the top, and hold the camera as the viewer looks."
         )
 
 
@@ -236,9 +235,8 @@ def check_picture(
     way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
     if more > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
         raise ImageError(
-            "The photograph seems to show the picture {way}, against how its points were"
-            " told apart: hold the camera as the viewer looks, show all of the lattice, or"
-            " say in a CSV which point is which.",
+            "The photograph seems to show the picture {way}: hold the camera as the viewer"
+            " looks, show the whole lattice, or name each point in a CSV file.",
             way=way,
         )
 

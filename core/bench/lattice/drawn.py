@@ -48,7 +48,7 @@ class Lattice:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 2:
             raise ImageError(
-                "A lattice of {columns} x {rows} points is none: take 2 or more each way.",
+                "A lattice of {columns} x {rows} points is too small: take 2 or more each way.",
                 columns=self.columns,
                 rows=self.rows,
             )

@@ -42,8 +42,8 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     missing = missing_borders(found, expected, lattice)
     if missing:
         raise ImageError(
-            "Of the points in '{path}' {missing} is missing, so that which is which cannot"
-            " be told: complete them, or name them (column, row, x, y).",
+            "In the file '{path}' {missing} is missing, so that its points cannot be told"
+            " apart: complete it, or name the points (column, row, x, y).",
             path=table.path,
             missing=missing[0],
         )
@@ -187,7 +187,7 @@ def _number(text: str, where: str) -> float:
 
     if not np.isfinite(value):
         raise ImageError(
-            "{where} has '{text}', which is no place: correct or remove the line.",
+            "{where} has '{text}', which is no finite number: correct or remove the line.",
             where=where,
             text=text,
         )

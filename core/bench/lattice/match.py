@@ -77,7 +77,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     if len(sites) < GROWTH.fewest:
         raise ImageError(
             "The {n_points} points do not form the lattice of {columns} x {rows}: choose"
-            " another photograph, or say in a file which point is which.",
+            " another photograph, or name each point in a CSV file.",
             n_points=len(points),
             columns=lattice.columns,
             rows=lattice.rows,
@@ -96,7 +96,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     if extra > max(CLARITY.n_extra, n // CLARITY.extra_of):
         raise ImageError(
             "{extra} of {n_points} points have no place in the lattice of {columns} x"
-            " {rows}: remove what else is bright, or set the lattice that is shown.",
+            " {rows}: remove other bright spots, or set the lattice that is shown.",
             extra=extra,
             n_points=len(points),
             columns=lattice.columns,
@@ -114,7 +114,8 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
     is_known = np.isfinite(right) & np.isfinite(down) & (np.abs(right) > 0) & (np.abs(down) > 0)
     if not is_known.any():
         raise ImageError(
-            "Too little of the lattice is expected to be seen to tell its points apart."
+            "The viewer sees too little of the lattice to tell its points apart: compare"
+            " its columns, rows and margin with the picture."
         )
 
     right = right[is_known]
@@ -180,7 +181,10 @@ def _nearest_placement(
             turned[number] = min(off, turned.get(number, np.inf))
 
     if not turned:
-        raise ImageError("No point is seen where one is expected, so they cannot be told apart.")
+        raise ImageError(
+            "No point is seen near its expected place, so that the points cannot"
+            " be told apart: name each point in a CSV file."
+        )
     least, *others = sorted(turned, key=turned.get)
     if others and turned[others[0]] - turned[least] < CLARITY.turn_rad:
         raise ImageError(
@@ -191,8 +195,8 @@ def _nearest_placement(
     order = [k for k in np.argsort(distance) if places[k][0] == least]
     if len(order) > 1 and not distance[order[1]] > CLARITY.distance * distance[order[0]]:
         raise ImageError(
-            "Too few of the {columns} columns and {rows} rows are seen to tell which they"
-            " are: show more of the lattice, or say in a file which point is which.",
+            "Too few of the {columns} columns and {rows} rows are seen to number them: show"
+            " more of the lattice, or name each point in a CSV file.",
             columns=lattice.columns,
             rows=lattice.rows,
         )

@@ -48,8 +48,8 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
     if not len(best):
         marks = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
         raise ImageError(
-            "No lattice of bright {marks} was found in the photograph: take one in focus,"
-            " in which more of it is seen.",
+            "No lattice of bright {marks} was found in the photograph: take a sharp one"
+            " that shows more of the lattice.",
             marks=marks,
         )
     return best
@@ -89,7 +89,7 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
     image = np.asarray(image)
     if image.ndim not in (2, 3) or min(image.shape[:2]) < SEARCH.least_side_px:
         raise ImageError(
-            "A photograph of {size} pixels is too small to find points in.",
+            "A photograph of {size} pixels is too small to find points in: take a larger one.",
             size=" x ".join(map(str, image.shape)),
         )
 

@@ -57,8 +57,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     size: IntVectorProperty(
         name="Pixels",
-        description="Width and height of the photograph that a CSV's positions are of; 0: the"
-        " viewer's own pixels",
+        description="Width and height of the photograph in which a CSV's positions were"
+        " measured; 0: the viewer's own pixels",
         size=2,
         default=(0, 0),
         min=0,
@@ -66,7 +66,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     noise: FloatProperty(
         name="Noise",
-        description="By how many pixels of the photograph a measured position is likely to be off",
+        description="Likely error of a measured position, in pixels of the photograph",
         default=0.3,
         min=1e-3,
         soft_max=5.0,
@@ -76,7 +76,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     shift: FloatProperty(
         name="Shift",
-        description="By how many millimetres a part is likely to stand elsewhere; 0: none does",
+        description="Likely error of a part's place, in millimetres; 0: every place is exact",
         default=TOLERANCES["shift"],
         min=0.0,
         soft_max=10.0,
@@ -87,7 +87,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     turn: FloatProperty(
         name="Turn",
-        description="By how much a part is likely to be turned; 0: none is",
+        description="Likely error of a part's direction; 0: every direction is exact",
         default=radians(TOLERANCES["turn"]),
         min=0.0,
         max=radians(30.0),
@@ -97,8 +97,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     index: FloatProperty(
         name="Index",
-        description="By how much a glass's index of refraction is likely to be another; 0: it is"
-        " known",
+        description="Likely error of a glass's index of refraction; 0: it is exact",
         default=TOLERANCES["index"],
         min=0.0,
         max=0.5,
@@ -107,8 +106,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     focal: FloatProperty(
         name="Focal Length",
-        description="By how many per cent the camera's focal length is likely to be another; 0: it"
-        " is known",
+        description="Likely error of the camera's focal length, in per cent; 0: it is exact",
         default=TOLERANCES["focal"],
         min=0.0,
         max=20.0,
@@ -118,7 +116,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     crossing: FloatProperty(
         name="Crossing",
-        description="By how much a plate's layers are likely to be crossed wrong; 0: they are not",
+        description="Likely error of the right angle between a plate's layers; 0: it is exact",
         default=radians(TOLERANCES["crossing"]),
         min=0.0,
         max=radians(5.0),
@@ -128,8 +126,8 @@ class KirikoCalibration(bpy.types.PropertyGroup):
     )
     mirror: FloatProperty(
         name="Mirror Height",
-        description="By how many millimetres a plate's mirrors are likely to be higher or lower;"
-        " 0: they are not",
+        description="Likely error of the height of a plate's mirrors, in millimetres; 0: it is"
+        " exact",
         default=TOLERANCES["mirror"],
         min=0.0,
         max=10.0,

@@ -30,7 +30,7 @@ PLATE_MODELS = (
     (
         "IDEAL",
         "Ideal",
-        "A law without mirrors: every ray goes to the mirror image of where it came from",
+        "A law without mirrors: every ray goes to the mirror image of its origin",
     ),
     (
         "CROSSED",
@@ -106,8 +106,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     height: FloatProperty(
         name="Height",
-        description="Of the mirrors of one layer, in pitches: it sets the angle at which the plate"
-        " is brightest",
+        description="Height of one layer's mirrors, in pitches: it sets the angle at which the"
+        " plate is brightest",
         default=2.5,
         min=0.01,
         soft_max=10.0,
@@ -135,8 +135,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     crossing_error: FloatProperty(
         name="Crossing Error",
-        description="By how much the second layer is turned further than 90 degrees; the image"
-        " turns by twice as much",
+        description="Angle by which the layers are crossed beyond 90 degrees; the image turns"
+        " by twice as much",
         default=0.0,
         min=-MOST_CROSSING_ERROR,
         max=MOST_CROSSING_ERROR,
@@ -151,8 +151,8 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
     phase: FloatVectorProperty(
         name="Phase",
-        description="By how many pitches the mirrors of each direction stand beside the object's"
-        " origin",
+        description="Distance of the mirrors of each direction from the object's origin, in"
+        " pitches",
         size=2,
         default=(0.0, 0.0),
         soft_min=0.0,
@@ -188,9 +188,8 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     priority: IntProperty(
         name="Priority",
-        description="Where two glass objects overlap, the higher number is the glass that is"
-        " there; among equals the "
-        "smaller object",
+        description="Where two glass objects overlap, the one with the higher number counts;"
+        " among equals the smaller object",
         default=0,
         min=-1000,
         max=1000,
@@ -207,15 +206,14 @@ class KirikoObject(bpy.types.PropertyGroup):
     )
     use_resolution: BoolProperty(
         name="Own Resolution",
-        description="The viewer has these pixels, which are square, and not those of the scene's"
-        " render, whose shape"
-        " the camera's frame in the viewport keeps",
+        description="Give the viewer square pixels of its own in place of the render's; the"
+        " camera's frame in the viewport keeps the shape of the render",
         default=False,
     )
     resolution: IntVectorProperty(
         name="Resolution",
-        description="Width and height in pixels: of the display, and so of the source image, or of"
-        " the viewer's image",
+        description="Width and height in pixels of the display, and so of the source image, or"
+        " of the viewer's image",
         size=2,
         default=(1024, 1024),
         min=1,

@@ -32,7 +32,7 @@ GHOSTS = (
     (
         "STRONGEST",
         "Strongest Path",
-        "The colour that the place asks for that sees most of it: sharp there, wrong in the others",
+        "The colour for the place that sees most of the pixel: sharp there, wrong in the others",
     ),
 )
 EXPORT_FORMATS = (
@@ -55,7 +55,7 @@ class KirikoScene(bpy.types.PropertyGroup):
     # viewer: see `register`
     picture_source: EnumProperty(
         name="Picture",
-        description="Where the picture comes from that the viewer shall see",
+        description="Source of the picture that the viewer shall see",
         items=PICTURE_SOURCES,
         default="PLANE",
     )
@@ -66,7 +66,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     tolerance: FloatProperty(
         name="Tolerance",
-        description="By how many display pixels the result may be off: smaller takes longer",
+        description="Error of the result that is allowed, in display pixels: a smaller one"
+        " takes longer",
         default=0.1,
         min=1e-6,
         soft_min=1e-3,
@@ -103,9 +104,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     suppress_glare: FloatProperty(
         name="Suppress Glare",
-        description="How much it counts that light beside the glass shall be dark: at 1 as much as"
-        " the picture does."
-        " Pixels of the display that are seen both ways get darker",
+        description="Weight of darkness beside the glass: at 1 it counts as much as the"
+        " picture. Pixels of the display that are seen both ways get darker",
         default=0.0,
         min=0.0,
         max=1.0,
