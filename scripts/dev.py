@@ -246,6 +246,17 @@ def lint(arguments: argparse.Namespace) -> None:
     sys.exit(not run_suite(tools=newest_blender()[0], prefixes=["lint", "format"], need_all=True))
 
 
+def house(arguments: argparse.Namespace) -> None:
+    """Measure how the house is kept (further options go to scripts/house.py)."""
+    run_alone("house", arguments.rest)
+
+
+def run_alone(script: str, rest: list[str]) -> None:
+    """Run a module of scripts/ that needs only Python, and leave with its exit code."""
+    answer_help(script, rest)
+    sys.exit(subprocess.run([sys.executable, ROOT / "scripts" / f"{script}.py", *rest]).returncode)
+
+
 def build(arguments: argparse.Namespace) -> None:
     """Build the extension's zips, one for each platform, into dist/."""
     run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
@@ -286,6 +297,7 @@ def main() -> None:
         pipeline,
         messages,
         lint,
+        house,
         build,
         setup,
     ):

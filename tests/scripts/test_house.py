@@ -1,0 +1,26 @@
+import house
+
+
+def test_files_and_functions_of_core_stay_small_and_no_import_goes_up() -> None:
+    """No file of core is over 300 lines, no function over 60, and no room asks a higher one."""
+    core = house.measured(house.ROOT, "core")
+    assert [n for n, lines in core.file_lines.items() if lines > house.MOST_FILE_LINES] == []
+    assert [n for n, lines in core.body_lines.items() if lines > house.MOST_BODY_LINES] == []
+
+    place = {room: number for number, room in enumerate(house.ROOMS)}
+    assert [(a, b) for a, b in house.arrows(house.ROOT) if place[b] > place[a]] == []
+
+
+def test_what_is_counted_is_there(tmp_path) -> None:
+    """Lines, tokens, blank lines and words of a file written for it are counted as by hand."""
+    (tmp_path / "core").mkdir()
+    source = (
+        '"""What and why."""\n\n\ndef f(a):\n    """What it is."""\n    b = a\n\n    return b\n'
+    )
+    (tmp_path / "core" / "one.py").write_text(source, encoding="utf-8")
+    found = house.measured(tmp_path, "core")
+    assert found.file_lines == {"core/one.py": 8}
+    assert found.body_lines == {"core/one.py f 4": 3}
+    # two docstrings; def f ( a ) :; b = a; return b
+    assert (found.n_tokens, found.n_code_lines, found.n_blank_lines) == (2 + 6 + 3 + 2, 5, 1)
+    assert " ".join(found.prose).lower().count("what") == 2
