@@ -35,6 +35,13 @@ def test_every_verb_is_one_that_is_tested_here() -> None:
     assert verbs == {*SCRIPTS, *OWN}
 
 
+def test_every_verb_has_its_row_in_contributing() -> None:
+    """The table of CONTRIBUTING.md lists all verbs of dev.py, and none that it has not."""
+    table = (environments.ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `python3 scripts/dev\.py (\w+)", table, re.MULTILINE)
+    assert set(rows) == {*SCRIPTS, *OWN}
+
+
 @pytest.mark.parametrize("verb", SCRIPTS)
 def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
     """All that the script's parser adds is in the answer, without
