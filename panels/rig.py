@@ -135,13 +135,30 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 icon="ERROR",
             )
             return
-        if ours.role == "GLASS" and thing.data is not None and min(thing.dimensions) == 0:
+
+        if ours.role == "GLASS":
+            self._draw_glass(box, context, thing)
+        if ours.role == "PLATE":
+            self._draw_plate(box, ours.plate)
+        if ours.role in {"GLASS", "MIRROR"}:
+            box.prop(ours, "surface")
+        elif ours.role == "DISPLAY":
+            box.prop(ours, "resolution")
+        elif ours.role == "PICTURE":
+            self._draw_picture(box, thing)
+
+    def _draw_glass(
+        self, box: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+    ) -> None:
+        """The index of a glass, and the trouble with its shape or its material."""
+        ours = thing.kiriko
+        if thing.data is not None and min(thing.dimensions) == 0:
             text = (
                 "It is flat: give it a thickness, as by a Solidify modifier, or set the role to"
                 " None."
             )
             sentence(box, context, text, icon="ERROR")
-        if ours.role == "GLASS" and can_be_given(thing) and not ours.use_ior:
+        if can_be_given(thing) and not ours.use_ior:
             sentence(
                 box,
                 context,
@@ -152,21 +169,13 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 icon="ERROR",
             )
             box.operator("kiriko.make_glass", icon="MATSPHERE")
-        if ours.role == "GLASS":
-            row = box.row(heading="Override IOR")
-            row.prop(ours, "use_ior", text="")
-            value = row.row()
-            value.active = ours.use_ior
-            value.prop(ours, "ior", text="")
-            box.prop(ours, "priority")
-        if ours.role == "PLATE":
-            self._draw_plate(box, ours.plate)
-        if ours.role in {"GLASS", "MIRROR"}:
-            box.prop(ours, "surface")
-        elif ours.role == "DISPLAY":
-            box.prop(ours, "resolution")
-        elif ours.role == "PICTURE":
-            self._draw_picture(box, thing)
+
+        row = box.row(heading="Override IOR")
+        row.prop(ours, "use_ior", text="")
+        value = row.row()
+        value.active = ours.use_ior
+        value.prop(ours, "ior", text="")
+        box.prop(ours, "priority")
 
     def _draw_picture(self, box: bpy.types.UILayout, picture: bpy.types.Object) -> None:
         """The image that is solved, wherever it was chosen.
