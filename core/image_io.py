@@ -146,7 +146,7 @@ def _spec(
     return spec
 
 
-def write(
+def write(  # noqa: PLR0913 - all but three have a default, and scripts name them
     path: Path | str,
     pixels: ArrayLike,
     form: str,

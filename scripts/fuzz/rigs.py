@@ -168,7 +168,7 @@ FLAWS = (
 )  # fmt: skip
 
 
-def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
+def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:  # noqa: C901 - a case each flaw
     """The mesh with one flaw."""
     points, faces = arrays_of(mesh)
     rng = dice.rng
@@ -640,8 +640,8 @@ def add_display(dice: Dice, frame: Floats, size: float) -> None:
         thing.data.materials.append(bpy.data.materials.new("Screen"))
 
 
-def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
-    """The viewer's camera, and the size of its image."""
+def lens_of(dice: Dice, size: float, distance: float) -> bpy.types.Camera:
+    """The viewer's camera, which looks at a thing of this size."""
     lens = bpy.data.cameras.new("Viewer")
     lens.angle = 2 * np.arctan(1.2 * size / (2 * distance))
     lens.clip_start = 1e-6
@@ -658,7 +658,12 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
         lens.lens = dice.log(1, 1e6)
         lens.ortho_scale = dice.log(1e-6, 1e6)
         lens.shift_x, lens.shift_y = dice.rng.normal(0, dice.log(0.01, 10), 2)
+    return lens
 
+
+def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
+    """The viewer, and the size of its image."""
+    lens = lens_of(dice, size, distance)
     at = displaced(dice, frame, size, "viewer")
     if dice.wild(0.05, "viewer inside the glass"):
         at.translation = frame[:3, 3] - distance * frame[:3, 2]
@@ -735,7 +740,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
             ours.picture_image = picture_image(dice)
 
 
-def make_rig(rng: np.random.Generator) -> Dice:
+def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after the other
     """Make a random rig in the scene, which is empty; the choices that were drawn."""
     dice = Dice(rng)
     scene = bpy.context.scene

@@ -166,7 +166,7 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(
         "no z",
     ],
 )
-def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:
+def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:  # noqa: C901 - a case each way
     """However it came to its shape: of its image the
     proportions are the image's, its area and middle stay.
     """
