@@ -112,11 +112,13 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         needed = ROOM * spread.width(aspect)
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
+
         remarks = _on_materials(bench)
         text = _on_display(scene, proposal, limit, spread, aspect)
         make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(scene.kiriko.result, text, remarks)
         self.level = "WARNING" if listed(spread.lost) or remarks else "INFO"
+
         return joined([text, *remarks, *_on_camera(scene)])
 
 
@@ -157,18 +159,21 @@ def _on_display(
     text = Message("{display} takes all the light of the picture.", display=display)
     if listed(spread.lost):
         text = summary(1 - sum(spread.lost.values()), spread.lost, display)
+
     if spread.leaked > BESIDE:
         return Message(
             "{text} {leaked} of the light goes through gaps in the glass: close them.",
             text=text,
             leaked=percent(spread.leaked),
         )
+
     if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
         return Message(
             "{text} The viewer sees most of the picture beside the glass: move it, or turn"
             " the glass.",
             text=text,
         )
+
     is_cut = spread.beside_weight.sum() > CUT
     if not limit or not (is_cut or proposal.display > WIDE * proposal.picture):
         return text
@@ -180,6 +185,7 @@ def _on_display(
         part=spread.outermost(aspect),
     )
     remedies = [Message("make Picture smaller")]
+
     if is_cut:
         part = part_of_picture(spread.beside, spread.beside_weight)
         why = Message(
@@ -188,6 +194,7 @@ def _on_display(
             limit=length_text(scene, limit),
         )
         remedies.append(Message("raise Display Limit"))
+
     smaller = ROOM * spread.width(aspect, MOST)
     if 0 < smaller < SMALLER * proposal.display:
         share = percent(MOST * (1 - sum(spread.lost.values())))
@@ -198,6 +205,7 @@ def _on_display(
                 share=share,
             )
         )
+
     *others, last = remedies
     return Message(
         "{text} {why}: {remedies}.",
@@ -235,6 +243,7 @@ def _on_camera(scene: bpy.types.Scene) -> list[str]:
     viewer = scene.kiriko.viewer
     if camera == viewer:
         return []
+
     return [
         Message(
             "Numpad 0 goes on showing '{camera}': to look through '{viewer}', make it the"

@@ -61,10 +61,12 @@ class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
             raise ImageError(
                 "There is nothing to calibrate by: choose a photograph or a CSV of points."
             )
+
         use_bundled_modules()
         reading = work.read(context)
         reading.rig.check()
         yield 0.0
+
         return (yield from calibrated(context, reading, absolute(path)))
 
 
@@ -84,10 +86,12 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
             " photograph of the view.",
             file=path.name,
         )
+
     offset = Offset.read(ours.offset).sets
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
         # the same file once more, as with other tolerances: in place of the offset of before
         offset.pop()
+
     rig = with_offset(reading.drawn, offset)[0]
     settings = work.settings_of(scene)
     lattice = Lattice(ours.columns, ours.rows, ours.margin)
@@ -96,6 +100,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     among = [parameter for parameter in parameters(rig) if tolerances[parameter.kind] > 0]
     if not among:
         raise RigError("Nothing may be off: set a tolerance above 0.")
+
     expect = np.array([tolerances[parameter.kind] for parameter in among])
     bench = Bench(rig, settings, expected, among)
     size = rig.display.width, rig.display.height
@@ -107,6 +112,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
             n_shown=is_shown.sum(),
             n_points=len(expected),
         )
+
     due = np.where(is_shown[:, None], expected, np.nan)
     measured, scale = measured_points(path, lattice, due, rig, tuple(ours.size))
     noise = ours.noise * scale
@@ -117,9 +123,11 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     about = {"measured": path.name, "digest": digest, "kept": ours.keep, "left_out": odd}
     details = Numbers({**about, **as_data(bench, found, expect, extras)}).text()
     amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
+
     if ours.keep == "NONE":
         ours.found = details
         return Message("{text} Nothing is kept of it.", text=text)
+
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
     solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
     kept = (
@@ -129,6 +137,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     )
     with kept:
         text = joined([text, write_solution(scene, work.read_to_solve(context), solution)])
+
     ours.found = details
     return text
 
@@ -159,6 +168,7 @@ def measured_points(
                 width=size[0],
                 height=size[1],
             )
+
         size = np.array(size, float) if min(size) else viewer_size
         scale = _scale(path, size, viewer_size)
         points = read_points(path, lattice, expected / scale)
@@ -169,6 +179,7 @@ def measured_points(
         points = match(find_points(photograph), expected / scale, lattice)
         is_unsure = bool(missing_borders(points, expected, lattice))
         check_picture(points, lattice, photograph, rig.picture.image, is_unsure)
+
     check(points, lattice)
     check_way(points, expected / scale)
     return points * scale, float(scale.mean())
@@ -191,6 +202,7 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
             viewer_width=viewer_size[0],
             viewer_height=viewer_size[1],
         )
+
     return scale
 
 

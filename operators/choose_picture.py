@@ -28,9 +28,11 @@ def lacking(context: bpy.types.Context) -> list[str]:
     """Why there is no picture whose image or shape could be another."""
     if context.mode != "OBJECT":
         return ["Leave edit mode first"]
+
     picture = the_picture(context)
     if picture is None:
         return ["Select the picture: an object whose role is Picture"]
+
     return (
         []
         if picture.is_editable
@@ -66,6 +68,7 @@ class ChoosePicture:
                     "its material is not its own to be changed, and goes on showing the same image"
                 )
             )
+
         try:
             if self.fit:
                 blender_plane.fit(context, picture)
@@ -73,6 +76,7 @@ class ChoosePicture:
                 problems.append(Message("the image is {squeezed}", squeezed=squeezed))
         except RigError as why:
             problems.append(Message("the plane keeps its shape, for {why}", why=why))
+
         new = [slot.material for slot in picture.material_slots if slot.material not in before]
         material = (
             Message(", by the new material '{material}'", material=new[0].name) if new else ""
@@ -86,6 +90,7 @@ class ChoosePicture:
         result = context.scene.kiriko.result
         if result.source is None:  # Add Rig's report is of the picture before
             result.summary = result.notes = ""
+
         if problems:
             telling.report(
                 self,
@@ -166,11 +171,13 @@ def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
     """
     if not filepath:
         raise ImageError("No file is chosen: choose an image.")
+
     path = str(absolute(filepath))
     if not Path(path).is_file():
         raise ImageError("There is no file {path}: choose an image.", path=path)
     if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
         path = bpy.path.relpath(path)
+
     image = bpy.data.images.load(path, check_existing=True)
     # the file may be loaded already as the first frame of a sequence, which cannot be read
     return image if image.source == "FILE" else bpy.data.images.load(path)

@@ -111,6 +111,7 @@ def parser() -> argparse.ArgumentParser:
         help="the result, in the .blend: as an offset, or by moving its objects (offset)",
     )
     calibrate.set_defaults(run=_calibrate)
+
     return top
 
 
@@ -173,6 +174,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     rig = work.read(bpy.context).rig
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
+
     yield Message("measuring '{file}'", file=Path(bpy.data.filepath).name)
     found = yield from solve_to_folder.told_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
@@ -187,9 +189,11 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     image_io.openimageio()
     details = arguments.out / "calibration.json"
     file = arguments.out / "calibrated.blend"
+
     if not arguments.overwrite:
         paths = (details, file, *solve_to_folder.file_names(arguments).values())
         folder.refuse_existing(arguments.out, (path.name for path in paths), "add --overwrite")
+
     context = bpy.context
     ours = bpy.context.scene.kiriko.calibration
     ours.keep = arguments.keep.upper()
@@ -205,6 +209,7 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     )
     yield from solve_to_folder.solve(arguments)
     disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
+
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
     except RuntimeError as reason:
@@ -214,4 +219,5 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
             file=file,
             why=why,
         ) from None
+
     yield Message("wrote '{details}' and '{file}' there, too", details=details.name, file=file.name)

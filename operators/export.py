@@ -90,6 +90,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
         ask = context.window_manager.invoke_confirm
+
         with telling.told(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
             # the path is relative to a file that was never saved
@@ -99,6 +100,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
             if is_nowhere and is_stale:
                 self.is_to_ask = self.allow_stale = True
                 return ask(self, event, title=OLD, message=watch.CHANGED, confirm_text=ALL_THE_SAME)
+
             if is_nowhere:
                 name = Path(self.filepath or ours.export_path).name or "source"
                 self.filepath = str(
@@ -107,11 +109,14 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 self.is_in_dialogue = True
                 context.window_manager.fileselect_add(self)
                 return {"RUNNING_MODAL"}
+
             path = target(self.filepath or ours.export_path, self._form(context))
             is_taken = disk.is_there(path) and not (self.overwrite or ours.export_overwrite)
+
             # only an answer of yes leads to execute
             self.overwrite |= is_taken
             self.allow_stale |= is_stale
+
             if is_stale:
                 taken = Message(" The file '{path}' is replaced.", path=path) if is_taken else ""
                 return ask(
@@ -123,6 +128,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                     ),
                     confirm_text=ALL_THE_SAME,
                 )
+
             if is_taken:
                 return ask(
                     self,
@@ -131,7 +137,9 @@ class KIRIKO_OT_export(bpy.types.Operator):
                     message=str(path),
                     confirm_text="Replace",
                 )
+
             return self.execute(context)
+
         return {"CANCELLED"}
 
     def check(self, context: bpy.types.Context) -> bool:
@@ -151,17 +159,20 @@ class KIRIKO_OT_export(bpy.types.Operator):
         ours = context.scene.kiriko
         if self.is_to_ask:
             return self._ask_where()
+
         with telling.told(self):
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
                     "{changed}, or export the old image with allow_stale=True.",
                     changed=watch.CHANGED.rstrip("."),
                 )
+
             details = Numbers.read(ours.result.details).by_name
             size = details.get("display_size_m")
             use_bundled_modules()
             form = self._form(context)
             path = target(self.filepath or ours.export_path, form)
+
             # the dialogue showed this very name in red; another one, with a suffix, it did not
             is_shown = self.is_in_dialogue and str(path) == self.filepath
             written = image_io.write(
@@ -172,11 +183,14 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 overwrite=self.overwrite or ours.export_overwrite or is_shown,
                 save_png=save_png,
             )
+
             if self.is_in_dialogue:
                 ours.export_path = str(written)
                 ours.export_format = form
+
             telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}
+
         return {"CANCELLED"}
 
     def _form(self, context: bpy.types.Context) -> str:

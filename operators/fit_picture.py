@@ -36,6 +36,7 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
                 raise RigError(
                     "'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why
                 ) from None
+
             telling.report(
                 self,
                 "INFO",
@@ -46,4 +47,5 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
                 ),
             )
             return {"FINISHED"}
+
         return {"CANCELLED"}

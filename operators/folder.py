@@ -25,6 +25,7 @@ def made(folder: Path) -> Iterator[None]:
             folder=folder,
             why=reason.strerror,
         ) from None
+
     try:
         disk.check_folder(folder)
         yield

@@ -30,11 +30,13 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
             reading = work.read(context)
             reading.rig.check()
             is_current = not watch.has_changed(context)
+
             with put_into_scene(context.scene, reading, lambda: work.read(context)):
                 result = context.scene.kiriko.result
                 # it is the same rig as before, written another way
                 if result.solved_for and is_current:
                     result.solved_for = work.scene_now(context).as_text()
+
                 telling.report(
                     self,
                     "INFO",
@@ -44,7 +46,9 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
                         s="s" if n > 1 else "",
                     ),
                 )
+
             return {"FINISHED"}
+
         return {"CANCELLED"}
 
 

@@ -41,9 +41,11 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         ours = context.scene.kiriko.calibration
+
         with telling.told(self):
             lattice = Lattice(ours.columns, ours.rows, ours.margin)
             style = ours.style.lower()
+
             if scene.kiriko.picture_source == "IMAGE":
                 image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
                 scene.kiriko.picture_image = image
@@ -52,6 +54,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
                 picture = next(iter(needed.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
                 picture.kiriko.image, where = image, f"'{picture.name}'"
+
             text = Message(
                 "The lattice is in {where}: solve, show it on the display, and photograph"
                 " the view.",
@@ -59,4 +62,5 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
             )
             telling.report(self, "INFO", text)
             return {"FINISHED"}
+
         return {"CANCELLED"}

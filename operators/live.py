@@ -31,11 +31,13 @@ def status() -> tuple[str, bool]:
     """A sentence on how it stands, '' for none, and whether it names a problem."""
     if not _lives:
         return (_last_words[0], False) if _last_words else ("", False)
+
     live = _lives[0]
     if live.problem:
         return live.problem, True
     if live.seconds is None or live.is_working:
         return "Live: updating.", False
+
     first, last = live.seconds
     return Message(
         "Live: up to date. First picture after {first:.2f} s, final after {last:.2f} s.",
@@ -58,9 +60,11 @@ def stop(last_words: str = "") -> None:
     _last_words[:] = [last_words] if last_words else []
     if not _lives:
         return
+
     live = _lives.pop()
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)
+
     work.stop_listening(HANDLERS)
     live.close()
     pack_if_needed(live)
@@ -79,13 +83,16 @@ def tick() -> float | None:
     """Called by the timer."""
     if not _lives:
         return None
+
     try:
         wait = _lives[0].turn()
     except (Exception, KeyboardInterrupt) as error:
         stop(telling.sentence(error, "Live"))
         return None
+
     if wait is None:
         stop("Live stopped: no window shows its scene any more.")
+
     return wait
 
 

@@ -26,8 +26,10 @@ def _at_pointer(
     """
     if bpy.app.background or context.window is None:
         return (yield from steps)
+
     manager = context.window_manager
     manager.progress_begin(0, 100)
+
     try:
         while True:
             progress = next(steps)
@@ -71,6 +73,7 @@ class LongWork:
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
+
         self._work = self.steps(context)
         self.window = context.window
         manager = context.window_manager
@@ -79,17 +82,21 @@ class LongWork:
         self._show(context, 0.0)
         manager.modal_handler_add(self)
         work._running.append(self)
+
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self.cancel(context)
             return self._stopped()
+
         if event.type != "TIMER":
             # no other key or button may change the scene meanwhile
             return {"PASS_THROUGH"} if only_looks(context, event) else {"RUNNING_MODAL"}
+
         end = perf_counter() + TURN
         is_done = False
+
         with told(self, self.stays):
             try:
                 stays = self.stays()
@@ -102,6 +109,7 @@ class LongWork:
             except StopIteration as done:
                 report(self, self.level, done.value)
                 is_done = True
+
         self._end(context)
         return {"FINISHED"} if is_done or self.stays() else {"CANCELLED"}
 

@@ -41,20 +41,25 @@ def only_looks(context: bpy.types.Context, event: bpy.types.Event) -> bool:
     """
     if event.type.startswith(ALWAYS):
         return True
+
     area, region = under_mouse(context.window, event)
     if region is None:
         return False
+
     if region.type != "WINDOW" or area.type not in KEYMAPS:
         # with a modifier a wheel changes the number under it
         is_plain = not (event.ctrl or event.alt or event.shift or event.oskey)
         return event.type.startswith(SCROLLING) and is_plain
+
     if not event.type.startswith(POINTING + KEYS):
         return False
     if area.type == "VIEW_3D" and area.spaces.active.lock_camera:
         return False  # the camera goes where the view goes
+
     found = meant(context.window_manager, KEYMAPS[area.type], event)
     if "view3d.view_camera" in found and context.scene.camera is None:
         return False  # Blender would choose one
+
     return all(map(VIEWS.fullmatch, found)) and (bool(found) or event.type.startswith(POINTING))
 
 

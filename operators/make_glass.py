@@ -46,6 +46,7 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
             except BaseException:
                 bpy.data.materials.remove(glass)
                 raise
+
             kept = dict.fromkeys(name for thing in things for name in _give(thing, glass))
             names = ", ".join(f"'{thing.name}'" for thing in things)
             result = context.scene.kiriko.result
@@ -73,7 +74,9 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
                 stays=stays,
             )
             telling.report(self, "INFO", text)
+
             return {"FINISHED"}
+
         return {"CANCELLED"}
 
 
@@ -84,6 +87,7 @@ def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
     """
     if not thing.material_slots:
         thing.data.materials.append(None)
+
     kept = []
     for slot in thing.material_slots:
         if slot.material is not None:
@@ -91,4 +95,5 @@ def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
             kept.append(f"'{slot.material.name}'")
         slot.link = "OBJECT"
         slot.material = glass
+
     return kept

@@ -34,15 +34,19 @@ def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
         thing, is_itself, by = todo.pop()
         if thing.kiriko.role == "NONE" and thing.instance_collection is None:
             continue
+
         by = by or (shown.hidden_by(thing) if is_itself else instance_hidden_by(thing))
         if (thing, not by) in seen:
             continue
+
         seen.add((thing, not by))
         if thing.kiriko.role != "NONE":
             things = found.setdefault(thing.kiriko.role, {})
             things[thing] = by and things.get(thing, by)  # shown once is shown
+
         if thing.instance_collection is not None:
             todo.extend((other, False, by) for other in thing.instance_collection.all_objects)
+
     return found
 
 
@@ -63,12 +67,15 @@ def _missing(scene: bpy.types.Scene) -> dict[str, str]:
     there = {role for role, things in found.items() if not all(things.values())}
     if ours.viewer or scene.camera:
         there.add("VIEWER")
+
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
     lacks |= {r: hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
+
     if ours.picture_source == "IMAGE":
         lacks.pop("PICTURE", None)
         if ours.picture_image is None:
             lacks["IMAGE"] = NO_IMAGE
+
     return lacks
 
 

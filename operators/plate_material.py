@@ -34,6 +34,7 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
             and material.library is None
         ):
             return material
+
     name = NAMES[layout]
     try:
         with bpy.data.libraries.load(str(FILE)) as (_, wanted):
@@ -42,17 +43,20 @@ def _material(layout: str, metres: float) -> bpy.types.Material:
         raise RigError(
             "The file {file} is missing or broken: install Kiriko again.", file=FILE
         ) from None
+
     (material,) = wanted.materials
     if material is None:
         raise RigError(
             "The file {file} has no material '{name}': install Kiriko again.", file=FILE, name=name
         )
+
     material.asset_clear()
     material.use_fake_user = False
     material[UNIT] = metres
     for node in material.node_tree.nodes:
         for length in {"Pitch", "Height"} & set(node.inputs.keys()):
             node.inputs[length].default_value /= metres
+
     return material
 
 
@@ -109,18 +113,22 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         is_new = thing is None or thing.type != "MESH" or not thing.select_get()
         metres = length_of_unit(context.scene)
         material = None
+
         with telling.told(self):
             if not is_new:
                 self._check(thing)
             material = (None if is_new else _own_material(thing, metres)) or _material(
                 self.layout, metres
             )
+
         if material is None:
             return {"CANCELLED"}
+
         if is_new:
             bpy.ops.mesh.primitive_plane_add(size=SIZE / metres)
             thing = context.active_object
             thing.name = thing.data.name = "Kiriko Plate"
+
         thing.active_material = material
         if context.scene.render.engine != "CYCLES":
             telling.report(
@@ -141,6 +149,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
                     material=material.name,
                 ),
             )
+
         return {"FINISHED"}
 
     def _check(self, thing: bpy.types.Object) -> None:
@@ -148,11 +157,13 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
             raise MeshError(
                 "'{name}' is linked from another file: make it local first.", name=thing.name
             )
+
         if not len(thing.data.polygons):
             raise MeshError(
                 "'{name}' has no faces: give it some, or deselect it for a new plane.",
                 name=thing.name,
             )
+
         if not _is_flat(thing.data):
             raise MeshError(
                 "'{name}' is not flat, as a plate has to be: deselect it for a new plane.",
@@ -197,6 +208,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
                 Message("The file {file} is missing: install Kiriko again.", file=FILE),
             )
             return {"CANCELLED"}
+
         library = context.preferences.filepaths.asset_libraries.new(
             name="Kiriko", directory=str(FOLDER)
         )

@@ -48,6 +48,7 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
         plate = context.active_object
         side = PRESET_SIDES[self.preset]
         length = length_text(context.scene, side)
+
         with telling.told(self):
             try:
                 give_side(context, plate, side / length_of_unit(context.scene))
@@ -69,9 +70,11 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
                     preset=self.preset,
                     length=length,
                 )
+
             _set_mirrors(plate, self.preset)
             telling.report(self, level, text)
             return {"FINISHED"}
+
         return {"CANCELLED"}
 
 

@@ -89,17 +89,20 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
+
         self._preview = None
         with telling.told(self):
             self._preview = self._prepare(context)
         if self._preview is None:
             return {"CANCELLED"}
+
         # Blender renders in a job of its own and puts no setting back
         # after Esc; a temporary scene needs none put back
         self._preview.scene.render.use_lock_interface = True
         self._timer = context.window_manager.event_timer_add(long_work.TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
         bpy.ops.render.render("INVOKE_DEFAULT", scene=self._preview.scene.name, write_still=True)
+
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -131,6 +134,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 "The preview's border is empty: left has to be less than right, and"
                 " bottom less than top."
             )
+
         self._remarks = [watch.CHANGED] if watch.has_changed(context) else []
         whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
         return Preview(
@@ -150,17 +154,20 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         """
         if not self.filepath:
             return None
+
         if Path(self.filepath).suffix.lower() not in {"", ".png", ".exr"}:
             raise ImageError(
                 "The preview '{file}' would be neither .png nor .exr: choose one of these.",
                 file=self.filepath,
             )
+
         path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
         if not self.overwrite and disk.is_there(path):
             raise ImageError(
                 "The file '{path}' exists already: choose another name or allow overwriting.",
                 path=path,
             )
+
         disk.check_folder(path.parent)
         return path
 
@@ -177,8 +184,10 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 overwrite=self.overwrite,
                 save_png=save_png,
             )
+
         result = context.scene.kiriko.result
         result.preview = image = replace_image(result.preview, NAME, pixels)
+
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 space = area.spaces.active
@@ -188,6 +197,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                     and space.image.type == "RENDER_RESULT"
                 ):
                     space.image = image
+
         remarks = self._remarks + preview.notes
         if remarks:
             telling.report(self, "WARNING", joined(remarks))

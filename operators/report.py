@@ -55,6 +55,7 @@ def measured(
     """
     use_bundled_modules()
     form = context.scene.kiriko.export_format
+
     with disk.scratch(target) as scratch:
 
         def save(image: np.ndarray) -> None:
@@ -96,10 +97,12 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
     view = finish(plate_view(work.session().plan(rig, settings)))
     if view is not None:
         about["plate"] = asdict(view)
+
     texts = [as_csv(found), as_json(found, about), as_svg(found)]
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
+
     with disk.together(target) as scratch:
         for name, text in zip(names(rig), texts, strict=True):
             disk.write_text(scratch / name, text)
@@ -142,12 +145,15 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
         path = self.directory or scene.kiriko.report_folder
         if not path:
             raise ImageError("The report has no folder: choose one.")
+
         target = absolute(path)
         rig = work.read(context).rig
+
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), "allow overwriting")
             found = yield from measured(context, rig, target, self.seconds)
             write(target, rig, work.settings_of(scene), found)
+
         write_ladder(scene, found.ladder)
         return Message("Wrote {files} to '{target}'.", files=", ".join(names(rig)), target=target)

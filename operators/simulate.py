@@ -44,6 +44,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         source = scene.kiriko.result.source
         is_changed = watch.has_changed(context)
         rig.check()
+
         if tuple(source.size) != (rig.display.width, rig.display.height):
             raise RigError(
                 "The source image has {width} x {height} pixels, the display '{display}'"
@@ -54,6 +55,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
                 display_width=rig.display.width,
                 display_height=rig.display.height,
             )
+
         shown = pixels_from_image(source)
         yield 0.0
         plan = work.session().plan(rig, work.settings_of(scene))
@@ -67,6 +69,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         )
         if not is_changed:
             return result.seen_summary
+
         self.level = "WARNING"
         return joined([result.seen_summary, watch.CHANGED])
 
@@ -76,11 +79,14 @@ def told(found: Simulation) -> str:
     whole = sum(found.luminance.values())
     if not whole:
         return ": nothing"
+
     parts = {"stray light of the plate": STRAY_PATHS, "past the plate": (PlatePath.NONE,)}
     words = []
+
     for word, paths in parts.items():
         light = sum(found.luminance[path] for path in paths)
         error = np.linalg.norm([found.luminance_error[path] for path in paths])
+
         if light > 0:
             words.append(
                 Message(
@@ -90,5 +96,6 @@ def told(found: Simulation) -> str:
                     word=word,
                 )
             )
+
     words.append(Message("noise {error} of white", error=number(found.error)))
     return joined(["", *words], ", ")

@@ -40,6 +40,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
             solution = yield from solve_in_sight(work.session(), reading.rig, settings, show)
         else:
             solution = yield from work.session().solve(reading.rig, settings)
+
         return write_solution(scene, reading, solution)
 
     def stays(self) -> str:

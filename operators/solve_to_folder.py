@@ -34,6 +34,7 @@ def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
         names["preview"] = "preview.png"
     if arguments.simulate:
         names["simulated"] = "simulated.png"
+
     return {image: arguments.out / name for image, name in names.items()}
 
 
@@ -54,10 +55,12 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve and write the files; yields lines of progress."""
     image_io.openimageio()
     files = file_names(arguments)
+
     if not arguments.overwrite:
         folder.refuse_existing(
             arguments.out, (path.name for path in files.values()), "add --overwrite"
         )
+
     context = bpy.context
     scene = context.scene
     reading = work.read_to_solve(context)
@@ -79,6 +82,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     numbers = _numbers(scene, text)
+
     if arguments.preview:
         yield "rendering the preview in Cycles"
         with Preview(
@@ -86,6 +90,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         ) as preview:
             jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
         numbers["preview_notes"] = preview.notes
+
     if arguments.simulate:
         yield "simulating the plate's mirrors"
         plan = work.session().plan(reading.rig, work.settings_of(scene))
@@ -99,12 +104,14 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
                 path.name.lower(): error for path, error in found.luminance_error.items()
             },
         }
+
     with disk.together(arguments.out) as scratch:
         for image, pixels, form, area in jobs:
             image_io.write(
                 scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
             )
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
+
     yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
 
 

@@ -37,6 +37,7 @@ def sentence(error: BaseException, label: str, stays: str = "") -> str:
         return one_line(in_words(_foreseen(error, stays)))
     if isinstance(error, KeyboardInterrupt):
         return in_words(Message("{work} was stopped; {state}.", work=label, state=state))
+
     traceback.print_exception(error)
     return in_words(_unforeseen(error, label, state))
 
@@ -58,11 +59,13 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
             why=f" ({text})" if text else "",
             state=state,
         )
+
     if isinstance(error, ReferenceError):  # by Blender's Python, of a datablock that is gone
         return Message(
             "{work} was stopped, for undo or a script removed data that it needs: start it again.",
             work=label,
         )
+
     if isinstance(error, OSError):
         return Message(
             "{work} could not read or write a file ({text}); {state}: check the disk.",
@@ -70,6 +73,7 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
             text=text,
             state=state,
         )
+
     return Message(
         "{work} failed ({kind}: {text}); {state}: please report this with the file and the"
         " text in the console.",

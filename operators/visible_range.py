@@ -50,6 +50,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
                 share=percent(self.share),
                 best=percent(found.best),
             )
+
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
@@ -59,6 +60,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
                 name=NAME,
                 share=percent(self.share),
             )
+
         return Message(
             "{share} of the picture is seen from {left:.1f} degrees left of the viewer to"
             " {right:.1f} right, and from {down:.1f} below to {up:.1f} above: '{name}'.",

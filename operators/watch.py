@@ -52,10 +52,12 @@ class Watched:
         started = monotonic()
         if started < self.polled_next:
             return
+
         settings = (scene.kiriko.result.solved_for, chosen.chosen_settings(scene))
         if settings != self.chosen:
             self.chosen = settings
             self.touch()
+
         ended = monotonic()
         self.polled_next = ended + POLLING * (ended - started)
 
@@ -124,15 +126,18 @@ def look() -> None:
     shown = {window.scene.session_uid: window for window in reversed(windows.all_windows())}
     for gone in set(_watched) - set(shown):
         del _watched[gone]
+
     for uid, window in shown.items():
         scene = window.scene
         result = scene.kiriko.result
         if result.source is None or not result.solved_for:
             _watched.pop(uid, None)
             continue
+
         watched = _watched.setdefault(uid, Watched())
         watched.ours = frozenset(map(chosen.uid, (result.source, result.seen, result.preview)))
         watched.poll(scene)
+
         if watched.is_due and not is_followed(scene) and not is_busy(watched):
             check(watched, window)
             return

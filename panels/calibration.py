@@ -36,6 +36,7 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.calibrate", icon="TRACKER")
+
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
             kept = "An offset is" if n == 1 else Message("Offsets of {n} calibrations are", n=n)
@@ -90,18 +91,21 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
             after=found["after_viewer_px"],
         )
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
+
         if found["left_out"]:
             text = Message(
                 "Left out, for they lie far from where the others have them: {points}.",
                 points=", ".join(found["left_out"]),
             )
             sentence(layout, context, text, icon="ERROR")
+
         amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
         for entry in amounts[:MOST]:
             text = (
                 f"{entry['name']}: {entry['amount']:+.2g} (+- {entry['error']:.1g}) {entry['unit']}"
             )
             sentence(layout, context, text.rstrip(), icon="DOT")
+
         n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
         condition = "infinite" if found["condition"] is None else f"{found['condition']:.1g}"
         text = Message(
@@ -132,6 +136,7 @@ class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
                 Message("Almost alike: {amounts}.", amounts=", ".join(group)),
                 icon="DUPLICATE",
             )
+
         if found["still"]:
             sentence(
                 layout,
@@ -156,6 +161,7 @@ def advice(found: dict) -> str:
         ).rstrip()
         for _, name in gains[:2]
     ]
+
     return Message(
         "A photograph from {where} would tell most: {amounts}.",
         where=extra["where"],

@@ -22,9 +22,11 @@ class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
         layout.prop(ours, "export_format")
         for reason in unwritable(ours.export_format):
             sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
+
         layout.prop(ours, "export_overwrite")
         if ours.result.source is not None and watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
+
         layout.operator("kiriko.export", icon="EXPORT")
 
 

@@ -22,10 +22,12 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         elif not result.summary:
             layout.label(text="Not solved yet.")
             return
+
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.summary:
             sentence(layout, context, result.summary)
+
         details = Numbers.read(result.details).by_name
         if result.source is not None:
             if result.summary:
@@ -36,10 +38,12 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
                     text=Message("{coverage} of the picture", coverage=percent(coverage)),
                 )
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
+
         if result.seen is not None and result.seen_summary:
             sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
         if details:
             self.draw_cost(layout, context, details)
+
         warnings = details.get("warnings", ())  # a result of an earlier version has none
         for note in result.notes.splitlines():
             sentence(layout, context, note, icon="ERROR" if note in warnings else "INFO")
@@ -50,9 +54,11 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
         """The error beside the time it took, and the time for another tolerance."""
         if "total_seconds" not in details:  # a result of an earlier version
             return
+
         errors = {"mesh": details["tessellation_error"]}
         if details["map_error"]:
             errors["map"] = details["map_error"]["percentile"]
+
         known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
         if known:
             sentence(
@@ -61,9 +67,11 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
                 Message("Error: {errors}", errors=", ".join(known)),
                 icon="DRIVER_DISTANCE",
             )
+
         plate = details.get("plate")
         if plate:
             sentence(layout, context, plate_words(plate), icon="MESH_GRID")
+
         sentence(
             layout,
             context,
@@ -71,6 +79,7 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             icon="TIME",
         )
         cost = details["cost"]
+
         for name in ("half", "twice"):
             if name in cost:
                 other = cost[name]
@@ -93,6 +102,7 @@ def plate_words(plate: dict) -> str:
     )
     if plate["blur"] is None:
         return words
+
     return Message(
         "{words}; blur {blur} (+- {error:.1g}) viewer px",
         words=words,
@@ -129,10 +139,12 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
                 where=where,
             )
             sentence(layout, context, text, icon="MATERIAL")
+
         column = layout.column(align=True)
         column.scale_y = 0.8
         for part, seconds in details["seconds"].items():
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
+
         column.label(text=Message("Rays: {rays}", rays=details["rays"]))
         if details.get("glare"):
             column.label(
@@ -140,10 +152,12 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
                     "Light beside the glass: {share}", share=percent(details["glare"]["share"])
                 )
             )
+
         if details.get("tessellation_error"):
             column.label(
                 text=Message("Tessellation: {error}", error=pixels(details["tessellation_error"]))
             )
+
         sentence(layout, context, Message("Used: {parts}.", parts=", ".join(details["used"])))
         sentence(
             layout, context, Message("Left out: {parts}.", parts=", ".join(details["left_out"]))

@@ -23,6 +23,7 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         result = context.scene.kiriko.result
         made = {result.source, result.seen, result.preview}
+
         for image in bpy.data.images:
             if image.type not in UNREADABLE and image not in made:
                 choice = self.layout.operator(
@@ -33,6 +34,7 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
                 )
                 choice.image = image.name
                 choice.library = "" if image.library is None else image.library.filepath
+
         self.layout.separator()
         self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 
@@ -49,6 +51,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         layout.operator("kiriko.add_rig", icon="ADD")
         if context.active_object is not None:
             self._draw_object(layout.box(), context, context.active_object)
+
         ours = context.scene.kiriko
         column = layout.column()
         column.prop(ours, "viewer")
@@ -56,6 +59,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         column.prop(ours, "picture_source")
         if ours.picture_source == "IMAGE":
             column.template_ID(ours, "picture_image", open="image.open")
+
         self._draw_parts(layout.column(align=True), context)
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
 
@@ -67,6 +71,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             return
         if viewer != context.active_object:  # whose settings stand above
             self._draw_resolution(column, context, viewer)
+
         if scene.camera != viewer:
             shown = "no camera" if scene.camera is None else f"'{scene.camera.name}'"
             sentence(
@@ -79,7 +84,9 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 "wm.context_set_id", text="Make It the Scene's Camera", icon="OUTLINER_OB_CAMERA"
             )
             switch.data_path, switch.value = "scene.camera", viewer.name
+
             return
+
         shown = frame_of_render(scene.render)
         if not frame_of(viewer, scene.render).has_shape_of(shown):
             text = Message(
@@ -94,6 +101,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
     ) -> None:
         ours = camera.kiriko
         layout.prop(ours, "use_resolution")
+
         if ours.use_resolution:
             layout.prop(ours, "resolution")
         else:
@@ -110,6 +118,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         box.label(text=thing.name, icon="OBJECT_DATA")
         if thing.type == "CAMERA":
             self._draw_resolution(box, context, thing)
+
         why = bodiless(thing)
         if why and ours.role == "NONE":
             if thing.type != "CAMERA":
@@ -124,6 +133,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                     icon="INFO",
                 )
             return
+
         box.prop(ours, "role")
         if why:
             sentence(
@@ -140,6 +150,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             self._draw_glass(box, context, thing)
         if ours.role == "PLATE":
             self._draw_plate(box, ours.plate)
+
         if ours.role in {"GLASS", "MIRROR"}:
             box.prop(ours, "surface")
         elif ours.role == "DISPLAY":
@@ -158,6 +169,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 " None."
             )
             sentence(box, context, text, icon="ERROR")
+
         if can_be_given(thing) and not ours.use_ior:
             sentence(
                 box,
@@ -198,11 +210,13 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         box.operator_menu_enum("kiriko.plate_preset", "preset", text="Preset", icon="PRESET")
         if plate.model == "IDEAL":
             return
+
         column = box.column(align=True)
         for name in ("pitch", "height", "ior", "reflectance"):
             column.prop(plate, name)
         if plate.model == "CROSSED":
             column.prop(plate, "crossing_error")
+
         box.prop(plate, "fresnel")
         box.prop(plate, "phase")
 
@@ -211,10 +225,12 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         for role, name, _, icon, _ in ROLE_ITEMS:
             if role == "PICTURE" and context.scene.kiriko.picture_source == "IMAGE":
                 continue  # the plane is not used, and the image stands above
+
             things = found.get(role, {})
             shown = [thing.name for thing, by in things.items() if not by]
             if shown:
                 column.label(text=f"{name}: {', '.join(shown)}", icon=icon)
+
             hidden = [thing.name for thing, by in things.items() if by]
             if hidden:
                 row = column.row()
@@ -223,5 +239,6 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                     text=Message("{name}, hidden: {names}", name=name, names=", ".join(hidden)),
                     icon="HIDE_ON",
                 )
+
         for phrase in needed.missing(context.scene):
             sentence(column, context, Message("{reason}.", reason=phrase), icon="ERROR")

@@ -60,6 +60,7 @@ def extra_photographs(
         ]
     )
     shared = np.flatnonzero(~own)
+
     # the second viewer's own place is a parameter more
     first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
     columns = np.arange(n)
@@ -77,6 +78,7 @@ def extra_photographs(
             d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
         except RigError:  # nothing is seen from there
             continue
+
         used = np.isfinite(d).all(axis=(0, 2))
         if used.sum() < FEWEST:
             continue
@@ -97,6 +99,7 @@ def extra_photographs(
                 gain=float(gain),
             )
         )
+
     return sorted(extras, key=lambda extra: -extra.gain)
 
 
@@ -128,4 +131,5 @@ def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Ben
     ]
     there = Bench(rig, bench.settings, viewer.project(points), among)
     at = there.seen(np.zeros(len(among)), display=bench.display)
+
     return Bench(rig, bench.settings, at, among)

@@ -166,6 +166,7 @@ def _without_strangers(
     """The fit of a task without points that are far from it, which are left out (m,), too."""
     state = task.at(np.zeros(len(task.tolerances)), task.bench.view)
     done = 0.0
+
     while True:
         state = yield from within(settle(task, state), done, 0.5 + 0.5 * done)
         done = 0.5 + 0.5 * done
@@ -175,6 +176,7 @@ def _without_strangers(
         strange = _strangers(far, left_out, n_measured)
         if not strange.any():
             return state
+
         left_out |= strange
         task.measured[strange] = np.nan
         state = task.at(state.amounts, state.at)

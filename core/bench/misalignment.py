@@ -121,6 +121,7 @@ class Bench:
         y, _ = self._land(plan, at, self._branch)
         with np.errstate(invalid="ignore"):
             at[~(np.abs(y - wanted) <= NEWTON.found_px).all(axis=1)] = np.nan
+
         return at
 
     def sensitivity(self, amounts: Floats | None = None, at: Floats | None = None) -> Floats:
@@ -151,6 +152,7 @@ class Bench:
             # a dot stays where it is on the display: the viewer's image gives way
             found[k] = -_solved(j, (ends[0] - ends[1]) / (2 * parameter.step))
             yield (k + 1) / len(self.parameters)
+
         return found
 
     def _derivatives(self, plan: Plan, at: Floats) -> tuple[Floats, Floats]:
@@ -176,6 +178,7 @@ class Bench:
         landings = main_landings(found, int(is_there.sum()), wanted)
         xy[is_there] = landings.xy
         branch[is_there] = landings.branch
+
         return xy, branch
 
     def _on_branch(self, plan: Plan, at: Floats) -> Floats:

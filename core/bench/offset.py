@@ -50,12 +50,15 @@ def parameters(rig: Rig) -> list[Parameter]:
     roles = _off_roles()
     found = []
     axes = rig.viewers[0].axes
+
     for role in roles:
         for number, part in enumerate(rig.of(role)):
             found += _poses(part, axes, role.field, number)
+
     for role in roles:
         for number, part in enumerate(rig.of(role)):
             found += OWN.get(role.name, _nothing)(part, number)
+
     return found
 
 
@@ -103,6 +106,7 @@ def with_amounts(rig: Rig, amounts: Mapping[str, float]) -> tuple[Rig, tuple[str
     """
     planned = rig
     left = {name: amount for name, amount in amounts.items() if amount}
+
     for parameter in parameters(rig):
         amount = left.pop(parameter.name, 0.0)
         if amount:
@@ -151,10 +155,12 @@ def part_motions(before: Rig, after: Rig) -> dict[str, Motion]:
         for a, b in zip(before.of(role), after.of(role), strict=True):
             if a.mesh is not b.mesh:
                 found[a.name] = find_motion(a.mesh, b.mesh)
+
     for a, b in zip(before.viewers, after.viewers, strict=True):
         if a.position is not b.position:
             rotation = b.axes.T @ a.axes
             found[a.name] = Motion(rotation, b.position - rotation @ a.position)
+
     return found
 
 

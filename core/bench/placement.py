@@ -185,6 +185,7 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
     plate = rectangle(where.plate, proposal.plate, proposal.plate)
     picture = rectangle(where.picture, proposal.picture, proposal.picture)
     display = rectangle(where.display, proposal.display, proposal.display * rows / columns)
+
     return replace(
         bench,
         viewers=(viewer,),

@@ -170,6 +170,7 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     across = np.full((len(uv), 2), np.nan)
     reason = np.zeros(len(uv), int)
     has_leaked = np.zeros(len(uv), bool)
+
     for first in range(0, len(uv), LIGHT_RAYS.rays_at_once):
         some = slice(first, first + LIGHT_RAYS.rays_at_once)
         found = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))

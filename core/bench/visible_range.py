@@ -75,6 +75,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
         raise RigError(
             "The picture is in the viewer's own pixels and moves with it: choose a picture plane."
         )
+
     sphere = _Sphere(plan)
     if not sphere.distance > 0:
         raise RigError(
@@ -157,6 +158,7 @@ def _points_of(corners: Floats) -> tuple[Floats, Floats]:
         until = np.cumsum(area) / area.sum()
         chosen = np.searchsorted(until, (np.arange(SURVEY.n_points) + 0.5) / SURVEY.n_points)
         return corners[chosen].mean(axis=1), np.full(SURVEY.n_points, 1 / SURVEY.n_points)
+
     weights, parts = grid(isqrt(SURVEY.n_points // len(corners)))
     points = (weights[parts].mean(axis=1) @ corners).reshape(-1, 3)
     return points, np.repeat(area / area.sum() / len(parts), len(parts))

@@ -67,6 +67,7 @@ class Beside:
             for x in (edges.first, edges.second, edges.corner_first, edges.corner_second)
         )
         both = (row[f] >= 0) & (row[s] >= 0)
+
         for here, e, there, other in ((f, i, s, j), (s, j, f, i)):
             triangle[row[here[both]], e[both]] = there[both]
             edge[row[here[both]], e[both]] = other[both]
@@ -74,6 +75,7 @@ class Beside:
         for here, e in ((f, i), (s, j)):
             ends = ~both & (row[here] >= 0)
             is_drawn[row[here[ends]], e[ends]] = True
+
         return cls(row, triangle, edge, is_drawn)
 
 
@@ -93,6 +95,7 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agre
     squared = area**2
     agreed = own[:, :N_NODES].copy()
     jump = np.zeros((len(own), N_ON_EDGES))
+
     for k in range(0, len(own), FACES_AT_ONCE):
         some = slice(k, k + FACES_AT_ONCE)
         corners = at_corners[some]
@@ -131,6 +134,7 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agre
         # others keep their own normals
         differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREEMENT.agree / 10)
         agreed[k + differ, N_ON_EDGES:] += np.matmul(INWARD, change[differ])
+
     return Agreed(agreed, jump)
 
 

@@ -108,6 +108,7 @@ class CurvedFaces:
         starts = np.cumsum([0, *(len(facets) for facets in corners)])
         numbered: dict[str, list[Ints]] = {name: [] for name in NUMBERED}
         n_before = dict.fromkeys(NUMBERED, 0)
+
         for part, facets, start in zip(parts, corners, starts, strict=False):
             if part is None:
                 numbered["row"].append(np.full(len(facets), -1, np.int32))
@@ -236,4 +237,5 @@ class CurvedFaces:
         c[:2] += (at_corners[:, 1:] - at_corners[:, :1]).transpose(1, 2, 0)
         normal = normal.copy()
         normal[given] = at_corners[:, 0] + value(c, u[given], v[given]).T
+
         return normal

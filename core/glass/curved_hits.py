@@ -58,6 +58,7 @@ def find_roots(
     if not is_last:
         for first in range(0, len(odd), ROOTS.searched_at_once):
             _search_around(faces, found, odd[first : first + ROOTS.searched_at_once], lines, leaves)
+
     return found
 
 
@@ -95,6 +96,7 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
     c = faces.terms(k)
     away = (faces.corners[k, 0] - lines.origins).T
     holds = np.ones(len(k), bool)
+
     for axis in tangents(lines.directions):
         a = axis.T
         seen = combine(TO_BEZIER, c[:, 0] * a[0] + c[:, 1] * a[1] + c[:, 2] * a[2])
@@ -103,6 +105,7 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
         at = -(away * a).sum(axis=0)
         slack = 2 * EDGE * (high - low)
         holds &= (low - slack <= at) & (at <= high + slack)
+
     return holds | (np.asarray(faces.slack(faces.row[k])) > EDGE)
 
 
@@ -118,6 +121,7 @@ def _search_around(
         row = faces.row[rings[-1]]
         around = np.where((rings[-1] >= 0)[..., None], faces.neighbour[row], -1)
         rings.append(around.reshape(len(odd), -1))
+
     near = np.concatenate(rings, axis=1)
 
     # the roots from all places on all of them
@@ -133,6 +137,7 @@ def _search_around(
     # was found to meet; within, the back is beyond
     beyond = (others.distance - found.distance[rays]) * np.where(leaves[rays], 1.0, -1.0) > 0
     good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & beyond)
+
     # nearest last, so that it is the one that stays
     good = good[np.argsort(-others.distance[good], kind="stable")]
     found.put(rays[good], others, good)
@@ -157,6 +162,7 @@ def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
     vv = (by_v**2).sum(axis=0)
     du = (d * by_u).sum(axis=0)
     dv = (d * by_v).sum(axis=0)
+
     with np.errstate(invalid="ignore", divide="ignore"):
         a = (vv * du - uv * dv) / (uu * vv - uv * uv)
         b = (uu * dv - uv * du) / (uu * vv - uv * uv)
@@ -167,5 +173,6 @@ def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
         # twice the way to the place where the face is seen edge on
         step = ROOTS.course_step
         way = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
+
     way = np.clip(np.nan_to_num(way), -1.0, 1.0)
     return Spots(k, u + way * np.nan_to_num(a), v + way * np.nan_to_num(b))

@@ -79,6 +79,7 @@ def make_hull(faces: CurvedFaces, k: int) -> Floats:
         raised = np.matmul(weights, lifted[faces.vertex[some]])
         _hold_edges(raised, weights, is_held[faces.vertex[some]], on_edge[some])
         points[some] += raised
+
     return points[:, parts].reshape(-1, 3, 3)
 
 
@@ -102,6 +103,7 @@ def _find_points(faces: CurvedFaces, k: int) -> tuple[Floats, Floats]:
     triangle = faces.triangle
     points = np.empty((len(triangle), len(weights), 3))
     sag = np.zeros(len(triangle))
+
     for first in range(0, len(triangle), FACES_AT_ONCE):
         some = slice(first, first + FACES_AT_ONCE)
         at = np.matmul(terms, faces.coefficients[some])
@@ -109,6 +111,7 @@ def _find_points(faces: CurvedFaces, k: int) -> tuple[Floats, Floats]:
             missed = np.linalg.norm(at[:, m] - (at[:, i] + at[:, j]) / 2, axis=2).max(axis=1)
             sag[some] = np.maximum(sag[some], missed)
         points[some] = np.matmul(weights, faces.corners[triangle[some]]) + at[:, coarse]
+
     return points, sag
 
 

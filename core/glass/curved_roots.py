@@ -110,6 +110,7 @@ def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
     found = _newton(faces, spots._replace(triangle=spots.triangle.copy()), lines)
     is_done = found.is_met.copy()
     todo = np.arange(len(is_done))
+
     for walk in range(walks):
         if walk:
             others = _newton(faces, found.spots.at(todo), lines.at(todo))
@@ -134,11 +135,13 @@ def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
         goes_on = following >= 0
         if not goes_on.any():
             break
+
         todo = todo[left[goes_on]]
         found.triangle[todo] = following[goes_on]
         found.u[todo], found.v[todo] = _step_over(
             faces, row[goes_on], edge[goes_on], found.u[todo], found.v[todo]
         )
+
     return found
 
 
@@ -151,6 +154,7 @@ def _step_over(
     weights = np.zeros((len(row), 3))
     n = np.arange(len(row))
     theirs = faces.neighbour_edge[row, edge].astype(int)
+
     # it runs the other way there
     weights[n, theirs] = along
     weights[n, (theirs + 1) % 3] = 1 - along
@@ -201,6 +205,7 @@ def _newton(faces: CurvedFaces, spots: Spots, lines: Lines) -> Roots:
             v[live] = y
             is_hopeful = turn < ROOTS.patience or size[live] < ROOTS.hopeless
             live = live[_goes_on(x, y, size[live]) & is_hopeful]
+
         if len(late):
             finish(late, c[..., late])
 
@@ -231,6 +236,7 @@ def _step(
     dv = -product(across, by_u) * inverse
     size = np.maximum(np.abs(du), np.abs(dv))
     limit = np.fmin(ROOTS.longest_step / size, 1.0)
+
     # fmax and fmin put a number in the place of NaN
     return (
         np.fmin(np.fmax(u + limit * du, -1.0), 2.0),

@@ -66,6 +66,7 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
     offsets = np.zeros((N_NODES, 3, len(corner)))
     at = taken(v.at, corner)
     normal = taken(v.normal, corner)
+
     for i in range(3):
         own = corner[:, i]
         size = fields.size[own]
@@ -88,6 +89,7 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
 
             direction = sum(NODES[node, m] * normal[:, m].T for m in range(3))
             offsets[node] += weight[node, i] * (size * height) * direction
+
     return offsets
 
 
@@ -109,6 +111,7 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
     normal = cross(by_u.swapaxes(0, 1), by_v.swapaxes(0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         normal /= np.sqrt(product(normal, normal))
+
     return normal.transpose(2, 1, 0)
 
 
@@ -177,4 +180,5 @@ def fit_faces(
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
+
     return Faces(chosen, coefficients, own, is_swollen), is_whole

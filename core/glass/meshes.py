@@ -18,16 +18,19 @@ def components(n: int, a: Ints, b: Ints) -> Ints:
         low = np.minimum(a, b)
         high = np.maximum(a, b)
         parent[high] = low  # any one writer wins; the other edges come round again
+
         while True:
             jumped = parent[parent]
             if np.array_equal(jumped, parent):
                 break
             parent = jumped
+
         a = parent[a]
         b = parent[b]
         differs = a != b
         a = a[differs]
         b = b[differs]
+
     return parent
 
 
@@ -64,6 +67,7 @@ def find_edges(triangles: Ints) -> Edges:
     pairs = begins[counts == 2]
     i = order[pairs]
     j = order[pairs + 1]
+
     return Edges(i // 3, j // 3, i % 3, j % 3, start[i] == start[j], int((counts != 2).sum()))
 
 
@@ -140,6 +144,7 @@ def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     j = edges.corner_second
     next_i = (i + 1) % 3
     next_j = (j + 1) % 3
+
     # the second triangle runs along the edge the other way, if both are wound alike
     start = np.where(edges.is_same_way, j, next_j)
     end = np.where(edges.is_same_way, next_j, j)

@@ -49,6 +49,7 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
         _is_same(getattr(before, name), getattr(after, name)) for name in ("triangles", "is_smooth")
     ):
         return None
+
     a = before.vertices
     b = after.vertices
     if a.shape != b.shape or (before.corner_normals is None) != (after.corner_normals is None):
@@ -68,6 +69,7 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     rotation = u @ v
     if np.abs(rotation - np.eye(3)).max() < PRODUCT_ROUNDING:
         rotation = np.eye(3)  # so that a mesh that was only moved is not turned by rounding
+
     motion = Motion(rotation, to_middle - rotation @ from_middle)
 
     # all the others have to follow it
@@ -75,10 +77,12 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     allowed = PRODUCT_ROUNDING * scale + 4 * max(before.rounding, after.rounding)
     if np.abs(motion.points(a) - b).max() > allowed:
         return None
+
     if after.corner_normals is not None:
         turned = motion.directions(before.corner_normals)
         if not np.abs(turned - after.corner_normals).max() < TURNED_NORMAL:
             return None
+
     return motion
 
 

@@ -87,4 +87,5 @@ class Paraboloids(CurvedFaces):
         by_power[0, 1][:] += high[1]
         by_power[0, 2][:] -= high[1]
         by_power[1, 1][:] += high[2] - high[0] - high[1]
+
         return c

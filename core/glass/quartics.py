@@ -43,6 +43,7 @@ def grid(k: int) -> tuple[Floats, Ints]:
     for j in range(k + 1):
         for i in range(k + 1 - j):
             index[i, j] = len(index)
+
     points = np.array([(k - i - j, i, j) for i, j in index]) / k
     up = [(index[i, j], index[i + 1, j], index[i, j + 1]) for j in range(k) for i in range(k - j)]
     down = [
@@ -131,6 +132,7 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     p2 = u2 + u * p3
     p1 = u1 + u * p2
     by_u = p1 + u * (p2 + u * (p3 + u * u4))
+
     # coefficients a of v, v^2, v^3, which are polynomials of u, and slopes b of the first two
     r, s = u * u3v, u * u2v2
     r2 = u2v + r
@@ -146,6 +148,7 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     q1 = a1 + v * q2
     by_v = q1 + v * (q2 + v * (q3 + v * v4))
     by_u += v * (b1 + v * (b2 + v * uv3))
+
     return u * p1 + v * q1, by_u, by_v
 
 

@@ -29,6 +29,7 @@ def contains(corners: Floats, points: Floats) -> Bools:
         top = dot(a, np.cross(b, c))
         below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
         winding[k] = np.arctan2(top, below).sum() / (2 * np.pi)
+
     return np.abs(winding) > 0.5
 
 
@@ -65,6 +66,7 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
 
     n = len(drawn)
     is_flipped = np.zeros(n, bool)
+
     if edges.is_same_way.any():
         # two nodes a triangle, as drawn and turned: the component that
         # holds the lowest node tells which to turn
@@ -73,6 +75,7 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
         b = np.r_[edges.second + other, (edges.second + n + other) % (2 * n)]
         label = components(2 * n, a, b)
         is_flipped = label[:n] >= label[n:]
+
     label = components(n, edges.first, edges.second)
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
@@ -101,10 +104,12 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
             is_flipped = ~is_flipped
         shells.append((chosen, is_flipped, corners, is_closed))
         yield 0
+
     boxes = np.stack([box_of(corners) for *_, corners, _ in shells])
     volumes = np.array([abs(volume_of(corners)) for *_, corners, _ in shells])
     holders: list[list[int]] = [[]] * len(shells)
     depth = np.zeros(len(shells), np.int64)
+
     for i in np.argsort(volumes)[::-1]:  # those that hold others come first
         around = (boxes[:, 0] <= boxes[i, 0]).all(axis=1) & (boxes[:, 1] >= boxes[i, 1]).all(axis=1)
         around &= (1 - SAME_VOLUME) * volumes > volumes[i]  # a copy in the same place is not inside
@@ -112,14 +117,17 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
             j for j in np.flatnonzero(around) if shells[j][3] and holds(shells[j][2], shells[i][2])
         ]
         depth[i] = max((depth[j] + 1 for j in holders[i]), default=0)
+
     members: dict[int, list[int]] = {i: [i] for i in np.flatnonzero(depth % 2 == 0)}
     for i in np.flatnonzero(depth % 2 == 1):
         for j in holders[i]:  # more than one where shells overlap
             if depth[j] == depth[i] - 1:
                 members[j].append(i)
+
     solids = []
     for outer, group in members.items():
         chosen = np.concatenate([shells[i][0] for i in group])
         turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
         solids.append((yield from making_surface(mesh, chosen, turned)))
+
     return solids

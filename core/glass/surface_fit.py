@@ -92,11 +92,14 @@ def make_curved(
     fields = fit_fields(v, _are_corners(v, wanted))
     chosen = np.flatnonzero(wanted)
     faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen)
+
     if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
         swollen = flat_face[faces.chosen[faces.is_swollen]]
         is_whole &= ~np.isin(flat_face[faces.chosen], swollen)
+
     if not is_whole.all():
         faces = faces.at(is_whole)
+
     beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
     yield 0
 
@@ -106,21 +109,25 @@ def make_curved(
     agreed = agree(faces.own, at_corners, area[faces.chosen], beside)
     yield 0
     is_doubted = np.zeros(n_triangles, bool)
+
     if is_automatic:
         is_trusted = _are_trusted(v, faces, flat_face, corners, agreed)
         if not is_trusted.all():
             is_doubted[faces.chosen] = ~is_trusted
             faces = faces.at(is_trusted)
             beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
+
     if not len(faces.chosen):
         return None, is_doubted
 
     # drawn faces have the normals that were given: so have the faces around its vertices
     normal = _with_given(v, given, beside.row < 0)
     vertex = v.of_corner[faces.chosen]
+
     if len(faces.chosen) < n_triangles:
         yield 0
         agreed = agree(faces.own, taken(normal, vertex), area[faces.chosen], beside)
+
     yield 0
     return _put_together(corners, vertex, normal, faces, agreed, beside), is_doubted
 
@@ -156,6 +163,7 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses
         v = replace(v, normal=find_normals(v, is_used))
         cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
         wanted &= (cosine > FIT.least_cosine).all(axis=1)
+
     yield 0
     return _Meant(v, given, wanted, is_used)
 
@@ -219,6 +227,7 @@ def _are_trusted(
     is_trusted = ~faces.is_swollen & is_near
     if is_trusted.all():
         return is_trusted
+
     of_face = flat_face[faces.chosen]
     return is_trusted & ~np.isin(of_face, of_face[~is_trusted])
 

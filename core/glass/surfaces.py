@@ -112,12 +112,14 @@ def making_surface(
     chosen = np.arange(len(mesh.triangles)) if triangles is None else triangles
     index = mesh.triangles[chosen]
     corner_normals = None if mesh.corner_normals is None else mesh.corner_normals[chosen]
+
     if is_flipped is not None and is_flipped.any():
         index = np.where(is_flipped[:, None], index[:, ::-1], index)
         if corner_normals is not None:
             corner_normals = np.where(
                 is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals
             )
+
     corners = mesh.vertices[index]
     normals = geometric_normals(corners)
     edges = find_edges(index)
@@ -148,6 +150,7 @@ def making_surface(
             )
             if curved is not None:
                 is_bent &= curved.row < 0
+
             n_doubted = int(is_doubted.sum())
             n_contradicted += int(is_bent.sum()) - n_doubted
 

@@ -25,6 +25,7 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     curved = surface.curved
     if curved is None:
         return mesh
+
     k = count_parts(curved, angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
 
     # points and normals of all triangles as drawn
@@ -32,6 +33,7 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     points = np.matmul(weights, surface.corners)
     normals = np.empty((len(mesh.triangles), len(weights), 3))
     normals[:] = surface.normals[:, None]
+
     if surface.corner_normals is not None:
         bent = surface.is_bent
         normals[bent] = normalise(np.matmul(weights, surface.corner_normals[bent]))
@@ -39,13 +41,16 @@ def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000
     # those of curved faces
     triangle = curved.triangle
     points[triangle] = curved.points_on(k)
+
     for i, weight in enumerate(weights):
         u, v = (np.full(len(triangle), w) for w in weight[1:])
         normals[triangle, i] = curved.normals(triangle, u, v)
+
     index, n_points = _shared_points(mesh.triangles, k)
     vertices = np.empty((max(n_points, len(mesh.vertices)), 3))
     vertices[: len(mesh.vertices)] = mesh.vertices
     vertices[index] = points
+
     return Mesh(
         vertices,
         index[:, parts].reshape(-1, 3),
@@ -67,9 +72,11 @@ def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
     key, edge = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_inverse=True)
     edge = edge.reshape(triangles.shape)
     n_inside = 0
+
     for i, step in enumerate(steps):
         corner = np.flatnonzero(step == k)
         on_edge = np.flatnonzero(step == 0)
+
         if len(corner):
             index[:, i] = triangles[:, corner[0]]
         elif len(on_edge):
@@ -81,4 +88,5 @@ def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
                 n + len(key) * (k - 1) + n_inside * len(triangles) + np.arange(len(triangles))
             )
             n_inside += 1
+
     return index, n + len(key) * (k - 1) + n_inside * len(triangles)

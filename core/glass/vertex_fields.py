@@ -81,6 +81,7 @@ def system(
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
     rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
+
     # a height tells as much of the slope as the slope itself does, over its distance
     weights = np.concatenate(
         [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)],
@@ -92,6 +93,7 @@ def system(
     scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
     diagonal = np.arange(matrix.shape[1])
     matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
+
     return rows, weights, matrix, z
 
 
@@ -107,4 +109,5 @@ def fit_fields(v: Vertices, wanted: Bools) -> Fields:
         right = np.concatenate([z, *gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
         solved = solve_symmetric(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
         fields.coefficients[some, 2:] = solved[..., 0]
+
     return fields

@@ -101,6 +101,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
 
         slope = np.zeros((len(some), N_TERMS, 2))
         slope[:, [0, 1], [0, 1]] = 1.0
+
         # rows of the pseudo-inverse that give the slope; the matrix is symmetric
         inverse = np.matmul(weighted, solve_symmetric(matrix, slope))
 
@@ -110,6 +111,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
     for _ in range(NORMALS.sweeps):
         change = 0.0
         before = normal.copy()
+
         for some, pairs, from_heights, from_slopes in solvers:
             theirs = np.concatenate(gradients(v, fields, some, pairs, before), axis=1)
             slope = from_heights + np.einsum("nrk,nr->nk", from_slopes, theirs)
@@ -121,6 +123,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
             found = normalise(found)
             change = max(change, float(np.abs(found - before[some]).max(initial=0.0)))
             normal[some] = found
+
         if change < NORMALS.settled:
             break
 
@@ -147,4 +150,5 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
             & (length[pairs] > NORMALS.shorter * length[on])
             & (turn[on] * length[pairs] > NORMALS.jump * turn[pairs] * length[on])
         )
+
     return is_bad

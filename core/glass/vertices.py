@@ -98,4 +98,5 @@ def find_vertices(
     start = start[order]
     end = end[order]
     first = np.searchsorted(start, np.arange(len(used) + 1))
+
     return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)

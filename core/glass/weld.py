@@ -45,6 +45,7 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
     """
     if not len(triangles):
         return triangles
+
     is_inside_out = volume_of(vertices[triangles]) < 0
     edges = _open_edges(triangles[:, ::-1] if is_inside_out else triangles)
     if not len(edges.start):
@@ -66,6 +67,7 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
         np.linalg.norm(vertices[edges.opposite[first]] - vertices[edges.opposite[second]], axis=1)
         <= distance
     )
+
     # drawn twice: it would be joined with itself
     first = first[~is_same_face]
     second = second[~is_same_face]
@@ -100,11 +102,13 @@ def coincident(points: Floats, distance: float) -> Ints:
     first, same = _equal_rows(points)
     points = points[first]
     pairs = [np.empty((0, 2), np.int64)]
+
     if distance > 0:
         place = (points - points.min(axis=0)) / (2 * distance)
         for shift in np.ndindex(2, 2, 2):
             cell = np.floor(place + 0.5 * np.array(shift)).astype(np.int64)
             pairs.extend(_near_in_cells(points, cell, distance))
+
     return components(len(points), *np.concatenate(pairs).T)[same]
 
 
@@ -127,10 +131,12 @@ def _near_in_cells(points: Floats, cell: Ints, distance: float) -> Iterator[Ints
     high = cell.max(axis=0)
     x, y, z = (cell - low).T
     _, rows, layers = high - low + 1
+
     # where it overflows a cell shares its key with others, which are far
     key = (x * rows + y) * layers + z
     order = np.argsort(key)
     key = key[order]
+
     for step in range(1, len(order)):
         same = np.flatnonzero(key[:-step] == key[step:])
         if not len(same):
@@ -151,11 +157,13 @@ def _pairs(vertices: Floats, edges: _OpenEdges, place: Ints) -> tuple[Ints, Ints
     alone = begins[counts == 2]
     first = [order[alone]]
     second = [order[alone + 1]]
+
     for begin, count in zip(begins[counts > 2], counts[counts > 2], strict=True):
         some = order[begin : begin + count]
         one, other = _around(vertices, edges.at(some))
         first.append(some[one])
         second.append(some[other])
+
     return np.concatenate(first), np.concatenate(second)
 
 
@@ -185,9 +193,11 @@ def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
     angle = np.mod(angle - rising[(np.argmax(gaps) + 1) % len(gaps)] + SAME_ANGLE, 2 * np.pi)
     order = np.argsort(angle)
     step = np.cumsum(np.r_[0, np.diff(angle[order]) > SAME_ANGLE])
+
     # where faces touch, glass ends before it begins again
     order = order[np.lexsort([~is_along[order], step])]
     ends = np.flatnonzero(is_along[order])
     before = order[ends - 1]
     is_inside = not is_along[before].any() and len(ends) * 2 == len(order)
+
     return (before, order[ends]) if is_inside else (order[:0], order[:0])

@@ -123,6 +123,7 @@ def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | N
     n_events = plan.settings.max_events
     if rays.is_recorded:
         rays.course = np.zeros((n, n_events + 1), np.uint64)
+
     ways = Ways.none(n, n_events) if has_ways else None
 
     is_reached = np.zeros(len(plan.aside.boxes), np.uint8)

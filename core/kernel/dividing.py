@@ -103,6 +103,7 @@ def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygo
         width=width,
         height=height,
     )
+
     return made
 
 
@@ -123,6 +124,7 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
         others
     )
     division.n, division.room = 0, n
+
     return shares
 
 

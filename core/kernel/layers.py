@@ -43,6 +43,7 @@ def _make_curved(curved: CurvedFaces) -> Made:
     made.keep(whole)
     made.point("normal_row", curved.normal_row, np.int64)
     made.point("lower", LOWER[curved.degree], float)
+
     return made
 
 
@@ -56,6 +57,7 @@ def make_layer(held: "PlannedLayer") -> Made:
     made.point("numbers", held.numbers, np.int64)
     made.point("closed_bits", held.closed_bits, np.uint64)
     made.point("solid_bits", held.solid_bits, np.uint64)
+
     if layer.motion is not None:
         made.point("rotation", layer.motion.rotation, float)
         made.set(shift=layer.motion.shift)
@@ -83,4 +85,5 @@ def make_layer(held: "PlannedLayer") -> Made:
         hull = hull_of(layer.asked)
         made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
         made.keep(faces, hull)
+
     return made

@@ -68,6 +68,7 @@ def loaded() -> ctypes.CDLL | None:
     path = find_library()
     if path is None:
         return None
+
     try:
         library = ctypes.CDLL(str(path))
         for name, (result, *arguments) in FUNCTIONS.items():

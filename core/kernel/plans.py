@@ -84,6 +84,7 @@ def _make_plan(plan: "Plan") -> Made | None:
         display_start=plan.display.start,
         display_size=np.array([display.width, display.height], float),
     )
+
     if plane is not None:
         made.set(
             plane_corner=plane.corner,
@@ -91,6 +92,7 @@ def _make_plan(plan: "Plan") -> Made | None:
             plane_pixels=plane.pixels,
             plane_origin=plane.origin,
         )
+
     return made
 
 

@@ -41,6 +41,7 @@ class Boxes:
             made.structure.boxes[level] = made.hold(of_level, float).ctypes.data
         for level, children in enumerate(inner):
             made.structure.children[level] = made.hold(children, np.int64).ctypes.data
+
         made.point("frames", stack_frames(frames), float)
         made.point("unit_of_patch", unit_of_patch, np.int64)
         made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
@@ -66,4 +67,5 @@ class Boxes:
             structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
             loaded().kiriko_touch(*structures, n_threads())
             yield 0
+
         return touched

@@ -99,6 +99,7 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
                 2, 3, -1
             )
             boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
+
     return _grown((boxes - layer.centre) / layer.radius)
 
 
@@ -156,4 +157,5 @@ class HullEngine:
         loaded().kiriko_shoot(
             ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads()
         )
+
         return Found(triangle, *found[:, :3].T, found[:, 3:])

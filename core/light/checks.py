@@ -15,6 +15,7 @@ def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
     """
     if solid.n_open:
         return  # has no inside
+
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):
         raise RigError(
             "The glass '{glass}' cuts the plane of the orthographic viewer '{viewer}': move"

@@ -90,6 +90,7 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     # an affine map from the plane to UV
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
+
     # in parts of its size: far from 1 m the columns would
     # differ so much that the fit loses its last digits
     fit, missed = affine_fit(inside @ axes.T / size, uv)

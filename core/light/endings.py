@@ -80,6 +80,7 @@ def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
     xy, t, is_front = on_plane(plan, rays, i)
     with np.errstate(invalid="ignore"):
         is_met = (t > 0) & is_on_image(plan, xy)
+
     rays.positions[i[is_met]] += t[is_met, None] * rays.directions[i[is_met]]
     rays.n_events[i[is_met]] += 1
 

@@ -78,6 +78,7 @@ class BlenderBvh:
         triangle = triangle.astype(np.int64)
         frames = Frames.of(self._corners[triangle].astype(float))
         u, v = frames.barycentric(slice(None), origins + distance[:, None] * directions)
+
         return Found(triangle, distance, u, v, frames.normal)
 
 

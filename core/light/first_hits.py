@@ -58,6 +58,7 @@ class _Sides:
             is_closed = parts.is_closed[part]
             if self.plan.open_parts:
                 self._note_gaps(i, t, part, is_behind & ~is_closed)
+
             return is_true, is_behind & is_closed
 
         return accept
@@ -109,6 +110,7 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
 
     if plan.aside.glasses:
         _keep_clear(plan, origins, directions, first.distance)
+
     came_in = sides.gap_distance < first.distance
     rays.leak[live[came_in]] = sides.gap[came_in]
     return first, by_layer

@@ -113,6 +113,7 @@ def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, F
     """
     enter = np.full(len(origins), -np.inf)
     leave = np.full(len(origins), np.inf)
+
     with np.errstate(divide="ignore", invalid="ignore"):
         # one axis at a time: three times as fast as reductions over rows of three
         for axis in range(3):
@@ -122,4 +123,5 @@ def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, F
             # fmax and fmin pass over the NaN of a ray that runs within a face of the box
             enter = np.fmax(enter, np.fmin(low, high))
             leave = np.fmin(leave, np.fmax(low, high))
+
     return enter, leave

@@ -41,6 +41,7 @@ class Kept:
                     self._now[other] = made
                     return other, made[1], motion
             self._now[key] = mesh, (yield from making_solids(mesh))
+
         _, solids = self._now.setdefault(key, self._old.get(key))
         return key, solids, None
 

@@ -114,6 +114,7 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
     is_other = np.zeros(len(landings.sample), bool)
     if expected is not None:
         is_other = landings.branch != expected[landings.sample]
+
     # the last counts most
     order = np.lexsort((
         landings.branch,
@@ -139,4 +140,5 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
     )
     for name in Landings.__dataclass_fields__:
         getattr(unknown, name)[with_one] = getattr(landings, name)[order[first]]
+
     return unknown

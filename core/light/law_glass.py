@@ -29,6 +29,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
         rays.mask[i[~bends]] = after[~bends]
         i, n1, n2, before, after = (x[bends] for x in (i, n1, n2, before, after))
         hits = hits.at(bends)
+
     if not len(i):
         return
 
@@ -50,6 +51,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
+
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], np.where(is_tir, TIR, PASS))
 
 
@@ -73,6 +75,7 @@ def _cross_faces(
         same_place &= parts.cluster[their_part] == cluster
         same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
         after[same_place] ^= parts.bit[their_part[same_place]]
+
     return before, after
 
 

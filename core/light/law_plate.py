@@ -54,6 +54,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     """Go on by the mirrors of the plate met, or by the ideal law; land where that is all."""
     part = plan.triangles.part[hits.triangle]
     is_ideal = np.ones(len(i), bool)
+
     for number, array in plan.arrays.items():
         some = np.flatnonzero(part == number)
         if len(some):

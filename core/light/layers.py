@@ -40,14 +40,17 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
         small = []
+
     rest = [i for i in range(len(surfaces)) if i not in small]
     groups = [[i] for i in small]
+
     if rest:
         boxes = np.stack([surfaces[i].bounds for i in rest])
         colours = colour(boxes_touch(boxes, slack) | are_unlike(boxes))
         groups += [
             [rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)
         ]
+
     return groups
 
 

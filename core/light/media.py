@@ -82,6 +82,7 @@ def make_media(
                     n=len(cluster),
                     most=MOST_OVERLAPPING,
                 )
+
             raise RigError(
                 "{n} glass solids around '{name}' overlap or nest: join them or keep at"
                 " most {most}.",
@@ -95,4 +96,5 @@ def make_media(
         row[by_priority] = len(indices)
         member[by_priority] = number
         indices += [1.0, *(float(glass_of[i].ior.at(wavelength)) for i in by_priority)]
+
     return Media(member, bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))

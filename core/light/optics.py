@@ -55,6 +55,7 @@ def refract(
     root = np.sqrt(np.where(is_tir, 0.0, k))
     refracted = eta[:, None] * directions + (eta * c - root)[:, None] * normals
     refracted = np.where(is_tir[:, None], reflect(directions, normals), refracted)
+
     return refracted, is_tir, np.where(is_tir, 1.0, transmittance(c, root, eta))
 
 

@@ -71,6 +71,7 @@ def planning(
     arrays = _array_frames(parts)
     is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
     rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
+
     return Plan(
         rig=rig,
         settings=settings,
@@ -105,6 +106,7 @@ def _make_layers(
     """Layers and their contents; one of solids that were moved together is moved as a whole."""
     layers = []
     n_solids = len(parts.solids)
+
     for group in group_parts(parts.surfaces, touching):
         # its triangles, where they are or where they were made
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
@@ -115,6 +117,7 @@ def _make_layers(
         else:
             members = [parts.surfaces[i] for i in group]
             names = [parts.keys[i] for i in group]
+
         layer = kept.get("+".join(names), lambda members=members: make_layer(members))
         yield 0
 
@@ -131,6 +134,7 @@ def _make_layers(
                 solid_bits=every if len(solid) == len(group) else None,
             )
         )
+
     return tuple(layers)
 
 
@@ -175,6 +179,7 @@ def _rules(
     no_kernel = kernel.left_out(layers)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
+
     if not has_engine:
         no_engine = "few flat faces"
     elif no_kernel is None:

@@ -73,12 +73,14 @@ class Rays:
             word = (patch * 8 + event + 1).astype(np.uint64)
             mixed = (self.branch[rays] ^ word) * _MIX
             self.branch[rays] = mixed ^ (mixed >> np.uint64(29))
+
         if self.course is None:
             return
 
         # the course: recorded, or compared
         n_words = self.n_words[rays]
         width = self.course.shape[1]
+
         if self.is_recorded:
             if n_words.max(initial=0) >= width:
                 self.course = np.pad(self.course, ((0, 0), (0, width)))

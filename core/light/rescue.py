@@ -104,6 +104,7 @@ def _ask_beside(
     row = np.tile(np.arange(len(nearest.rays)), len(beside) // len(nearest.rays))
     step = np.full(len(row), 3 * FLOAT32 * layer.radius)
     start = -2 * step
+
     while len(row):
         found, far = layer.shoot(Lines(beside, lines.directions[row]), start)
         met = found.triangle >= 0
@@ -144,6 +145,7 @@ def _test_curved(layer: "Layer", question: Question, nearest: _Nearest) -> Pause
     lines = question.lines.at(nearest.rays)
     leaves = question.leaves_at(nearest.rays)
     i, k = may_meet(layer.curved, lines)
+
     for u, v in ROOTS.starts[: count_starts(layer.n_triangles)]:
         for first in range(0, len(i), RESCUE.curved_at_once):
             j = i[first : first + RESCUE.curved_at_once]

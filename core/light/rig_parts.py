@@ -152,12 +152,15 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[Sol
     for number, glass in enumerate(rig.glasses):
         if number in aside:
             continue
+
         key, made, motion = yield from kept.get_solids(glass.mesh)
         here = made if motion is None else [surface.moved(motion) for surface in made]
         for surface in here:
             for viewer in rig.viewers:
                 check_viewer_outside(viewer, glass, surface)
+
         solids += [
             Solid(here[i], f"{key}/{i}", number, glass, made[i], motion) for i in range(len(made))
         ]
+
     return solids

@@ -37,6 +37,7 @@ def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
             if np.abs((other - one.corners[0, 0]) @ one.normals[0]).max() <= far:
                 sheet[i] = sheet[j]
                 break
+
     return sheet
 
 
@@ -59,6 +60,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
         height = (middle - surfaces[i].corners[0, 0]) @ normal
         reach = half @ np.abs(normal)
         is_clear[i] = (height - reach > 0).all(), (height + reach < 0).all()
+
     return is_clear
 
 

@@ -147,6 +147,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         hits, by_layer = yield from find_first_hits(plan, rays)
         hit = hits.triangle >= 0
         left = rays.live[~hit]
+
         if not hit.all():
             _leave_gaps(plan, rays, left)
             end_without_hit(plan, rays, left)
@@ -173,6 +174,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
             if len(some):
                 others = [other.at(some) for other in by_layer]
                 law.meet(plan, rays, rays.live[some], hits.at(some), others)
+
         rays.live = rays.live[~ENDS[kind] & ~rays.has_ended[rays.live]]
         yield 0
 
@@ -198,6 +200,7 @@ def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> No
     for number, box in plan.open_parts:
         has_bit = (rays.mask[i] & parts.bit[number]) != 0
         is_in = has_bit & (rays.cluster[i] == parts.cluster[number])
+
         if hits is not None:
             at = rays.positions[i]
             part = plan.triangles.part[hits.triangle]

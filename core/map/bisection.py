@@ -52,6 +52,7 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
             (yield from courses(plan, *plan.viewer.rays(view[first : first + RAYS_AT_ONCE])))
         )
         yield len(parts[-1])
+
     width = max((part.shape[1] for part in parts), default=1)
     return np.concatenate(
         [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]
@@ -100,6 +101,7 @@ def cut_cells(
     places = places.reshape(m, 3 * k)
     pieces = [_fans(places, (places > 0) & (place_group == leader)) for leader in range(k)]
     triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
+
     return points.and_more(border), triangles - 1, owner
 
 
@@ -112,10 +114,12 @@ def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
     first = np.cumsum(n_corners) - n_corners
     fans = []
     rows = []
+
     for k in range(1, places.shape[1] - 1):
         row = np.flatnonzero(n_corners > k + 1)
         fans.append(members[first[row, None] + np.array([0, k, k + 1])])
         rows.append(row)
+
     return np.concatenate(fans), np.concatenate(rows)
 
 
@@ -141,6 +145,7 @@ def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Int
             holds = middle.branch[:, None] == branch[saddle]
             split = alone[saddle] & ~holds
             same[saddle] &= ~(opposite[None] & split[:, :, None])
+
     return np.where(branch != 0, same.argmax(axis=2), -1)
 
 
@@ -170,6 +175,7 @@ def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[i
     end = np.minimum(1 - place[rank[at[second]]], 1.0)
     _, others = yield from _last_on_branch(plan, points, near[second], far[second], end)
     order = np.argsort(np.concatenate([first, second]))
+
     return found.and_more(others).at(order)
 
 
@@ -195,6 +201,7 @@ def _last_on_branch(
         BISECTION.least_digits,
         int(np.ceil(-np.log2(BISECTION.of_tolerance * plan.settings.tolerance))),
     )
+
     # where several borders cross one way the kernel and numpy may thus find different ones
     batch = BISECTION.batch_rays if kernel.left_out(plan.layers) else BISECTION.kernel_batch_rays
 

@@ -110,6 +110,7 @@ class _Cutting:
         in_doubt = found.has_gaps | np.isinf(found.off)
         n_in_doubt = np.bincount(square, in_doubt)
         is_calm = (n_in_doubt <= CUT.n_doubtful)[square] | (not dense)
+
         return self._settled(cells._replace(is_calm=is_calm), found, 0)
 
     def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
@@ -208,9 +209,11 @@ class _Cutting:
         again &= ~is_tangled
         # quarters of quarters are of no use where the error is too large to get small
         simple = again & (found.n_met < CUT.many_branches) & (not is_last)
+
         if depth > 0:
             most = 4.0 ** (CUT.quarterings - depth) * max(CUT.least_error_px, tolerance)
             simple &= np.isinf(found.off) | (found.off < most)
+
         rest = cells.at(np.flatnonzero(again & ~simple))
         self.last.append(_around(rest.corners, rest.middle))
         return cells.at(np.flatnonzero(simple))
@@ -254,6 +257,7 @@ def _quartered(
     # points between the corners, each once
     view = taken(points.view, cells)
     halfway = (view + np.roll(view, -1, axis=1)) / 2
+
     # they lie on a grid so fine: whole numbers are told apart faster than places
     column, row = np.moveaxis(2**CUT.quarterings * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
@@ -263,6 +267,7 @@ def _quartered(
     quarters = [
         np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
     ]
+
     # each begins at its corner of the whole: turned back, so that all begin at the upper left
     return points.and_more(found), np.concatenate(
         [np.roll(q, k, axis=1) for k, q in enumerate(quarters)]

@@ -85,6 +85,7 @@ def centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     first = cross(dx[0], dy[0], dx[1], dy[1])
     second = cross(dx[1], dy[1], dx[2], dy[2])
     second /= first + second
+
     return (
         x[0] + (dx[0] + dx[1] + second * (dx[2] - dx[0])) / 3,
         y[0] + (dy[0] + dy[1] + second * (dy[2] - dy[0])) / 3,
@@ -115,6 +116,7 @@ def covariance_of(x: Floats, y: Floats) -> NDArray[np.float32]:
     found[0] = (ax * ax + bx * bx) / 24
     found[1] = (ax * ay + bx * by) / 24
     found[2] = (ay * ay + by * by) / 24
+
     return found
 
 
@@ -186,4 +188,5 @@ def thickened(cells: Cells) -> Cells:
     )
     x[apex, thin] = x[start, thin] + reach * along_x + side * along_y
     y[apex, thin] = y[start, thin] + reach * along_y - side * along_x
+
     return cells._replace(x=x, y=y)

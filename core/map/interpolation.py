@@ -108,6 +108,7 @@ def is_folded(nodes: Floats) -> np.ndarray:
         for b in (by_y[:, :, :-1], by_y[:, :, 1:])
     ]
     area = np.stack(turn, axis=1)
+
     return np.sign(area.min(axis=(1, 2, 3))) * np.sign(area.max(axis=(1, 2, 3))) <= 0
 
 

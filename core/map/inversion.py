@@ -123,4 +123,5 @@ def spread_on_view(
     tt = np.clip(tt, 0, 0.25)
     most = np.sqrt(ss * tt)
     in_cell = ss, np.clip(st, -most, most), tt
+
     return turn_covariance(in_cell, us, ut, vs, vt).astype(np.float32)

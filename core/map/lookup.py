@@ -60,6 +60,7 @@ class Lookup:
                 corners = pieces[k]
                 is_inside, at = inside(self.points.view[corners], self.points.xy[corners], xy[rays])
                 found[rays[is_inside]] = at[is_inside]
+
         return found
 
     def nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
@@ -146,6 +147,7 @@ def filled(
     """
     w, h = view_size
     image = np.full((-(-h // PARTS), -(-w // PARTS)), blank, values.dtype)
+
     for side, some in each_value(size // PARTS):
         column, row = (corner[some].T // PARTS)[..., None] + np.arange(side)
         row = row[:, :, None]

@@ -94,6 +94,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     """Random places of smooth cells, and of pixels with corners (n, 4), the same each time."""
     random = np.random.default_rng(0)
     points = view_map.points
+
     # light beside the glass carries no picture
     has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
@@ -123,6 +124,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     is_one = np.append(np.zeros(n_smooth, bool), (branch == branch[:, :1]).all(axis=1))
     is_beside_glass = view_map.is_beside_glass(some).all(axis=1)
     is_in_glass = np.append(np.ones(n_smooth, bool), ~is_beside_glass)
+
     return _Places(at, area, is_one, is_in_glass)
 
 
@@ -141,6 +143,7 @@ def _quantile(off: Floats, area: Floats, share: float) -> float:
     area = area[known]
     order = np.argsort(off)
     below = np.cumsum(area[order])
+
     return (
         float(off[order[np.searchsorted(below, share * below[-1])]])
         if len(off) and below[-1] > 0

@@ -123,6 +123,7 @@ def _ends(outline: Floats, row: Ints) -> _Ends:
     inside = np.clip(y, 0, 1)
     off = inside - y
     following = [*range(1, k), 0]
+
     # x is rounded to steps of 2^-51 at the least, so that distances to
     # a grid line are exact, also just left of 0
     xa = (x + off * slope + 4) - 4
@@ -143,9 +144,11 @@ def _cut(edges: Pieces, slope_y: Floats, is_left: Ints | tuple[()]) -> Pieces:
 
     ya = ya + (ua - xa) * slope_y
     yb = yb + (ub - xb) * slope_y
+
     if len(is_left):
         ua[is_left] = ub[is_left] = 0
         pixel[is_left] += 1
+
     return Pieces(pixel, ua, ya, ub, yb)
 
 

@@ -46,6 +46,7 @@ def squares_around(points: Points, samples: Ints, area: Floats) -> Piece:
     side = np.sqrt(area)[:, None]
     pixel = np.floor(points.xy[samples])
     low = pixel + np.clip(points.xy[samples] - pixel - side / 2, 0, 1 - side)
+
     # or rounding would give the next pixel a share of nothing
     high = np.minimum(low + side, pixel + 1)
     return Piece(
@@ -69,6 +70,7 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     x, y = np.meshgrid(side, side)
     place = np.stack([x, y], axis=2)
     view = corner[:, None, None] + size[:, None, None, None] * place
+
     return Piece(
         view=_quads_between(view),
         display=_quads_between(grid[..., :2]),

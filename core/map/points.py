@@ -87,6 +87,7 @@ class Paths:
         places = self.places[first:]
         met = self.met[first:]
         places[:, 0] = origins
+
         for k, step in enumerate(steps):
             places[step.left, k + 1] = step.start + self.reach * step.direction
             places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
@@ -129,7 +130,9 @@ def trace_points(
 
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
+
         yield len(origins)
+
     return points
 
 
@@ -146,6 +149,7 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
     a = view[:, 1] - view[:, 0]
     b = view[:, 2] - view[:, 0]
     p = at - view[:, 0]
+
     with np.errstate(invalid="ignore", divide="ignore"):
         det = cross_2d(a, b)
         u = cross_2d(p, b) / det

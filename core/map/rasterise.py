@@ -86,6 +86,7 @@ def _divide(cells: Cells, width: int, height: int) -> Iterator[_Part]:
 
         column = np.floor(left)
         row = np.floor(top)
+
         # a right or lower edge on a grid line touches the next pixel without entering it
         is_whole = (
             is_seen & (right <= column + 1) & (bottom <= row + 1) & (column >= 0) & (row >= 0)
@@ -114,6 +115,7 @@ def _divide_crossing(cells: Cells, width: int, height: int) -> Iterator[_Part]:
     plain = cells if is_plain.all() else cells.pick(np.flatnonzero(is_plain))
     if len(plain.number):
         yield from _spread(plain, np.abs(signed_area(plain.x, plain.y)), width, height)
+
     if len(plain.number) < len(cells.number):
         for triangles in unfolded(cells.pick(np.flatnonzero(~is_plain))):
             yield from _divide(triangles, width, height)

@@ -68,6 +68,7 @@ def rays_of_squares(
     # squares of all sizes, each time a share of them is refused
     size = max(int(squares.size.max(initial=PARTS)) for squares in (todo, checking))
     area = 0.0
+
     while size > PARTS:
         area += float((todo.size == size).sum()) * size**2
         n_rays += SQUARE_RAYS.of_square * area / size**2

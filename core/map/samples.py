@@ -76,6 +76,7 @@ def strata(corners: Floats, along: int) -> tuple[Floats, Floats]:
         at = first[:, None] + side / k * (stratum + jitter[row, column])
         places.append(at.reshape(-1, 2))
         area.append(np.full(len(first) * k * k, (side / k) ** 2))
+
     return np.concatenate(places), np.concatenate(area)
 
 

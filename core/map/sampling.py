@@ -59,6 +59,7 @@ class Sampling:
         self.plan = plan
         viewer = plan.viewer
         display = plan.rig.display
+
         # what is asked for
         self.view_size = (viewer.width, viewer.height)
         self.display_size = (display.width, display.height)
@@ -89,6 +90,7 @@ class Sampling:
         """Make the view map; yields progress 0..1."""
         work = self._run()
         told = 0.0
+
         while True:
             try:
                 self.n_done += next(work)
@@ -223,6 +225,7 @@ class Sampling:
             missed = np.maximum(
                 missed, np.where(is_seen(expected, xy, self.display_size), off, 0.0)
             )
+
         return missed
 
     def _finished(self, smooth: Squares, finest: Squares) -> Generator[int, None, ViewMap]:
@@ -281,10 +284,12 @@ class Sampling:
         step = self.first_size // PARTS
         at = self.number[::step, ::step]
         reasons = self.points.reason[at]
+
         while step > 1:
             step //= 2
             at = self.number[::step, ::step]
             rows, columns = ((np.arange(n) + 1) // 2 for n in at.shape)
             reasons = np.where(at >= 0, self.points.reason[at], reasons[rows[:, None], columns])
+
         w, h = self.view_size
         return reasons[: h + 1, : w + 1].copy()

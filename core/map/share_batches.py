@@ -66,12 +66,15 @@ class ShareBatches:
         if self.are_kept:
             yield from self._kept
             return
+
         n = 0
         kept = []
+
         for shares in self._made():
             n += len(shares)
             kept = [*kept, shares] if n <= MOST_KEPT else []
             yield shares
+
         self._n = n
         if n <= MOST_KEPT:
             self._kept = kept
@@ -94,6 +97,7 @@ class ShareBatches:
         few = []
         n = 0
         before = 0
+
         for some in _by_number(lots(), LOTS_AT_ONCE):
             n_cells = before + np.cumsum([len(lot[0]) for lot in some])
             before = int(n_cells[-1])
@@ -103,6 +107,7 @@ class ShareBatches:
                 if len(part) > FEW_SHARES:
                     yield part
                     continue
+
                 few.append(part)
                 n += len(part)
                 if n >= SHARES_AT_ONCE:
@@ -154,6 +159,7 @@ def divided(
             for n, of_lot in enumerate(cells)
             for part in parts_by_rows(display_size, *of_lot)
         )
+
     for n, (*part, number) in parts:
         of_cell = (None if values is None else values[number] for values in lots[n][2:])
         yield n, Shares(display_size, view_size, *part, *of_cell)

@@ -68,4 +68,5 @@ def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
     )  # fmt: skip
     image = zone_plate(side) if image is None else image
     dots = lattice(side)
+
     return showing(rig, image), showing(rig, np.dstack([dots, np.ones_like(dots[..., 0])])), about

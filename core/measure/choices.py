@@ -44,6 +44,7 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
     session = Session()
     found = []
     first = None
+
     for n, (ghosts, glare) in enumerate(ways):
         here = replace(settings, ghosts=ghosts, suppress_glare=glare)
         solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))

@@ -120,6 +120,7 @@ def draw(
 
     for n, curve in enumerate(curves):
         parts += _drawn(curve, n, [place(*point) for point in curve.points])
+
     parts.append(_legend(curves, high[0] - 12, high[1] + 20))
     return "\n".join([*parts, "</svg>", ""])
 
@@ -181,6 +182,7 @@ def _legend(curves: Sequence[Curve], right: float, top: float) -> str:
             _text((right - 16, y), curve.name, "end", fill="black"),
         ]
         parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
+
     return "\n".join(['<g class="legend">', *parts, "</g>"])
 
 

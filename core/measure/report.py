@@ -52,6 +52,7 @@ def row(rung: Rung) -> dict[str, Any]:
     first_map = rung.maps[0] if rung.maps else None
     first_seen = rung.image.channels[0] if rung.image else None
     values = {field.name: getattr(rung, field.name) for field in fields(Rung)}
+
     for part, kind in (
         (first_map, MapErrors),
         (rung.image, ImageErrors),
@@ -209,6 +210,7 @@ def table(found: WorkPrecision) -> str:
     lines.append(f"Quantisation of the encoded image, rms of 0..1: {rounding}.")
     memory = "not known" if found.peak_memory is None else f"{found.peak_memory / 1e6:.0f} MB"
     lines.append(f"Peak memory, of the whole process up to its first solve: {memory}.")
+
     return "\n".join(lines)
 
 
@@ -219,6 +221,7 @@ def as_svg(found: WorkPrecision, title: str = "Kiriko: error against run time") 
     """
     curves = []
     n_exact = 0
+
     for method, name, unit in (
         ("adaptive", "Kiriko, by tolerance", "px"),
         ("splat", "splat, by samples", "spp"),

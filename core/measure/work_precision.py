@@ -145,6 +145,7 @@ def _adaptive(
     rungs: list[Rung] = []
     times: list[list[dict[str, float]]] = [[] for _ in tolerances]
     repaints: list[list[float]] = [[] for _ in tolerances]
+
     for run in range(runs):  # all tolerances in turn: other work of the machine meets them alike
         for k, tolerance in enumerate(tolerances):
             session = Session()
@@ -208,6 +209,7 @@ def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, li
         n_runs = _n_runs(spent, predicted, ladders)
         seconds: list[float] = []
         images: list[NDArray[np.float32]] = []
+
         for run in range(n_runs):
             taken, image = yield from clocked(splat(plans[run % 2], spp, seed=spp), spent, budget)
             seconds.append(taken)

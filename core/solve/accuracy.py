@@ -70,9 +70,11 @@ def rounding_error(plan: Plan) -> float:
             for part in (*rig.glasses, *rig.plates, rig.display)
         )
     )
+
     for part in rig.curved_parts():
         if not part.mesh.rounding:
             continue
+
         corners = part.mesh.corners
         area = areas_of(corners)
         edge = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
@@ -93,12 +95,14 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
         return (0.0,) * n_glasses
+
     rays, cover = _picture_rays(plan.rig.picture_place, plan.viewer)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
     weights = np.bincount(
         plan.parts.owner[landings.leak[leaked]], cover[landings.sample[leaked]], n_glasses
     )
+
     return tuple(float(weight) for weight in weights / max(cover.sum(), 1e-300))
 
 
@@ -114,6 +118,7 @@ def caught(plan: Plan) -> Pauses[float]:
     cut_off = np.unique(landings.sample[landings.reason == Reason.CUT_OFF])
     if not len(cut_off):
         return 0.0
+
     some = cut_off[
         np.linspace(0, len(cut_off) - 1, min(len(cut_off), CAUGHT_SAMPLES)).astype(np.int64)
     ]

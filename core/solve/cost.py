@@ -36,11 +36,14 @@ def cost(
     """
     if REFINED[0] not in seconds or not LEAST_TOLERANCE <= wanted <= MOST_TOLERANCE:
         return None
+
     fixed = sum(taken for part, taken in seconds.items() if part in BUILD)
     total = sum(seconds.values())
+
     if len(ladder) > 1:
         at, measured = np.log(np.array(sorted(ladder))).T
         here, there = np.interp(np.log([tolerance, wanted]), at, measured)
         return float(fixed + (total - fixed) * np.exp(there - here))
+
     refined = sum(seconds.get(part, 0.0) for part in REFINED)
     return float(total - refined + refined * (tolerance / wanted) ** (2 / ORDER))

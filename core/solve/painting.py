@@ -100,6 +100,7 @@ def _add(
     is_new = placed.covered is None
     n_painted, told = 0, 0.0
     clock.lap("painting")
+
     if is_new and placed.shares.has_path:
         placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
         clock.lap("ghosts")
@@ -108,6 +109,7 @@ def _add(
         clock.lap("shares")
         is_known = n < len(placed.strokes)
         shown = None if is_known and not is_new else placed.shown(shares)
+
         if is_new:
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
@@ -118,6 +120,7 @@ def _add(
         # another solve may have let some go meanwhile
         if n == len(placed.strokes) and n_painted < MOST_PLACED:
             placed.strokes.append(strokes)
+
         painting.add(pyramid, strokes)
         clock.lap("painting")
 
@@ -205,7 +208,9 @@ def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None
 
     width, height = view_map.display_size
     weight = np.zeros((height, width))
+
     for shares in shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
         add_at(weight, shares.display_index, shares.weight)
         yield 0
+
     return weight

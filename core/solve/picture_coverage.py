@@ -86,4 +86,5 @@ def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
     np.add.at(
         counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1
     )
+
     return counts

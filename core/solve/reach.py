@@ -30,6 +30,7 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
     """
     if len(rig.glasses) == 1:
         return ()
+
     aside = []
     for number, glass in enumerate(rig.glasses):
         low, high = glass.mesh.bounds
@@ -76,6 +77,7 @@ def sample_reached(
     aside = out_of_sight(rig, viewer)
     told = 0.0
     slower = times_slower()
+
     for start in range(MOST_STARTS):
         started = perf_counter()
         plan = yield from at(
@@ -93,6 +95,7 @@ def sample_reached(
         # the map's own progress, and a guess of before until that is known well
         share = 0.0
         guess = DOUBT * slower * PACE.map_pixel * n_pixels
+
         try:
             while True:
                 so_far = perf_counter() - began

@@ -206,6 +206,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
 def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
     if mesh.error <= COARSE:
         return
+
     if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
         drawn = Message(
             "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
@@ -273,6 +274,7 @@ def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Rem
 def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
+
     remedy = (
         Message("cover the part of the plate that is seen there")
         if plan.settings.suppress_glare == 1

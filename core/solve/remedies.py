@@ -17,6 +17,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
     """The remedy for a view that changes within pixels, by the cause."""
     if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
         return Message("raise Max Events")
+
     bends = error.facet_limited > error.unresolved
     if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
         return Message(
@@ -34,6 +35,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
             "shade '{name}' smooth if it is meant to be curved, or raise the viewer's resolution",
             name=facetted,
         )
+
     return Message("raise the viewer's resolution")
 
 
@@ -62,6 +64,7 @@ def is_facetted(mesh: Mesh) -> bool:
     is_flat = np.ones(len(mesh.triangles), bool) if mesh.is_smooth is None else ~mesh.is_smooth
     if is_flat.sum() < FACETTED:
         return False
+
     edges = find_edges(mesh.triangles)
     normals = geometric_normals(mesh.corners)
     apart = np.linalg.norm(normals[edges.first] - normals[edges.second], axis=1)

@@ -88,6 +88,7 @@ class Session:
         if is_new:
             check_memory(rig, settings)
             optics, told = yield from self._look(rig, settings, key, clock)
+
         yield told
 
         # how far it is by now is told anew, by the shares that are to be painted
@@ -142,6 +143,7 @@ class Session:
         found = []
         n = len(rig.viewers)
         traced = STAGES.glance_traced
+
         for k, viewer in enumerate(rig.viewers):
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
             _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
@@ -219,6 +221,7 @@ class Session:
             (plan, view_map), told = yield from last_told(sampling)
         finally:
             self.is_tracing = False
+
         clock.lap("tracing")
 
         check_borders(rig, viewer, settings, view_map)
@@ -278,6 +281,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.floa
         placed.covered = of_the_picture(
             plan.rig.picture_place, plan.viewer, traced.view_map, placed.view_coverage
         )
+
     picture_coverage, misses = placed.covered
 
     return Channel(

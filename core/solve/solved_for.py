@@ -32,10 +32,12 @@ class SolvedFor:
         """
         if self.content != other.content or self.places.shape != other.places.shape:
             return False
+
         mine, its = self.places, other.places
         axes = np.abs(mine[..., :3]).max(axis=(1, 2), initial=0.0, keepdims=True)
         size = np.abs(mine[..., 3] - mine[:1, :, 3]).max(initial=0.0)
         off = np.abs(mine - its)
+
         return bool(
             (off[..., :3] <= ROUNDING_OF_PLACES * axes).all()
             and (off[..., 3] <= ROUNDING_OF_PLACES * size).all()

@@ -83,6 +83,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     normals = plan.triangles.corner_normals[held.numbers]
     if layer.motion is not None:
         normals = normals @ layer.motion.rotation
+
     faces = layer.curved or CurvedFaces.none(layer.corners)
     is_bent = plan.triangles.is_bent[held.numbers]
     bent = layer.bent(Paraboloids.beside(faces, is_bent, normals))
@@ -90,6 +91,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     # the kernel's tree is made sooner than Embree's
     if kernel.library() is not None:
         bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))
+
     return bent
 
 
@@ -157,6 +159,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     found = Tessellation(drawn=(yield from at(0.2, _error_of_facets(sample))))
     if curved:
         found = yield from within(_with_curved(found, sample), 0.4, 0.8)
+
     if any(faces.has_straight_edges for faces in curved):
         let_go = yield from at(0.8, sample.changed(_let_go))
         found = found._replace(straight=_difference(sample.here, let_go))
@@ -166,6 +169,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         seen = tessellation(plan_as_drawn.seen_by(plan.viewer))
         drawn = yield from within(seen, 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
+
     return found
 
 
@@ -175,6 +179,7 @@ def _sampled(plan: Plan) -> Pauses[_Sample]:
     steps: list[Step] = []
     whole = main_landings((yield from tracing(plan, *every, steps=steps)), len(every[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
+
     return _Sample(
         plan=plan,
         every=every,
@@ -257,6 +262,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
         curved = held.layer.curved
         if curved is None:
             continue
+
         place = np.full(len(plan.triangles), -1)
         place[held.numbers] = np.arange(len(held.numbers))
 
@@ -271,6 +277,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
 
     if not len(arrived):
         return 0.0, -1
+
     by_part = np.sqrt(squares[:, arrived].mean(axis=1)) / display_pixel(plan.rig.display)
     return float(np.linalg.norm(by_part)), int(np.argmax(by_part))
 

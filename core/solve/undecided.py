@@ -24,9 +24,11 @@ def undecided(
     is_changed = other.branch != here.branch
     if not is_changed.any():
         return 0.0
+
     with np.errstate(invalid="ignore"):
         off = np.abs(other.xy - here.xy).max(axis=1)
         is_changed &= ~(other.has_arrived & (off <= plan.settings.tolerance))
+
     is_near = _passes_near(plan, origins[0], ways[0])[here.sample] | _passes_near(
         plan, origins[1], ways[1]
     )
@@ -41,6 +43,7 @@ def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
     last = origins.copy()
     solid = np.full(len(origins), -1)
     is_near = np.zeros(len(origins), bool)
+
     for step in steps:
         part = plan.triangles.part[step.patch]  # a patch has the number of one of its triangles
         part = np.where(plan.parts.kind[part] == Kind.GLASS, part, -1)

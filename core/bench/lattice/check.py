@@ -121,6 +121,7 @@ def _misplaced(
                 found.at[site] = at[sites[site]]
                 found.wanted[site] = place
                 found.spacing[site] = np.abs(there).min()
+
     return found
 
 
@@ -134,6 +135,7 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
 
     told = []
     swapped = set()
+
     for one, other in product(names, repeat=2):
         is_new = one != other and not swapped & {one, other}
         if is_new and is_in_place_of(one, other) and is_in_place_of(other, one):
@@ -152,6 +154,7 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
                     far=far,
                 )
             )
+
     return told
 
 
@@ -253,6 +256,7 @@ def _most_like(
     shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
     n = min(seen.shape[1], shown.shape[1])
     most, way = -np.inf, ""
+
     for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
         other_u = (1 - u if mirror_u else u) + columns * steps[0]
         other_v = (1 - v if mirror_v else v) + rows * steps[1]
@@ -263,6 +267,7 @@ def _most_like(
         more = of_other - _likeness(seen[some, :n], shown[some, :n])
         if more > most:
             most, way = more, name
+
     return way, most
 
 
@@ -288,6 +293,7 @@ def _read(image: NDArray, place: Floats) -> tuple[NDArray, Bools]:
     channels = image.reshape(height, width, -1)[
         ..., : 3 if image.ndim == 3 and image.shape[2] >= 3 else 1
     ]
+
     return np.sqrt(
         np.clip(channels[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0, 1)
     ), inside

@@ -93,6 +93,7 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     straight = (np.abs(np.angle(ahead * behind.conj())) < CROSSINGS.bent_rad).all(axis=1)
     lines = ahead[straight] / np.abs(ahead[straight]) + behind[straight] / np.abs(behind[straight])
     lines /= np.abs(lines)
+
     return kept[straight], lines, contrast[straight]
 
 
@@ -103,6 +104,7 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
     design = np.stack([np.ones_like(STATIONS_PX), STATIONS_PX, STATIONS_PX**2], axis=1)
     parabolas = np.zeros((len(lines), 2, 3))
     is_line = np.ones(len(lines), bool)
+
     for k, line in enumerate(lines.T):
         for _ in range(N_RIDGES):
             ridge = parabolas[:, k] @ design.T
@@ -118,6 +120,7 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
 
         off = ridge - parabolas[:, k] @ design.T
         is_line &= np.sqrt((off**2).mean(axis=1)) < CROSSINGS.wavy_px
+
     return parabolas, is_line
 
 
@@ -126,6 +129,7 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
     t = np.zeros((len(lines), 2))
     one = np.stack([np.ones(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))], axis=1)
     reach = CROSSINGS.reach_px
+
     for _ in range(N_NEWTON):
         powers = np.stack([one[:, :1] + 0 * t, t, t**2], axis=2)
         slopes = np.stack([0 * t, one[:, :1] + 0 * t, 2 * t], axis=2)
@@ -140,4 +144,5 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
             axis=1,
         )
         t = np.clip(t + step, -reach, reach)
+
     return place[:, 0]

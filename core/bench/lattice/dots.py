@@ -195,11 +195,13 @@ def _plane(spots: _Spots, smooth: NDArray[np.float32], ring: Bools) -> tuple[Flo
     edge = spots.ground + DOT_RULE.edge * spots.contrast
     calm = ring & (smooth < edge[:, None])
     design = np.stack([np.ones_like(X), X / SEARCH.around_px, Y / SEARCH.around_px], axis=1)
+
     for _ in range(2):
         normal = np.einsum("kp,pi,pj->kij", calm, design, design, optimize=True) + 1e-6 * np.eye(3)
         plane = solve_symmetric(normal, ((calm * smooth) @ design)[..., None])[..., 0] @ design.T
         off = smooth - plane
         calm = ring & (np.abs(off) < DOT_RULE.calm * spots.contrast[:, None])
+
     return plane, off, calm
 
 
@@ -218,4 +220,5 @@ def _flooded(mask: Bools) -> Bools:
         grown[:, :, 1:] |= region[:, :, :-1]
         grown[:, :, :-1] |= region[:, :, 1:]
         region = grown & mask
+
     return region

@@ -116,6 +116,7 @@ class Lattice:
         else:
             cover = np.zeros((height, width))
             radii = spacing * np.r_[DRAWING.mark, DRAWING.mark, np.full(len(self) - 2, DRAWING.dot)]
+
         _add_discs(cover, at, radii)
         return np.repeat(cover[..., None], 3, axis=2).astype(np.float32)
 
@@ -143,9 +144,11 @@ def _lines(at: Floats, pitch: Floats, size: tuple[int, int]) -> Floats:
     for across in np.unique(at[:, 0]):
         thin = np.clip(DRAWING.line * spacing + 0.5 - np.abs(x - across), 0, 1)
         np.maximum(cover, thin * long_y[:, None], out=cover)
+
     for down in np.unique(at[:, 1]):
         thin = np.clip(DRAWING.line * spacing + 0.5 - np.abs(y - down), 0, 1)
         np.maximum(cover, thin[:, None] * long_x, out=cover)
+
     return cover
 
 

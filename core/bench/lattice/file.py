@@ -47,6 +47,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
             path=table.path,
             missing=missing[0],
         )
+
     return found
 
 
@@ -80,8 +81,10 @@ def _text(path: Path) -> str:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")  # notes in other letters do not matter
+
     if "\0" in text:
         raise ImageError("The file '{path}' is no text: choose a CSV file of points.", path=path)
+
     # spreadsheets begin so
     return text.partition("\n")[2] if text.lower().startswith("sep=") else text
 
@@ -92,6 +95,7 @@ def _table(path: Path) -> _Table:
 
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = max(",;\t", key=first.count)
+
     try:
         rows = csv.reader(text.splitlines(), delimiter=delimiter, strict=True)
         lines = [
@@ -115,6 +119,7 @@ def _table(path: Path) -> _Table:
             " add that line.",
             path=path,
         )
+
     return _Table(
         path=path,
         lines=lines[1:],
@@ -156,8 +161,10 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
                 point=lattice.name(index),
                 line=found.lines[index],
             )
+
         found.lines[index] = number
         found.named[index] = xy
+
     return found
 
 
@@ -174,6 +181,7 @@ def _index(values: list[str], where: str, lattice: Lattice) -> int:
             columns=lattice.columns,
             rows=lattice.rows,
         )
+
     return (int(row) - 1) * lattice.columns + int(column) - 1
 
 
@@ -191,4 +199,5 @@ def _number(text: str, where: str) -> float:
             where=where,
             text=text,
         )
+
     return value

@@ -116,20 +116,24 @@ def _seeds(
     b = b[row, pair]
     short = np.minimum(np.abs(a), np.abs(b))
     missed = np.zeros(len(a))  # of the eight points around, in reaches of near
+
     for i, j in product((-1, 0, 1), repeat=2):
         if (i, j) != (0, 0):
             off = np.abs(around[row] - (i * a + j * b)[:, None]).min(axis=1)
             missed += np.minimum(off / (GROWTH.near * short), 1)
+
     # of equals the shortest
     missed += GROWTH.shortest_counts * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])
 
     # of each point its likeliest steps
     found = []
     has = set()
+
     for k in np.argsort(missed, kind="stable"):
         if row[k] not in has:
             has.add(row[k])
             found.append((int(chosen[row[k]]), np.array([a[k], b[k]])))
+
     return found[: GROWTH.n_grown]
 
 
@@ -168,6 +172,7 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
             near = neighbours_of(site, sites)
             if tried.get(site) == len(near):
                 continue
+
             tried[site] = len(near)
 
             # of like points the nearest
@@ -193,6 +198,7 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
         reach = 1 if found else reach + 1
         if not found:
             tried.clear()
+
     return without_strangers(at, sites, bases)
 
 

@@ -102,6 +102,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
             columns=lattice.columns,
             rows=lattice.rows,
         )
+
     return found
 
 
@@ -132,6 +133,7 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     """
     size = np.array([lattice.columns, lattice.rows])
     ways = []
+
     for turn, slant in product(QUARTER_TURNS, SLANTS):
         turned = sites @ slant @ turn
         turned -= turned.min(axis=0)
@@ -148,11 +150,13 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
     # all windows with nearly the most sites
     fewest = max(max(count.max() for _, count in ways) - 1, GROWTH.fewest)
     places = []
+
     for number, (turned, count) in enumerate(ways):
         for start in np.argwhere(count >= fewest):
             moved = turned - (start + 1 - size)
             inside = ((moved >= 0) & (moved < size)).all(axis=1)
             places.append((number, np.where(inside, moved[:, 1] * size[0] + moved[:, 0], -1)))
+
     return places
 
 
@@ -164,6 +168,7 @@ def _nearest_placement(
     """
     turned: dict[int, float] = {}
     distance = []
+
     for number, place in places:
         wanted = np.where((place >= 0)[:, None], expected[place], np.nan)
         both = np.isfinite(wanted).all(axis=1)
@@ -185,6 +190,7 @@ def _nearest_placement(
             "No point is seen near its expected place, so that the points cannot"
             " be told apart: name each point in a CSV file."
         )
+
     least, *others = sorted(turned, key=turned.get)
     if others and turned[others[0]] - turned[least] < CLARITY.turn_rad:
         raise ImageError(
@@ -200,4 +206,5 @@ def _nearest_placement(
             columns=lattice.columns,
             rows=lattice.rows,
         )
+
     return places[order[0]][1]

@@ -52,6 +52,7 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
             " that shows more of the lattice.",
             marks=marks,
         )
+
     return best
 
 
@@ -59,6 +60,7 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
     """Dots and crossings at all levels, by style: place, size and rank (n, 4), px of the image."""
     finders = {"dots": find_dots, "grid": find_crossings}
     found = {style: [np.empty((0, 4))] for style in styles}
+
     for level, image_there in enumerate(levels_of(grey)):
         scale = 2.0**level
         x, y, strength = candidates(image_there)
@@ -79,8 +81,10 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
                 else:
                     rank = strength[some][marks.which]
                     size = 0 * marks.radius + RADII_PX[0]
+
                 at = scale * (middles[marks.which] + marks.off)
                 found[style].append(np.column_stack([at, size, rank]))
+
     return found
 
 
@@ -105,6 +109,7 @@ def _grey(image: ArrayLike) -> NDArray[np.float32]:
 
     if not np.isfinite(grey).all():
         grey = np.nan_to_num(grey, posinf=0.0, neginf=0.0)
+
     return grey / np.float32(top)
 
 
@@ -116,6 +121,7 @@ def _distinct(found: Floats) -> Floats:
 
     at = found[:, 0] + 1j * found[:, 1]
     free = np.ones(len(found), bool)
+
     for k in range(len(found)):
         if free[k]:
             size, rank = found[k, 2:]
@@ -124,4 +130,5 @@ def _distinct(found: Floats) -> Floats:
             is_same = (sizes < ALIKE_SIZE * size) & (size < ALIKE_SIZE * sizes)
             is_same |= ranks < RANK_IN_GLARE * rank
             free[k + 1 :] &= ~is_same | (np.abs(at[k + 1 :] - at[k]) > np.maximum(size, sizes))
+
     return found[free, :3]

@@ -79,6 +79,7 @@ def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
 
     found = []
     noise = []
+
     for first in range(0, h, SEARCH.rows_at_once):
         rows = padded[first : min(first + SEARCH.rows_at_once, h) + 2 * HALO]
         bend, trace = _bend(rows)
@@ -93,6 +94,7 @@ def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
     least_step = SEARCH.least_contrast * SEARCH.strength_of_contrast * np.ptp(level)
     strong = np.flatnonzero(strength > max(SEARCH.above_noise * level_noise, least_step))
     strong = strong[np.argsort(-strength[strong], kind="stable")][: SEARCH.most_candidates]
+
     return x[strong].astype(int), y[strong].astype(int), strength[strong]
 
 
@@ -101,6 +103,7 @@ def _bend(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.fl
     for _ in range(3):  # each with a variance of one pixel squared
         rows = _smooth(rows)
         rows = _smooth(rows.T).T
+
     rows = np.ascontiguousarray(rows)
 
     inner = rows[1:-1, 1:-1]
@@ -108,6 +111,7 @@ def _bend(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.fl
     yy = rows[2:, 1:-1] - 2 * inner + rows[:-2, 1:-1]
     xy = (rows[2:, 2:] - rows[2:, :-2] - rows[:-2, 2:] + rows[:-2, :-2]) / 4
     trace = xx + yy
+
     return np.where(trace < 0, xx * yy - xy * xy, 0), trace
 
 
