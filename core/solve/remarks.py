@@ -16,7 +16,7 @@ from ..rig import Rig
 from ..words import millimetres, number, percent
 from .channel import Channel
 from .remedies import facetted_glass, name_of, remedy_for, remedy_for_irregular
-from .tessellation import COARSE, Tessellation
+from .tessellation import NOTED_ERROR_PX, Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
 LEAST_LOST = 1e-3
@@ -204,7 +204,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
 
 
 def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
-    if mesh.error <= COARSE:
+    if mesh.error <= NOTED_ERROR_PX:
         return
 
     if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):

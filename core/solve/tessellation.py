@@ -23,7 +23,7 @@ from .undecided import undecided
 SAMPLES = 32  # rays along each side of the viewer's image
 # of a face's tilt: normals are means of some faces, and light turns by half of their turn
 TILTED = 0.25
-COARSE = 0.25  # display px: where the surface may be further off than this it is worth a remark
+NOTED_ERROR_PX = 0.25  # where the surface may be further off it is worth a remark
 # times the error of the order: noisy balls have 7 and
 # more of it by jumps, an icosahedron once cut 1
 IRREGULAR = 3.0
@@ -164,7 +164,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         let_go = yield from at(0.8, sample.changed(_let_go))
         found = found._replace(straight=_difference(sample.here, let_go))
 
-    if found.cause == "jumps" and found.jumps > COARSE:
+    if found.cause == "jumps" and found.jumps > NOTED_ERROR_PX:
         plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
         seen = tessellation(plan_as_drawn.seen_by(plan.viewer))
         drawn = yield from within(seen, 0.9, 1.0)
