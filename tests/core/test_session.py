@@ -655,11 +655,11 @@ def with_triangles(a_rig, corner):
         ),
         (
             lambda r: with_triangles(r, 8),
-            "The glass 'glass' has faces with corners that it has no vertices for",
+            "The glass 'glass' has faces whose corners are none of its vertices",
         ),
         (
             lambda r: with_triangles(r, -1),
-            "The glass 'glass' has faces with corners that it has no vertices for",
+            "The glass 'glass' has faces whose corners are none of its vertices",
         ),
         (
             lambda r: replace(r, glasses=(replace(r.glasses[0], ior=lambda wavelength: 1.49),)),
