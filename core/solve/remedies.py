@@ -6,7 +6,7 @@ from ..glass.meshes import SAME_NORMAL, find_edges, geometric_normals
 from ..map.view_map import MapError
 from ..messages import Message
 from ..rig import Mesh, Rig
-from .tessellation import COARSE, Tessellation
+from .tessellation import NOTED_ERROR_PX, Tessellation
 
 # edges between flat faces that meet at less than ROUND: so many stand for a curved surface
 FACETTED = 64
@@ -19,7 +19,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
         return Message("raise Max Events")
 
     bends = error.facet_limited > error.unresolved
-    if bends and mesh.cause == "jumps" and mesh.jumps > COARSE:
+    if bends and mesh.cause == "jumps" and mesh.jumps > NOTED_ERROR_PX:
         return Message(
             "the faces of '{name}' contradict each other; {remedy}",
             name=name_of(rig, mesh.uneven),
