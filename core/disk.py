@@ -35,12 +35,17 @@ def scratch(folder: Path) -> Iterator[Path]:
         try:
             yield Path(name)
         except ImageError as error:
-            message = error.message
             values = {
-                key: str(value).replace(str(Path(name)), str(folder))
-                for key, value in message.values.items()
+                key: _elsewhere(value, Path(name), folder)
+                for key, value in error.message.values.items()
             }
-            raise ImageError(message.template, **values) from None
+            raise ImageError(error.message.template, **values) from None
+
+
+def _elsewhere(value: object, place: Path, folder: Path) -> object:
+    """A value of a message with one folder in the place of another; no path stays as it is."""
+    is_path = isinstance(value, Path) or (isinstance(value, str) and str(place) in value)
+    return str(value).replace(str(place), str(folder)) if is_path else value
 
 
 def _temporary(folder: Path) -> Any:

@@ -29,7 +29,7 @@ class Glass(Part):
         """Raise RigError when its index of refraction is no data, or no number above 0."""
         if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
             raise RigError(
-                "{owner} has an index of refraction that is no data: give it one such as"
+                "{owner} has an index of refraction that is no Index: give it one such as"
                 " ConstantIndex(1.49).",
                 owner=owner,
             )

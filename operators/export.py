@@ -99,7 +99,13 @@ class KIRIKO_OT_export(bpy.types.Operator):
             ).startswith("//")
             if is_nowhere and is_stale:
                 self.is_to_ask = self.allow_stale = True
-                return ask(self, event, title=OLD, message=watch.CHANGED, confirm_text=ALL_THE_SAME)
+                return ask(
+                    self,
+                    event,
+                    title=OLD,
+                    message=telling.in_words(watch.CHANGED),
+                    confirm_text=ALL_THE_SAME,
+                )
 
             if is_nowhere:
                 name = Path(self.filepath or ours.export_path).name or "source"

@@ -15,7 +15,7 @@ import numpy as np
 from ..core.blender.result import MATERIAL_MARK, update_solution, update_source
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
-from ..core.errors import KirikoError
+from ..core.errors import KirikoError, one_line
 from ..core.fingerprint import fingerprint
 from ..core.messages import Message
 from ..core.rig import Rig
@@ -24,6 +24,7 @@ from ..core.solve.coarse import enlarged, ladder
 from ..core.solve.memory import check_memory
 from . import work
 from .chosen import chosen_settings, uid
+from .telling import in_words
 from .windows import all_windows, redraw
 
 IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
@@ -107,9 +108,8 @@ class Live:
                 if step is None:
                     self._say("")
                     return IDLE
-                if self._lasted.get(step, step.guess) > LONG and self._say(
-                    Message("Kiriko Live: {phrase} ...", phrase=step.phrase)
-                ):
+                now = in_words(Message("Kiriko Live: {phrase} ...", phrase=step.phrase))
+                if self._lasted.get(step, step.guess) > LONG and self._say(now):
                     return NOTICE
                 self._do(step, bpy.context)
         return PAUSE
@@ -144,7 +144,7 @@ class Live:
                     self._drop()
         except KirikoError as error:
             self._drop()
-            self._show_problem(str(error))
+            self._show_problem(one_line(in_words(error.message)))
         self._lasted[step] = perf_counter() - started
         self.longest[step.phrase] = max(self.longest.get(step.phrase, 0.0), self._lasted[step])
 

@@ -14,11 +14,11 @@ NEEDED = {
         for role in ROLES
         if role.remedy and role.number is not None
     },
-    "PICTURE": "No picture: set a textured plane's role to Picture, or choose an image",
-    "VIEWER": "No viewer: choose a camera",
+    "PICTURE": Message("No picture: set a textured plane's role to Picture, or choose an image"),
+    "VIEWER": Message("No viewer: choose a camera"),
 }
-NO_IMAGE = "No picture: choose an image, or set Picture to Plane"
-COARSE = "The source image is a coarse one: solve, or let Live finish"
+NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
+COARSE = Message("The source image is a coarse one: solve, or let Live finish")
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 

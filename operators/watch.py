@@ -15,10 +15,11 @@ from bpy.app.handlers import persistent
 
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
+from ..core.messages import Message
 from ..core.solve.solved_for import from_text
 from . import chosen, live, telling, windows, work
 
-CHANGED = "The scene has changed since: solve again."
+CHANGED = Message("The scene has changed since: solve again.")
 QUIET = 0.4  # s without a change before the scene is read
 TICK = 0.2  # s between two looks
 # times as long as the last reading of its kind took it has to be quiet before the next one

@@ -4,6 +4,7 @@ import bpy
 
 from ..core.messages import Message
 from ..operators import plate_material
+from ..operators.telling import in_words
 
 
 class KIRIKO_preferences(bpy.types.AddonPreferences):
@@ -16,7 +17,8 @@ class KIRIKO_preferences(bpy.types.AddonPreferences):
         self.layout.label(text="Plate materials for Cycles, in the asset browser:")
         if path:
             self.layout.label(
-                text=Message("In your asset libraries: {path}", path=path), icon="CHECKMARK"
+                text=in_words(Message("In your asset libraries: {path}", path=path)),
+                icon="CHECKMARK",
             )
         else:
             self.layout.operator("kiriko.add_asset_library", icon="ASSET_MANAGER")

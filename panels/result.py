@@ -6,6 +6,7 @@ from ..core.blender.kept import Numbers
 from ..core.messages import Message
 from ..core.words import number, percent, pixels
 from ..operators import needed, watch
+from ..operators.telling import in_words
 from .words import Sidebar, sentence
 
 
@@ -35,7 +36,7 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
                 coverage = details.get("picture_coverage", result.coverage)
                 layout.progress(
                     factor=result.coverage,
-                    text=Message("{coverage} of the picture", coverage=percent(coverage)),
+                    text=in_words(Message("{coverage} of the picture", coverage=percent(coverage))),
                 )
             layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
 
@@ -145,17 +146,21 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
         for part, seconds in details["seconds"].items():
             column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
 
-        column.label(text=Message("Rays: {rays}", rays=details["rays"]))
+        column.label(text=in_words(Message("Rays: {rays}", rays=details["rays"])))
         if details.get("glare"):
             column.label(
-                text=Message(
-                    "Light beside the glass: {share}", share=percent(details["glare"]["share"])
+                text=in_words(
+                    Message(
+                        "Light beside the glass: {share}", share=percent(details["glare"]["share"])
+                    )
                 )
             )
 
         if details.get("tessellation_error"):
             column.label(
-                text=Message("Tessellation: {error}", error=pixels(details["tessellation_error"]))
+                text=in_words(
+                    Message("Tessellation: {error}", error=pixels(details["tessellation_error"]))
+                )
             )
 
         sentence(layout, context, Message("Used: {parts}.", parts=", ".join(details["used"])))

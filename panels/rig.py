@@ -11,6 +11,7 @@ from ..core.blender.viewer import frame_of, frame_of_render
 from ..core.messages import Message
 from ..operators import needed
 from ..operators.make_glass import can_be_given
+from ..operators.telling import in_words
 from .words import Sidebar, sentence
 
 
@@ -107,7 +108,9 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         else:
             width, height = frame_of(camera, context.scene.render).size
             layout.label(
-                text=Message("As the render: {width} x {height} px", width=width, height=height),
+                text=in_words(
+                    Message("As the render: {width} x {height} px", width=width, height=height)
+                ),
                 icon="BLANK1",
             )
 
@@ -236,7 +239,9 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
                 row = column.row()
                 row.active = False
                 row.label(
-                    text=Message("{name}, hidden: {names}", name=name, names=", ".join(hidden)),
+                    text=in_words(
+                        Message("{name}, hidden: {names}", name=name, names=", ".join(hidden))
+                    ),
                     icon="HIDE_ON",
                 )
 

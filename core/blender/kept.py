@@ -1,7 +1,8 @@
 """Records that a scene keeps as text in its string properties.
 
-Each is JSON with a version. A text without one is of Kiriko 0.1. An empty text is an empty record;
-a text that is no JSON raises ValueError.
+Each is JSON with a version, and so is the record of what a result was solved for, which
+`core/solve/solved_for.py` reads and writes. A text without a version is of Kiriko 0.1. An empty
+text is an empty record; a text that is no JSON raises ValueError.
 """
 
 import json

@@ -45,7 +45,8 @@ class SolvedFor:
 
     def as_text(self) -> str:
         """As JSON, to be kept in a file."""
-        return json.dumps({"content": self.content, "places": self.places.round(12).tolist()})
+        kept = {"version": 1, "content": self.content, "places": self.places.round(12).tolist()}
+        return json.dumps(kept)
 
 
 def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:

@@ -86,7 +86,7 @@ def test_both_engines_lead_to_the_same_landings(name, monkeypatch):
     """
     by_blender = PLANS[name]()
     # they are made when they are first asked
-    engines = [layer.asked.engine for layer in by_blender.layers]
+    engines = [planned.layer.asked.engine for planned in by_blender.layers]
     assert {engine.name for engine in engines} == {"Blender's BVH"}
 
     monkeypatch.undo()

@@ -270,9 +270,9 @@ def rig(
     module = part("core.bench.visible_range")
     monkeypatch.setattr(module, "SURVEY", replace(module.SURVEY, n_steps=6, fine_rad=0.05))
     module = part("operators.report")
-    short = {"tolerances": (1.0,), "spps": (1,), "runs": 1}
+    short = module.Ladders(tolerances=(1.0,), spps=(1,), runs=1)
     monkeypatch.setattr(
-        module, "measure", lambda *a, own=module.measure, **k: own(*a, **k, **short)
+        module, "measure", lambda *a, own=module.measure, **k: own(*a, **(k | {"ladders": short}))
     )
     rig = small_rig(viewer_resolution=32, display_resolution=(32, 32))
     scene.kiriko.tolerance = 1.0

@@ -3,6 +3,7 @@ import importlib
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -29,8 +30,9 @@ def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module(f"{kiriko.__name__}.operators.report")
     whole = module.measure
 
-    def short(*args: object, **options: object) -> object:
-        return whole(*args, **options, tolerances=(1.0, 0.1), runs=2)
+    def short(*args: object, ladders: object, **options: object) -> object:
+        short = replace(ladders, tolerances=(1.0, 0.1), runs=2)
+        return whole(*args, ladders=short, **options)
 
     monkeypatch.setattr(module, "measure", short)
 

@@ -663,7 +663,7 @@ def with_triangles(a_rig, corner):
         ),
         (
             lambda r: replace(r, glasses=(replace(r.glasses[0], ior=lambda wavelength: 1.49),)),
-            "The glass 'glass' has an index of refraction that is no data: give it one such as",
+            "The glass 'glass' has an index of refraction that is no Index: give it one such as",
         ),
     ],
     ids=["viewer", "display", "corner too many", "corner below 0", "index is a function"],
