@@ -79,5 +79,5 @@ class StandInFinder:
 def show_options(script: str) -> None:
     """Print the options of a module of scripts/, by its own parser, and leave."""
     sys.meta_path.insert(0, StandInFinder())
-    sys.argv = [f"{script}.py", "--help"]
+    sys.argv = [f"{script.replace('.', '/')}.py", "--help"]
     runpy.run_module(script, run_name="__main__")
