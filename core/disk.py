@@ -26,11 +26,7 @@ def scratch(folder: Path) -> Iterator[Path]:
     try:
         place = _temporary(folder)
     except OSError as reason:
-        raise ImageError(
-            "The folder '{folder}' cannot be written ({why}): choose another one.",
-            folder=folder,
-            why=reason.strerror,
-        ) from None
+        raise unwritable_folder(folder, reason) from None
     with place as name:
         try:
             yield Path(name)
@@ -95,6 +91,15 @@ def together(folder: Path) -> Iterator[Path]:
             raise
 
 
+def unwritable_folder(folder: Path, reason: OSError) -> ImageError:
+    """The error that a folder cannot be written to, for a reason of the system."""
+    return ImageError(
+        "The folder '{folder}' cannot be written ({why}): choose another one.",
+        folder=folder,
+        why=reason.strerror,
+    )
+
+
 def _unwritable(path: Path, reason: OSError) -> ImageError:
     why = reason.strerror
     return ImageError(
@@ -123,11 +128,7 @@ def check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as reason:
-        raise ImageError(
-            "The folder '{folder}' cannot be written ({why}): choose another one.",
-            folder=folder,
-            why=reason.strerror,
-        ) from None
+        raise unwritable_folder(folder, reason) from None
 
 
 def write_text(path: Path, text: str) -> None:

@@ -20,11 +20,7 @@ def made(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise ImageError(
-            "The folder '{folder}' cannot be written ({why}): choose another one.",
-            folder=folder,
-            why=reason.strerror,
-        ) from None
+        raise disk.unwritable_folder(folder, reason) from None
 
     try:
         disk.check_folder(folder)
