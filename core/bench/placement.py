@@ -181,7 +181,7 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
     pixels : width and height of the display
     """
     where = proposal.placement
-    (columns, rows) = pixels
+    columns, rows = pixels
     plate = rectangle(where.plate, proposal.plate, proposal.plate)
     picture = rectangle(where.picture, proposal.picture, proposal.picture)
     display = rectangle(where.display, proposal.display, proposal.display * rows / columns)

@@ -234,7 +234,7 @@ def _make_parts(
     """Plate, picture and display."""
     metres = length_of_unit(scene)
     where = proposal.placement
-    (columns, rows) = pixels
+    columns, rows = pixels
     side = proposal.plate / metres
     plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
     plate.kiriko.role, plate.display_type = "PLATE", "WIRE"

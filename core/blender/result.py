@@ -251,7 +251,7 @@ def _write_numbers(
 ) -> str:
     """Write the panel's numbers of a solution, and return it in one sentence."""
     result = scene.kiriko.result
-    (details, notes) = numbers
+    details, notes = numbers
     result.coverage = details["picture_coverage"]
     result.details = Numbers(details).text()
     result.summary = summary(details["picture_coverage"], solution.misses)

@@ -40,7 +40,7 @@ def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np
     """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with
     the shares.
     """
-    (width, height) = batches.view_size
+    width, height = batches.view_size
     n_channels = source.shape[2]
     seen = np.zeros((n_channels, height, width))
     for shares in batches:

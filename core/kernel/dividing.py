@@ -94,7 +94,7 @@ def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
 
 def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Made:
     made = Made(DivisionStructure)
-    (width, height) = display_size
+    width, height = display_size
     made.point("view", view_polygons, float)
     made.point("display", display_polygons, float)
     made.set(

@@ -20,8 +20,7 @@ TreeStructure = _structure("TreeStructure", nodes=_P, items=_P)
 CurvedStructure = _structure(
     "CurvedStructure",
     corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P,
-    vertex_normal=_P, normal_row=_P,
-    normal_terms=_P, lower=_P,
+    vertex_normal=_P, normal_row=_P, normal_terms=_P, lower=_P,
 )  # fmt: skip
 HullStructure = _structure(
     "HullStructure", corners=_P, owner=_P, parts=_P, n_whole=_I, n_parts=_I, tree=TreeStructure
@@ -30,58 +29,46 @@ LayerStructure = _structure(
     "LayerStructure",
     n_triangles=_I, frames=_P, numbers=_P, closed_bits=_P, solid_bits=_P, curved=_P, hull=_P,
     rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D, tolerance=_D,
-    has_engine=_I,
-    n_starts=_I, over_faces=TreeStructure, facets=_P,
+    has_engine=_I, n_starts=_I, over_faces=TreeStructure, facets=_P,
 )  # fmt: skip
 ArrayStructure = _structure(
     "ArrayStructure",
     centre=_D * 3, axes=_D * 9, pitch=_D, height=_D, thickness=_D, ior=_D, reflectance=_D,
-    crossing_error=_D,
-    phase=_D * 2, layout=_I, has_fresnel=_I,
+    crossing_error=_D, phase=_D * 2, layout=_I, has_fresnel=_I,
 )  # fmt: skip
 PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P,
-    is_closed=_P,
-    is_clear=_P, bit=_P, arrays=_P, array=_P, index_row=_P, indices=_P, n_triangles=_I, n_open=_I,
-    n_aside=_I,
-    n_layers=_I, open_part=_P,
-    open_box=_P, aside_box=_P, layers=_P, order=_P, merge_distance=_D, max_events=_I,
-    only_through_glass=_I,
-    looks_beside=_I,
-    brightness=_I, has_plane=_I, display_start=_I, plane_corner=_D * 3, plane_normal=_D * 3,
-    plane_pixels=_D * 6,
-    plane_origin=_D * 2, display_uv=_P, display_size=_D * 2,
+    is_closed=_P, is_clear=_P, bit=_P, arrays=_P, array=_P, index_row=_P, indices=_P,
+    n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P, open_box=_P, aside_box=_P,
+    layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
+    looks_beside=_I, brightness=_I, has_plane=_I, display_start=_I, plane_corner=_D * 3,
+    plane_normal=_D * 3, plane_pixels=_D * 6, plane_origin=_D * 2, display_uv=_P,
+    display_size=_D * 2,
 )  # fmt: skip
 RayStateStructure = _structure(
     "RayStateStructure",
-    positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P, throughput=_P,
-    n_events=_P,
-    has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P, leak=_P, course=_P, width=_I,
-    is_recorded=_I,
-    light=_I, n_words=_P, is_astray=_P, has_ended=_P, n_rays=_I, n_steps=_I, places=_P, met=_P,
-    left_at=_P,
-    is_reached=_P,
+    positions=_P, directions=_P, mask=_P, cluster=_P, reason=_P, branch=_P, xy=_P,
+    throughput=_P, n_events=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P,
+    leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
+    has_ended=_P, n_rays=_I, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
 )  # fmt: skip
 DivisionStructure = _structure(
     "DivisionStructure",
-    view=_P, display=_P, n_cells=_I, n_corners=_I, width=_I, height=_I, cell=_I, part=_I, row=_I,
-    column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P,
-    display_area=_P,
-    number=_P,
+    view=_P, display=_P, n_cells=_I, n_corners=_I, width=_I, height=_I, cell=_I, part=_I,
+    row=_I, column=_I, n=_I, room=_I, pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P,
+    area=_P, display_area=_P, number=_P,
 )  # fmt: skip
 StrokesStructure = _structure(
     "StrokesStructure",
-    pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, throughput=_P, n=_I,
-    matrix=_D * 9, low=_D * 2,
-    high=_D * 2, size=_D * 2,
+    pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, throughput=_P, n=_I, matrix=_D
+    * 9, low=_D * 2, high=_D * 2, size=_D * 2,
 )  # fmt: skip
 LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I)
 FitStructure = _structure(
     "FitStructure",
     at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, first=_P, end=_P, wanted=_P,
-    n_wanted=_I,
-    ridge=_D * 14,
+    n_wanted=_I, ridge=_D * 14,
 )  # fmt: skip
 N_LEVELS = 5
 ThinPartsStructure = _structure(

@@ -79,7 +79,7 @@ def infloasion(rig: Rig) -> Rig:
     on the viewer's side.
     """
     plate = face_of(rig.plates[0].mesh)
-    (display, front) = face_of(rig.display.mesh)
+    display, front = face_of(rig.display.mesh)
     halves = [
         replace(
             glass,

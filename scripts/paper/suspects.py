@@ -159,7 +159,7 @@ def _cut_thicker(parameter: Parameter, setup: Setup, mm: float) -> Setup:
     """The half cube with its cut elsewhere."""
     plain, half, source = setup.photographs
     rig = half.made_for
-    (glass, piece) = half.bench.glasses
+    glass, piece = half.bench.glasses
     display, front = face_of(rig.display.mesh)
     beside = piece.mesh.vertices[0] - infloasion(rig).glasses[1].mesh.vertices[0]
     whole = mirrored(rig.glasses[0].mesh, *face_of(rig.plates[0].mesh))

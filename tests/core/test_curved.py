@@ -498,7 +498,7 @@ def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
     """A round bar with rounded rims: no point is further from
     it than the middles of its facets are, about.
     """
-    (rim, half) = size
+    rim, half = size
     a = np.linspace(0, np.pi / 2, strips + 1)
     radius = 0.02
     around = radius - rim + rim * np.sin(a)
@@ -507,7 +507,7 @@ def test_large_faces_do_not_follow_the_bevel_beside_them(surface, strips, size):
     bar = lathed(np.concatenate([[0], around, around[::-1], [0]]), heights)
     curved = make_surface(replace(bar, surface=surface)).curved
     k = np.flatnonzero(curved.row >= 0)
-    (weights, _) = grid(4)
+    weights, _ = grid(4)
     triangle = np.repeat(k, len(weights))
     at = np.tile(weights, (len(k), 1))
     x, y, z = curved.points(triangle, at[:, 1], at[:, 2]).T

@@ -45,8 +45,8 @@ def box(text):
 
 def by_ticks(pairs, value, scale):
     """Where a value stands by the first and last tick, px."""
-    (first, a) = pairs[0]
-    (last, b) = pairs[-1]
+    first, a = pairs[0]
+    last, b = pairs[-1]
     return a + (b - a) * (scale(value) - scale(first)) / (scale(last) - scale(first))
 
 

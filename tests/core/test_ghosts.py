@@ -69,7 +69,7 @@ def test_the_strongest_path_has_the_largest_sum():
             ):
                 sums[pixel, path] = sums.get((pixel, path), 0.0) + area * t * t
         found = paths.strongest()
-        (weights, contested) = paths.weights()
+        weights, contested = paths.weights()
         for pixel in range(n_pixels):
             here = {path: weight for (at, path), weight in sums.items() if at == pixel}
             assert found[pixel] == (max(here, key=here.get) if here else NO_PATH)
@@ -109,8 +109,8 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     )
     is_on, pixel = landings.pixels(side, side)
     is_on &= (across.branch == landings.branch) & (along.branch == landings.branch)
-    (ax, ay) = (across.xy - landings.xy).T
-    (bx, by) = (along.xy - landings.xy).T
+    ax, ay = (across.xy - landings.xy).T
+    bx, by = (along.xy - landings.xy).T
     path = landings.branch ^ (ax * by - ay * bx < 0)
     pixel = pixel[is_on]
     path = path[is_on]

@@ -431,7 +431,7 @@ def test_no_ray_breaks_it(name):
     """
     a_rig = RIGS[name]()
     plan = make_plan(a_rig, Settings())
-    (o, d) = rays_of(a_rig, len(WILD))
+    o, d = rays_of(a_rig, len(WILD))
     expected = trace_all(plan, o, d)
     wild = np.array(WILD, float)
     mixed = np.concatenate([o, wild, o]), np.concatenate([d, d, wild])

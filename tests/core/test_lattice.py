@@ -260,7 +260,7 @@ def patches(random, size=(400, 450), n=300):
     y, x = np.mgrid[: size[0], : size[1]]
     image = np.zeros(size)
     for _ in range(n):
-        (px, py) = random.uniform(0, size[::-1])
+        px, py = random.uniform(0, size[::-1])
         r = random.choice([3, 5, 8, 14, 25])
         image += random.uniform(-0.4, 0.5) * np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * r * r))
     return image

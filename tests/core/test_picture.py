@@ -307,7 +307,7 @@ def footprints(random, n, most=2.0):
     sides = 10 ** random.uniform(-2, most, (2, n))
     turn = random.uniform(0, np.pi, n)
     sides[random.random((2, n)) < 0.1] = 0
-    (a, b) = sides**2 / 12
+    a, b = sides**2 / 12
     c = np.cos(turn)
     s = np.sin(turn)
     return np.stack([a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c])

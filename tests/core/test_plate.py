@@ -534,7 +534,7 @@ def test_a_plate_whose_normal_is_reversed_is_the_same_plate(layout, error):
     frame = frame_of(array, seed=9)
     c = np.cos(error)
     s = np.sin(error)
-    (x, y, z) = frame.axes
+    x, y, z = frame.axes
 
     # the present first layer was the second, turned by
     # the error: from it sides and mirrors are told

@@ -189,8 +189,8 @@ def test_an_irregular_mesh_on_its_surface_is_followed():
     """Vertices anywhere on the ball, and not beside it, are no
     noise: the error stays that of a regular mesh.
     """
-    (true, told) = true_and_told(irregular_ball(4, 0.3))
-    (regular, _) = true_and_told(irregular_ball(4))
+    true, told = true_and_told(irregular_ball(4, 0.3))
+    regular, _ = true_and_told(irregular_ball(4))
     assert true < 20 * regular
     assert true < told.error
     assert told.cause == "order"

@@ -46,7 +46,7 @@ def coverage(found):
     sizes = found.view_size, found.view_size
     cells = replace(found, samples=found.samples[:0], sample_area=found.sample_area[:0])
     parts = [rasterise(*sizes, view, view) for view, *_ in cells.pieces(at_pixels=True)]
-    (w, h) = found.view_size
+    w, h = found.view_size
     has_landed = found.points.branch[found.samples] != 0
     column, row = np.floor(found.points.view[found.samples[has_landed]]).astype(int).T
     sampled = np.bincount(row * w + column, found.sample_area[has_landed], w * h)
