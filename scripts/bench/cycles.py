@@ -19,7 +19,7 @@ import kiriko
 from fuzz.run import judge
 from kiriko.core.blender.scene import read
 
-from .brought_glass import GLASSES, INDICES, SIZE, fitting
+from .brought_glass import GLASSES, INDICES, SIZE, add_glass_option, fitting
 from .irregular import CHOICES
 
 
@@ -27,14 +27,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--glass",
-        nargs="+",
-        metavar="NAME",
-        choices=GLASSES,
-        default=list(GLASSES),
-        help="only these",
-    )
+    add_glass_option(parser)
     parser.add_argument(
         "--surface",
         nargs="+",

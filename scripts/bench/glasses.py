@@ -45,7 +45,7 @@ from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 from known.reference_rigs import glass_rig
 
-from .brought_glass import GLASSES, INDICES, made
+from .brought_glass import INDICES, add_glass_option, made
 from .irregular import CHOICES
 
 
@@ -53,14 +53,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--glass",
-        nargs="+",
-        metavar="NAME",
-        choices=GLASSES,
-        default=list(GLASSES),
-        help="only these",
-    )
+    add_glass_option(parser)
     parser.add_argument(
         "--surface", nargs="+", choices=CHOICES, default=list(CHOICES), help="only these choices"
     )
