@@ -34,9 +34,12 @@ class Message(str):
     values: dict[str, object]
 
     def __new__(cls, template: str, /, **values: object) -> Message:
+        if isinstance(template, Message) and not values:
+            return template  # it has its own already
+
         message = super().__new__(cls, template.format(**values) if values else template)
-        message.template = getattr(template, "template", template) if not values else template
-        message.values = values or getattr(template, "values", {})
+        message.template = template
+        message.values = values
         return message
 
     def told(
