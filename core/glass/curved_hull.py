@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats
 from ..products import combine
+from ..vectors import length_of
 from .curved import FACES_AT_ONCE, HIGHER, CurvedFaces
 from .quartics import N_TERMS, grid, monomials
 
@@ -108,7 +109,7 @@ def _find_points(faces: CurvedFaces, k: int) -> tuple[Floats, Floats]:
         some = slice(first, first + FACES_AT_ONCE)
         at = np.matmul(terms, faces.coefficients[some])
         for i, m, j in chords:
-            missed = np.linalg.norm(at[:, m] - (at[:, i] + at[:, j]) / 2, axis=2).max(axis=1)
+            missed = length_of(at[:, m] - (at[:, i] + at[:, j]) / 2).max(axis=1)
             sag[some] = np.maximum(sag[some], missed)
         points[some] = np.matmul(weights, faces.corners[triangle[some]]) + at[:, coarse]
 

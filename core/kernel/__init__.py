@@ -22,7 +22,7 @@ from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
-from .plans import left_out, made_of
+from .plans import left_out, made_of, making
 from .structures import Made, RayStateStructure
 from .touching import Boxes
 from .trees import HullEngine
@@ -45,6 +45,7 @@ __all__ = [
     "follow",
     "left_out",
     "library",
+    "making",
     "off",
     "paint",
     "use_threads",

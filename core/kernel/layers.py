@@ -6,9 +6,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arrays import Floats
 from ..glass.curved import CurvedFaces
 from ..glass.quartics import LOWER
 from ..light.rescue import count_starts
+from ..steps import Pauses
 from .structures import (
     CurvedStructure,
     LayerStructure,
@@ -18,6 +20,7 @@ from .trees import face_tree_of, frames_of, hull_of, kept
 
 if TYPE_CHECKING:
     from ..light.plan import PlannedLayer
+    from ..light.ray_engine import Layer
 
 _faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
 
@@ -47,6 +50,20 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
+def _face_tree(layer: "Layer") -> tuple[Made, Floats]:
+    return face_tree_of(layer, None if layer.curved is None else layer.curved.whole)
+
+
+def growing_trees(layer: "Layer") -> Pauses[None]:
+    """Make the trees that a layer will need; pauses after each, which may take 0.2 s."""
+    if layer.has_engine:
+        _face_tree(layer)
+        yield 0
+    if layer.curved is not None:
+        hull_of(layer.asked)
+        yield 0
+
+
 def make_layer(held: "PlannedLayer") -> Made:
     """A layer with its triangles' numbers in the plan, and the bits of its solids."""
     made = Made(LayerStructure)
@@ -74,8 +91,7 @@ def make_layer(held: "PlannedLayer") -> Made:
     )
 
     if layer.has_engine:
-        whole = None if curved is None else curved.whole
-        tree, facets = face_tree_of(layer, whole)
+        tree, facets = _face_tree(layer)
         made.set(over_faces=tree.structure)
         made.point("facets", facets, float)
         made.keep(tree)

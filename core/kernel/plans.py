@@ -10,7 +10,8 @@ import numpy as np
 from ..glass.curved import CurvedFaces
 from ..light.plate import ArrayFrame
 from ..light.ray_engine import Layer
-from .layers import make_layer
+from ..steps import Pauses
+from .layers import growing_trees, make_layer
 from .loading import MOST_LAYERS, library
 from .structures import (
     ArrayStructure,
@@ -151,6 +152,13 @@ def _point_to_layers(made: Made, plan: "Plan") -> None:
     # glass comes first: most of what else there is lies beyond, and then need not be asked
     order = np.argsort([not held.layer.has_engine for held in plan.layers], kind="stable")
     made.point("order", order, np.int64)
+
+
+def making(plan: "Plan") -> Pauses[None]:
+    """Make a plan ready as `made_of` does, but with pauses."""
+    if plan not in _plans and left_out(plan.layers) is None:
+        for held in plan.layers:
+            yield from growing_trees(held.layer)
 
 
 def made_of(plan: "Plan") -> Made | None:

@@ -16,6 +16,7 @@ from ..light.asked import Asked
 from ..light.engines import Found
 from ..light.ray_engine import Layer
 from ..products import combine
+from ..vectors import length_of
 from .loading import loaded, n_threads
 from .structures import (
     NODE,
@@ -75,7 +76,7 @@ def _boxes(corners: NDArray[np.floating]) -> Floats:
 
 def _grown(boxes: Floats) -> Floats:
     """Boxes (n, 2, 3) a little larger."""
-    more = BOX_SLACK * np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+    more = BOX_SLACK * length_of(boxes[:, 1] - boxes[:, 0])
     boxes[:, 0] -= more[:, None]
     boxes[:, 1] += more[:, None]
     return boxes

@@ -107,6 +107,7 @@ def tracing(
 
 def _following(plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
     """Follow rays to their ends: by the compiled kernel where it can, else event by event."""
+    yield from kernel.making(plan)
     if not kernel.can_follow(plan, rays, steps is not None):
         yield from _by_events(plan, rays, steps)
         return
