@@ -92,9 +92,3 @@ class MirrorArray:
             raise RigError(
                 "{owner} has a phase that is no number: set one in pitches.", owner=owner
             )
-
-
-# the published model of the ASKA3D-488 (Kiuchi & Koizumi 2021, doi
-# 10.1016/j.cag.2021.02.007), and one of finer pitch
-PRESETS = {"ASKA3D-488": MirrorArray(), "ASKA3D-200": MirrorArray(pitch=0.3e-3, height=0.75e-3)}
-PRESET_SIDES = {"ASKA3D-488": 0.488, "ASKA3D-200": 0.2}  # m

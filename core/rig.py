@@ -5,12 +5,13 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any
 
 from .arrays import Bools, Floats, Ints
+from .catalogue import PLATES
 from .errors import RigError
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
 from .messages import Message
-from .mirror_array import MOST_CROSSING_ERROR, PRESET_SIDES, PRESETS, MirrorArray
+from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Viewer
@@ -43,6 +44,11 @@ __all__ = [
     "SurfaceChoice",
     "Viewer",
 ]
+
+
+# as scripts of 0.1 ask for the plates of the catalogue
+PRESETS = {name: product.array for name, product in PLATES.items()}
+PRESET_SIDES = {name: product.side for name, product in PLATES.items()}  # m
 
 
 def _parts_of(role: Role, default: Any = MISSING) -> Any:

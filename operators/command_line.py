@@ -87,6 +87,15 @@ def parser() -> argparse.ArgumentParser:
         default="PNG8",
         help="of source.png or source.tif (PNG8)",
     )
+    for role, products in solve_to_folder.PRODUCTS.items():
+        pictures.add_argument(
+            f"--{role}",
+            choices=products,
+            metavar="NAME",
+            help=f"solve with another {role} of the catalogue: {', '.join(products)}".replace(
+                "%", "%%"
+            ),
+        )
     solve = verbs.add_parser(
         "solve", parents=[pictures], help="compute the source image and write it to a folder"
     )

@@ -2,11 +2,9 @@
 
 import bpy
 
-from ..core.blender.resize import give_side
-from ..core.blender.units import length_of_unit, length_text
-from ..core.errors import RigError
+from ..core.blender.chosen_product import give_plate
+from ..core.catalogue import PLATES
 from ..core.messages import Message
-from ..core.rig import PRESET_SIDES, PRESETS
 from . import needed, telling
 
 
@@ -26,11 +24,11 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
                 name,
                 Message(
                     "Two crossed layers, {pitch:g} mm from mirror to mirror, {side:g} mm a side",
-                    pitch=1e3 * array.pitch,
-                    side=1e3 * PRESET_SIDES[name],
+                    pitch=1e3 * product.array.pitch,
+                    side=1e3 * product.side,
                 ),
             )
-            for name, array in PRESETS.items()
+            for name, product in PLATES.items()
         ],
     )
 
@@ -45,47 +43,9 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        plate = context.active_object
-        side = PRESET_SIDES[self.preset]
-        length = length_text(context.scene, side)
-
         with telling.told(self):
-            try:
-                give_side(context, plate, side / length_of_unit(context.scene))
-            except RigError as why:
-                level = "WARNING"
-                text = Message(
-                    "'{plate}' has the mirrors of {preset} now, but not its size of"
-                    " {length}: {why}.",
-                    plate=plate.name,
-                    preset=self.preset,
-                    length=length,
-                    why=why,
-                )
-            else:
-                level = "INFO"
-                text = Message(
-                    "'{plate}' has the mirrors of {preset} now, and its size: {length} a side.",
-                    plate=plate.name,
-                    preset=self.preset,
-                    length=length,
-                )
-
-            _set_mirrors(plate, self.preset)
-            telling.report(self, level, text)
+            given = give_plate(context, context.active_object, PLATES[self.preset])
+            telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
             return {"FINISHED"}
 
         return {"CANCELLED"}
-
-
-def _set_mirrors(plate: bpy.types.Object, preset: str) -> None:
-    array = PRESETS[preset]
-    ours = plate.kiriko.plate
-    ours.model = array.layout.upper()
-    ours.pitch = 1e3 * array.pitch
-    ours.height = array.height / array.pitch
-    ours.ior = array.ior
-    ours.reflectance = array.reflectance
-    ours.crossing_error = array.crossing_error
-    ours.fresnel = array.has_fresnel
-    ours.phase = array.phase

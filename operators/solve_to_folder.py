@@ -10,14 +10,20 @@ import bpy
 import numpy as np
 
 from ..core import disk, image_io
+from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
 from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
 from ..core.blender.result import write_solution
+from ..core.catalogue import DISPLAYS, GLASSES, PLATES
+from ..core.errors import RigError
 from ..core.image.simulation import simulate
 from ..core.messages import Message
-from . import folder, work
+from . import folder, needed, work
 
 Result = TypeVar("Result")
+
+# the products that a part of the file may be changed for, by its role
+PRODUCTS = {"plate": PLATES, "display": DISPLAYS, "glass": GLASSES}
 
 
 def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
@@ -63,6 +69,10 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     context = bpy.context
     scene = context.scene
+    for given in _with_products(context, arguments):
+        if not given.is_whole:
+            raise RigError("{given}", given=given.text)
+        yield given.text
     reading = work.read_to_solve(context)
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
     solution = yield from told_in_tenths(work.session().solve(reading.rig, work.settings_of(scene)))
@@ -113,6 +123,22 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
 
     yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
+
+
+def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) -> list[Given]:
+    """Change parts of the open file for the products that are asked for."""
+    parts = needed.parts(context.scene)
+    plates, displays, glasses = (
+        list(parts.get(role, {})) for role in ("PLATE", "DISPLAY", "GLASS")
+    )
+    given = []
+    if arguments.plate:
+        given += [give_plate(context, thing, PLATES[arguments.plate]) for thing in plates]
+    if arguments.display:
+        given += [give_display(context, thing, DISPLAYS[arguments.display]) for thing in displays]
+    if arguments.glass:
+        given += give_glass(glasses, GLASSES[arguments.glass])
+    return given
 
 
 def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:

@@ -3,11 +3,13 @@
 import bpy
 
 from ..core.blender.bodies import bodiless
+from ..core.blender.chosen_product import display_product, glass_product, plate_product
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render
+from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..core.messages import Message
 from ..operators import needed
 from ..operators.make_glass import can_be_given
@@ -152,11 +154,13 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         if ours.role == "GLASS":
             self._draw_glass(box, context, thing)
         if ours.role == "PLATE":
+            _draw_product(box, "kiriko.plate_preset", plate_product(context, thing))
             self._draw_plate(box, ours.plate)
 
         if ours.role in {"GLASS", "MIRROR"}:
             box.prop(ours, "surface")
         elif ours.role == "DISPLAY":
+            _draw_product(box, "kiriko.display_preset", display_product(context, thing))
             box.prop(ours, "resolution")
         elif ours.role == "PICTURE":
             self._draw_picture(box, thing)
@@ -185,6 +189,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
             )
             box.operator("kiriko.make_glass", icon="MATSPHERE")
 
+        _draw_product(box, "kiriko.glass_preset", glass_product(thing))
         row = box.row(heading="Override IOR")
         row.prop(ours, "use_ior", text="")
         value = row.row()
@@ -198,11 +203,7 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
         Choosing another here fits the plane to it.
         """
         image = image_of(picture)
-        line = box.split(factor=0.4)  # as Blender splits properties, of which this is none
-        label = line.row()
-        label.alignment = "RIGHT"
-        label.label(text="Image")
-        row = line.row(align=True)
+        row = _labelled(box, "Image")
         name = "Choose Image" if image is None else image.name
         row.menu(VIEW3D_MT_kiriko_images.bl_idname, text=name, icon="IMAGE_DATA")
         row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
@@ -210,7 +211,6 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
 
     def _draw_plate(self, box: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
         box.prop(plate, "model")
-        box.operator_menu_enum("kiriko.plate_preset", "preset", text="Preset", icon="PRESET")
         if plate.model == "IDEAL":
             return
 
@@ -247,3 +247,22 @@ class VIEW3D_PT_kiriko_rig(Sidebar, bpy.types.Panel):
 
         for phrase in needed.missing(context.scene):
             sentence(column, context, Message("{reason}.", reason=phrase), icon="ERROR")
+
+
+def _labelled(box: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
+    """A row with a label before it, as Blender splits properties, for things that are none."""
+    line = box.split(factor=0.4)
+    label = line.row()
+    label.alignment = "RIGHT"
+    label.label(text=text)
+    return line.row(align=True)
+
+
+def _draw_product(
+    box: bpy.types.UILayout,
+    operator: str,
+    product: PlateProduct | DisplayProduct | GlassProduct | None,
+) -> None:
+    """The product that a part is by its values, as a menu of all others."""
+    name = "Custom" if product is None else product.name
+    _labelled(box, "Product").operator_menu_enum(operator, "preset", text=name, icon="PRESET")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..catalogue import GLASSES
 from ..errors import RigError
 from ..glass.meshes import geometric_normals
 from ..messages import Message
@@ -17,7 +18,7 @@ from .shapes import Kept
 
 # cosine between a plate's normal and its x axis above which that axis does not lie in it
 UPRIGHT = 0.99
-DEFAULT_IOR = 1.49  # acrylic, for glass whose material does not refract
+DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass whose material does not refract
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,15 @@ from ..errors import RigError
 from ..messages import Message
 from ..words import percent
 from . import shaders
+from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
-from .mesh import column, used_slots, uv_layer
+from .mesh import used_slots
 from .picture import UNREADABLE, check_readable
-from .rectangle import sides, uv_axes
+from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 
 MATERIAL = "Kiriko Picture"
 UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should
-ALONG = 1e-5  # of its length: how far a direction may be off an axis that it goes along
 FIT_BUTTON = "press Fit to Image in the Kiriko tab"
 
 
@@ -169,7 +169,7 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     ImageError : the image has no pixels, a whole sentence
     """
     image = _readable(thing)
-    points, axes = _laid_out(context, thing)
+    points, axes = laid_out(context, thing, _uv_map(thing))
 
     def factor(matrix: Floats) -> float:
         return squeeze(sides(axes @ matrix[:3, :3].T), image)
@@ -177,7 +177,8 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     before = factor(np.array(thing.matrix_world, float))
     if squeezed_words(before):
         refuse_held(thing)
-        factors = _factors(axes, np.sqrt(before))
+        factor_of_height = np.sqrt(before)
+        factors = axis_factors(axes, np.array([1 / factor_of_height, factor_of_height]))
         rescale(
             context, thing, points, factors, lambda after: abs(factor(after) - 1) <= RESIZED_WITHIN
         )
@@ -196,8 +197,13 @@ def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[flo
 
     Raises RigError, a clause for a sentence.
     """
-    _, axes = _laid_out(context, thing)
-    return sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
+    return size_of(context, thing, _uv_map(thing))
+
+
+def _uv_map(thing: bpy.types.Object) -> str:
+    """The UV map by which a plane shows its picture; '' for the one used in renders."""
+    texture = own_texture(thing)
+    return texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
 
 
 def _readable(thing: bpy.types.Object) -> bpy.types.Image:
@@ -206,59 +212,3 @@ def _readable(thing: bpy.types.Object) -> bpy.types.Image:
         raise RigError("it shows no image")
     check_readable(image, Message("the picture '{name}'", name=thing.name))
     return image
-
-
-def _laid_out(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Floats, Floats]:
-    """Vertices (n, 3) of a plane as shown, and the ways (2, 3)
-    that a whole u and v go, in its own coordinates.
-    """
-    if thing.type == "EMPTY":
-        raise RigError("it is an instance")
-
-    texture = own_texture(thing)
-    uv_map = texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
-    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
-    mesh = shown.to_mesh()
-
-    try:
-        layer = uv_layer(mesh, uv_map)
-        if layer is None:
-            raise RigError("it has no UV map")
-        points = column(mesh.vertices, "co", 3, np.float32).astype(float)
-        corners = points[column(mesh.loops, "vertex_index", 1, np.int32)]
-        axes = uv_axes(corners, column(layer.uv, "vector", 2, np.float32).astype(float))
-    finally:
-        shown.to_mesh_clear()
-
-    size = None if axes is None else sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
-    if size is None:
-        raise RigError("its UV map does not lay the image out as one rectangle")
-    if not min(size):
-        raise RigError("it has no size")
-
-    return points, axes
-
-
-def _factors(axes: Floats, factor: float) -> Floats:
-    """Factors (3,) for an object's axes that divide one way
-    (2, 3) by a factor, and multiply the other by it.
-    """
-    lengths = np.linalg.norm(axes, axis=1)
-    off = np.sqrt(np.maximum(lengths[:, None] ** 2 - axes**2, 0))
-    along = [
-        int(row.argmin()) if row.min() <= ALONG * length else None
-        for row, length in zip(off, lengths, strict=True)
-    ]
-    if along == [None, None]:
-        raise RigError("its mesh is turned within the object: scale it by hand in Edit Mode")
-
-    factors = np.ones(3)
-    # the other way is across the axis of this one: scaled evenly, it keeps its direction
-    if None in along:
-        factors[:] = factor if along[1] is None else 1 / factor
-
-    for axis, value in zip(along, (1 / factor, factor), strict=True):
-        if axis is not None:
-            factors[axis] = value
-
-    return factors

@@ -42,6 +42,15 @@ def give_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) 
     )
 
 
+def has_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -> bool:
+    """Is a flat object this long and wide, Blender units?"""
+    try:
+        factors = _factors(np.array(thing.matrix_world, float), _points(context, thing), side)
+    except RigError:
+        return False
+    return bool(np.abs(factors - 1).max() <= RESIZED_WITHIN)
+
+
 def rescale(
     context: bpy.types.Context,
     thing: bpy.types.Object,

@@ -81,7 +81,11 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         preferences = SimpleNamespace(system=system)
         stand_in.draw(
             SimpleNamespace(
-                scene=of or scene, active_object=active, preferences=preferences, region=wide
+                scene=of or scene,
+                active_object=active,
+                preferences=preferences,
+                region=wide,
+                evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
             )
         )
 

@@ -56,7 +56,7 @@ class Layout:
     def operator_menu_enum(
         self, name: str, prop: str, icon: str = "NONE", **options: object
     ) -> None:
-        self.operator(name, icon)
+        self.operator(name, icon, **options)
         group, verb = name.split(".")
         assert getattr(getattr(bpy.ops, group), verb).get_rna_type().properties[prop].type == "ENUM"
 

@@ -55,6 +55,25 @@ def test_solve_writes_everything_and_tells_its_progress(
     assert report["resolution"] == [64, 64]
 
 
+def test_solve_takes_products_by_their_names(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The open file's display is the named one, its glass has the named index.
+
+    A name that is not in the catalogue is refused before anything is done.
+    """
+    products = ("--display", "iPhone SE (2022)", "--glass", "Water")
+    assert run("solve", "--out", saved, *products) == 0
+    told = capsys.readouterr().out
+    assert "is iPhone SE (2022) now" in told
+    assert "is Water now" in told
+    report = json.loads((saved / "report.json").read_text())
+    assert report["resolution"] == [1334, 750]
+    assert report["display_size_m"] == pytest.approx([0.0254 * 1334 / 326, 0.0254 * 750 / 326])
+    assert run("solve", "--out", saved, "--display", "Abacus") == 2
+    assert "invalid choice: 'Abacus'" in capsys.readouterr().err
+
+
 def refusal(capsys: pytest.CaptureFixture) -> str:
     """The one line on stderr."""
     (line,) = capsys.readouterr().err.splitlines()

@@ -11,7 +11,8 @@ from bpy.props import (
     PointerProperty,
 )
 
-from ...rig import MOST_CROSSING_ERROR, PRESETS, ROLES
+from ...catalogue import PLATES
+from ...rig import MOST_CROSSING_ERROR, ROLES
 from ..plane import show
 
 # None, then the roles by their numbers, which Blender's files keep
@@ -96,7 +97,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
     pitch: FloatProperty(
         name="Pitch",
         description="From mirror to mirror, in millimetres whatever the scene's unit",
-        default=1e3 * PRESETS["ASKA3D-488"].pitch,
+        default=1e3 * PLATES["ASKA3D-488"].array.pitch,
         min=1e-3,
         soft_min=0.1,
         soft_max=5.0,

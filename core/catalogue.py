@@ -1,0 +1,160 @@
+"""Products that can be bought: plates, displays and glasses, each with the source of its numbers.
+
+A product is in the list only where its maker, or a measurement, tells its numbers. Sizes in m.
+"""
+
+from dataclasses import dataclass
+
+from .mirror_array import MirrorArray
+
+INCH = 0.0254  # m
+
+
+@dataclass(frozen=True)
+class PlateProduct:
+    """A square plate of mirrors.
+
+    side : m, of the whole plate
+    """
+
+    name: str
+    array: MirrorArray
+    side: float
+    source: str
+
+
+@dataclass(frozen=True)
+class DisplayProduct:
+    """A display, as it lies on its longer side.
+
+    Parameters
+    ----------
+    kind : the heading under which it is listed
+    size : (width, height) in m of the area that shows pixels
+    pixels : (width, height)
+    luminance : cd/m^2 of white, as its maker tells it; None where the maker does not
+    """
+
+    name: str
+    kind: str
+    size: tuple[float, float]
+    pixels: tuple[int, int]
+    luminance: float | None
+    source: str
+
+
+@dataclass(frozen=True)
+class GlassProduct:
+    """A clear material.
+
+    ior : index of refraction at 589 nm, the sodium D line; at the helium d line, for which Kiriko
+        takes it, it is larger by less than 0.0002
+    """
+
+    name: str
+    ior: float
+    source: str
+
+
+def _by_density(
+    name: str, kind: str, pixels: tuple[int, int], per_inch: int, luminance: float, source: str
+) -> DisplayProduct:
+    """A display whose maker tells the pixels to the inch in place of the size."""
+    width, height = (INCH * n / per_inch for n in pixels)
+    return DisplayProduct(name, kind, (width, height), pixels, luminance, source)
+
+
+PLATES = {
+    product.name: product
+    for product in (
+        PlateProduct(
+            "ASKA3D-488",
+            MirrorArray(pitch=0.5e-3, height=1.25e-3),
+            side=0.488,
+            source="Kiuchi and Koizumi, Computers & Graphics 96 (2021), for the mirrors; the name"
+            " has the side in mm",
+        ),
+        PlateProduct(
+            "ASKA3D-200",
+            MirrorArray(pitch=0.3e-3, height=0.75e-3),
+            side=0.2,
+            source="the name has the side in mm; the mirrors are those of the ASKA3D-488 at a pitch"
+            " of 0.3 mm, for no data sheet was at hand",
+        ),
+    )
+}
+
+DISPLAYS = {
+    product.name: product
+    for product in (
+        _by_density(
+            "iPhone SE (2022)", "Phones", (1334, 750), 326, 625.0,
+            "Apple, iPhone SE (3rd generation) technical specifications, 2022",
+        ),
+        _by_density(
+            "iPhone 15", "Phones", (2556, 1179), 460, 1000.0,
+            "Apple, iPhone 15 technical specifications, 2023",
+        ),
+        _by_density(
+            "iPhone 15 Plus", "Phones", (2796, 1290), 460, 1000.0,
+            "Apple, iPhone 15 Plus technical specifications, 2023",
+        ),
+        _by_density(
+            "iPad mini (2021)", "Tablets", (2266, 1488), 326, 500.0,
+            "Apple, iPad mini (6th generation) technical specifications, 2021",
+        ),
+        _by_density(
+            "iPad (2022)", "Tablets", (2360, 1640), 264, 500.0,
+            "Apple, iPad (10th generation) technical specifications, 2022",
+        ),
+        _by_density(
+            "iPad Pro 12.9 (2022)", "Tablets", (2732, 2048), 264, 600.0,
+            "Apple, iPad Pro 12.9-inch (6th generation) technical specifications, 2022",
+        ),
+        DisplayProduct(
+            "Raspberry Pi Touch Display 2", "Panels", (0.155, 0.088), (1280, 720), None,
+            "Raspberry Pi, Touch Display 2 documentation, 2024",
+        ),
+        DisplayProduct(
+            "Dell P2422H", "Monitors", (0.52704, 0.29646), (1920, 1080), 250.0,
+            "Dell, P2422H user's guide, 2021",
+        ),
+        DisplayProduct(
+            "Dell U2415", "Monitors", (0.5184, 0.324), (1920, 1200), 300.0,
+            "Dell, U2415 user's guide, 2014",
+        ),
+        DisplayProduct(
+            "Dell U2723QE", "Monitors", (0.59674, 0.33566), (3840, 2160), 400.0,
+            "Dell, U2723QE user's guide, 2022",
+        ),
+        _by_density(
+            "Apple Studio Display", "Monitors", (5120, 2880), 218, 600.0,
+            "Apple, Studio Display technical specifications, 2022",
+        ),
+        DisplayProduct(
+            "Samsung QM55R", "Signage", (1.2096, 0.6804), (3840, 2160), 500.0,
+            "Samsung, QM55R user manual, 2019",
+        ),
+    )
+}  # fmt: skip
+
+GLASSES = {
+    product.name: product
+    for product in (
+        GlassProduct(
+            "Acrylic",
+            1.49,
+            "Kiuchi and Koizumi 2021; 1.4905 by Sultanova et al., Acta Phys. Pol. A 116 (2009)",
+        ),
+        GlassProduct("Soda-Lime Glass", 1.5233, "Rubin, Solar Energy Materials 12 (1985)"),
+        GlassProduct("N-BK7, K9", 1.5167, "SCHOTT, N-BK7 data sheet, 2017"),
+        GlassProduct(
+            "Lead Crystal (24 % PbO)",
+            1.545,
+            "Council Directive 69/493/EEC (1969): the least that the name allows",
+        ),
+        GlassProduct("Polycarbonate", 1.5846, "Sultanova et al., Acta Phys. Pol. A 116 (2009)"),
+        GlassProduct("Casting Resin (CR-39)", 1.498, "PPG, CR-39 product bulletin, 2006"),
+        GlassProduct("Water", 1.3333, "Daimon and Masumura, Applied Optics 46 (2007), at 20 C"),
+    )
+}

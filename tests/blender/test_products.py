@@ -1,0 +1,151 @@
+"""Products of the catalogue on objects: given by operators, told by values."""
+
+import importlib
+from collections.abc import Callable
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from panel_layout import Layout
+from small_rigs import small_rig
+
+SINGLE = 1e-6  # m: float32's rounding of places and sizes
+PHONE = (25.4 * np.array([2556, 1179]) / 460 / 1e3).tolist()  # m, by 460 pixels to the inch
+
+
+def activate(thing: bpy.types.Object) -> bpy.types.Object:
+    bpy.context.view_layer.objects.active = thing
+    bpy.context.view_layer.update()
+    return thing
+
+
+def corners(thing: bpy.types.Object) -> np.ndarray:
+    """Vertices (n, 3) in the world."""
+    bpy.context.view_layer.update()
+    return np.array([thing.matrix_world @ vertex.co for vertex in thing.data.vertices])
+
+
+@pytest.fixture
+def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    return lambda: module.read(bpy.context, scene)
+
+
+@pytest.mark.parametrize("is_upright", [False, True])
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_a_display_becomes_a_phone_in_its_place(
+    scene: bpy.types.Scene, read: Callable, unit: float, is_upright: bool
+) -> None:
+    """Its middle stays, its sides and pixels are the phone's, lying or upright."""
+    scene.unit_settings.scale_length = unit
+    display = activate(small_rig()["DISPLAY"])
+    middle = corners(display).mean(axis=0)
+    assert bpy.ops.kiriko.display_preset(preset="iPhone 15", is_upright=is_upright) == {"FINISHED"}
+
+    turn = -1 if is_upright else 1
+    reading = read()
+    assert reading.display_size == pytest.approx(PHONE[::turn], rel=1e-5)
+    shown = reading.rig.display
+    assert (shown.width, shown.height) == (2556, 1179)[::turn]
+    assert corners(display).mean(axis=0) == pytest.approx(middle, abs=SINGLE / unit)
+
+
+def test_an_object_shows_the_product_that_it_is(
+    scene: bpy.types.Scene, drawn: Callable[..., Layout]
+) -> None:
+    """The menu's name is the product while all values are its own, and Custom after a change."""
+    parts = small_rig()
+
+    def shown(role: str) -> str:
+        texts = drawn("rig", "VIEW3D_PT_kiriko_rig", activate(parts[role])).labels
+        return next(text for text in texts if text)
+
+    activate(parts["PLATE"])
+    bpy.ops.kiriko.plate_preset(preset="ASKA3D-200")
+    assert shown("PLATE") == "ASKA3D-200"
+    parts["PLATE"].scale *= 1.01
+    assert shown("PLATE") == "Custom"
+
+    activate(parts["DISPLAY"])
+    bpy.ops.kiriko.display_preset(preset="iPad (2022)")
+    assert shown("DISPLAY") == "iPad (2022)"
+    parts["DISPLAY"].kiriko.resolution[0] -= 1
+    assert shown("DISPLAY") == "Custom"
+
+    activate(parts["GLASS"])
+    bpy.ops.kiriko.glass_preset(preset="Water")
+    assert shown("GLASS") == "Water"
+    parts["GLASS"].kiriko.ior = 1.34
+    assert shown("GLASS") == "Custom"
+
+
+def test_glass_of_its_own_gets_the_index_in_its_material(
+    scene: bpy.types.Scene, read: Callable, capfd: pytest.CaptureFixture
+) -> None:
+    """Then renders in Cycles have it, too; the override stays off."""
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+    activate(glass)
+    bpy.ops.kiriko.make_glass()
+    bpy.ops.kiriko.glass_preset(preset="Lead Crystal (24 % PbO)")
+    reading = read()
+    assert reading.rig.glasses[0].ior(589e-9) == pytest.approx(1.545, abs=1e-6)
+    assert [m.source for m in reading.materials] == ["Glass BSDF"]
+    assert not glass.kiriko.use_ior
+    assert (
+        "is Lead Crystal (24 % PbO) now: the IOR of its material 'Kiriko Glass' is 1.545."
+        in capfd.readouterr().out
+    )
+
+
+@pytest.mark.parametrize(
+    ("way", "why"),
+    [
+        ("opaque", "its material does not refract"),
+        ("shared", "others have its material 'Kiriko Glass', too"),
+        ("nodes", "nodes decide the index of its material 'Kiriko Glass'"),
+        ("override", "it is on"),
+    ],
+)
+def test_other_glass_gets_it_as_its_override(
+    scene: bpy.types.Scene, read: Callable, capfd: pytest.CaptureFixture, way: str, why: str
+) -> None:
+    """Materials that are not its own, or not plain, stay; the report says why."""
+    glass = activate(small_rig()["GLASS"])
+    glass.kiriko.use_ior = False
+    if way != "opaque":
+        bpy.ops.kiriko.make_glass()
+        material = glass.material_slots[0].material
+        tree = material.node_tree
+        socket = next(n for n in tree.nodes if n.type == "BSDF_GLASS").inputs["IOR"]
+
+    if way == "shared":
+        other = glass.copy()
+        other.kiriko.role = "NONE"
+        scene.collection.objects.link(other)
+    elif way == "nodes":
+        tree.links.new(tree.nodes.new("ShaderNodeValue").outputs[0], socket)
+    elif way == "override":
+        glass.kiriko.use_ior = True
+
+    bpy.ops.kiriko.glass_preset(preset="Polycarbonate")
+    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5846, abs=1e-6)
+    assert glass.kiriko.use_ior
+    assert f"its Override IOR is 1.5846, for {why}." in capfd.readouterr().out
+    if way != "opaque":
+        assert socket.default_value == pytest.approx(1.49)
+
+
+def test_a_display_that_is_held_keeps_its_size(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture
+) -> None:
+    """It gets the pixels, and a warning with the reason; undo is one step."""
+    display = activate(small_rig()["DISPLAY"])
+    display.lock_scale[0] = True
+    before = corners(display)
+    bpy.ops.kiriko.display_preset(preset="Dell P2422H")
+    assert np.array_equal(corners(display), before)
+    assert tuple(display.kiriko.resolution) == (1920, 1080)
+    assert "1920 x 1080, but not its size of" in capfd.readouterr().out

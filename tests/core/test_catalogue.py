@@ -1,0 +1,73 @@
+"""The catalogue of products, and its table in the README."""
+
+from math import hypot
+from pathlib import Path
+
+import pytest
+
+from kiriko.core.catalogue import DISPLAYS, GLASSES, INCH, PLATES
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+
+# inches, by which makers name their displays
+DIAGONALS = {
+    "iPhone SE (2022)": 4.7,
+    "iPhone 15": 6.12,
+    "iPhone 15 Plus": 6.69,
+    "iPad mini (2021)": 8.3,
+    "iPad (2022)": 10.86,
+    "iPad Pro 12.9 (2022)": 12.9,
+    "Raspberry Pi Touch Display 2": 7.0,
+    "Dell P2422H": 23.8,
+    "Dell U2415": 24.1,
+    "Dell U2723QE": 27.0,
+    "Apple Studio Display": 27.0,
+    "Samsung QM55R": 54.6,
+}
+
+
+def test_each_product_is_by_its_own_name_and_has_a_source() -> None:
+    """Names are the keys by which scripts and the command line ask for products."""
+    for products in (PLATES, DISPLAYS, GLASSES):
+        assert all(name == product.name and product.source for name, product in products.items())
+
+
+@pytest.mark.parametrize("name", DISPLAYS)
+def test_a_display_is_as_large_as_its_diagonal_says(name: str) -> None:
+    """Size and pixels are two figures of a maker, the diagonal a third; pixels are square."""
+    display = DISPLAYS[name]
+    width, height = display.size
+    columns, rows = display.pixels
+    assert hypot(width, height) / INCH == pytest.approx(DIAGONALS[name], rel=0.006)
+    assert width / columns == pytest.approx(height / rows, rel=0.01)
+    assert width > height
+    assert display.luminance is None or 100 <= display.luminance <= 3000
+
+
+@pytest.mark.parametrize("name", PLATES)
+def test_a_plate_has_mirrors_that_can_be_made(name: str) -> None:
+    """Its own check passes, and the name has its side."""
+    plate = PLATES[name]
+    plate.array.check(f"The plate '{name}'")
+    assert name.endswith(f"-{1e3 * plate.side:.0f}")
+
+
+def test_the_readme_lists_all_products_with_their_numbers() -> None:
+    """A row for each, word for word."""
+    text = README.read_text(encoding="utf-8")
+    rows = [
+        f"| {p.name} | pitch {1e3 * p.array.pitch:g} mm, layers of {1e3 * p.array.height:g} mm,"
+        f" {1e3 * p.side:g} mm a side | {p.source} |"
+        for p in PLATES.values()
+    ]
+    rows += [
+        f"| {p.name} | {1e3 * p.size[0]:.1f} x {1e3 * p.size[1]:.1f} mm,"
+        f" {p.pixels[0]} x {p.pixels[1]}{_luminance(p.luminance)} | {p.source} |"
+        for p in DISPLAYS.values()
+    ]
+    rows += [f"| {p.name} | {p.ior:g} | {p.source} |" for p in GLASSES.values()]
+    assert [row for row in rows if row not in text] == []
+
+
+def _luminance(luminance: float | None) -> str:
+    return "" if luminance is None else f", {luminance:g} cd/m\N{SUPERSCRIPT TWO}"
