@@ -77,7 +77,7 @@ class Rig:
     plates: tuple[Plate, ...] = _parts_of(Role(
         "PLATE", "Plate", kind=1, number=2, icon="MESH_GRID",
         tip="Flat imaging plate: sends light to the mirror image of where it came from",
-        remedy="set a plane's role to Plate", may_be_off=True,
+        is_missed=True, may_be_off=True,
     ))
     displays: tuple[Display, ...] = _parts_of(Role(
         "DISPLAY", "Display", kind=4, number=4, icon="RESTRICT_VIEW_OFF",

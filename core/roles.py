@@ -17,6 +17,7 @@ class Role:
     icon : Blender's name of its icon
     tip : its effect, in one line
     remedy : for a rig that has none; '' where a rig can do without
+    is_missed : a rig that has some, all of them hidden, is refused: it would be another rig
     is_single : a rig has one at most
     is_curved : smooth shading stands for a curved surface
     is_mapped : its UV map counts
@@ -31,6 +32,7 @@ class Role:
     icon: str = ""
     tip: str = ""
     remedy: str = ""
+    is_missed: bool = False
     is_single: bool = False
     is_curved: bool = False
     is_mapped: bool = False

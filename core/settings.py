@@ -1,10 +1,11 @@
 """How to solve: the user's choices, and their bounds."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isqrt
 from typing import Literal, get_args
 
 from .errors import RigError
+from .fingerprint import ADDED
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
@@ -32,6 +33,8 @@ class Settings:
         dark; where only light through glass carries the picture
     ghosts : what a display pixel shows that is seen by several paths: the "mean"
         of what they ask for, or what the "strongest" of them asks for
+    only_through_plate : only rays that met a plate carry the picture; of no account in a rig that
+        has no plate
     """
 
     tolerance: float = 0.1
@@ -43,6 +46,7 @@ class Settings:
     wavelength: float = WAVELENGTH
     suppress_glare: float = 0.0
     ghosts: Ghosts = "mean"
+    only_through_plate: bool = field(default=True, metadata=ADDED)
 
     @property
     def looks_beside(self) -> bool:

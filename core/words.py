@@ -2,6 +2,8 @@
 
 import numpy as np
 
+NO_PLATE = "The display, seen with no plate in between,"  # the beginning of a sentence
+
 
 def number(value: float) -> str:
     """A number of two digits, never with an exponent."""

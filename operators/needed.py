@@ -69,7 +69,12 @@ def _missing(scene: bpy.types.Scene) -> dict[str, str]:
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
-    lacks |= {r: hidden_words(*next(iter(found[r].items()))) for r in lacks if r in found}
+    missed = {role.name for role in ROLES if role.is_missed} - there
+    lacks |= {
+        role: hidden_words(*next(iter(found[role].items())))
+        for role in (*lacks, *missed)
+        if role in found
+    }
 
     if ours.picture_source == "IMAGE":
         lacks.pop("PICTURE", None)

@@ -85,6 +85,7 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
         max_events=ours.max_events,
         effort=ours.effort,
         only_through_glass=ours.only_through_glass,
+        only_through_plate=ours.only_through_plate,
         brightness=ours.brightness,
         margin=ours.margin,
         suppress_glare=ours.suppress_glare,

@@ -20,6 +20,9 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
         column.prop(ours, "tolerance")
         column.prop(ours, "only_through_glass")
         row = column.row()
+        row.active = any(thing.kiriko.role == "PLATE" for thing in context.scene.objects)
+        row.prop(ours, "only_through_plate")
+        row = column.row()
         row.active = ours.only_through_glass
         row.prop(ours, "suppress_glare")
         column.prop(ours, "ghosts")

@@ -222,11 +222,13 @@ def hidden_words(thing: bpy.types.Object, by: str) -> str:
     """The trouble with an object that has a role and is
     hidden, and the remedy, without a full stop.
     """
+    can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
     return Message(
-        "The {role} '{name}' is hidden{by}: show it",
+        "The {role} '{name}' is hidden{by}: show it{otherwise}",
         role=role_label(thing).lower(),
         name=thing.name,
         by=by,
+        otherwise=", or set its role to None" if can_do_without else "",
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
-from ..words import summary
+from ..words import NO_PLATE, summary
 from . import shaders
 from .image import image_from_pixels, or_none, pack, set_pixels
 from .kept import Numbers
@@ -254,7 +254,8 @@ def _write_numbers(
     details, notes = numbers
     result.coverage = details["picture_coverage"]
     result.details = Numbers(details).text()
-    result.summary = summary(details["picture_coverage"], solution.misses)
+    display = "The display" if reading.rig.plates else NO_PLATE
+    result.summary = summary(details["picture_coverage"], solution.misses, display)
     result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
     result.is_coarse = False
     result.seen_summary = ""  # the simulation is of another one

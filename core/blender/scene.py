@@ -87,7 +87,9 @@ def read_drawn(
     needed = tuple(
         role.name
         for role in ROLES
-        if role.remedy and role.number is not None and not (role.name == "PICTURE" and is_image)
+        if (role.remedy or role.is_missed)
+        and role.number is not None
+        and not (role.name == "PICTURE" and is_image)
     )
     metres = length_of_unit(scene)
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)

@@ -1,4 +1,6 @@
-"""Glare: light for the glass that reaches the viewer beside it, by way of the plate alone."""
+"""Glare: light for the glass that reaches the viewer beside it, by way of the plate alone, or
+straight from the display where no plate is needed.
+"""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple

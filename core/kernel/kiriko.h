@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 5 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 6 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -116,8 +116,8 @@ typedef struct {
     Layer *layers;
     int64_t *order;                    /* (n_layers,) in which they are asked */
     double merge_distance;
-    int64_t max_events, only_through_glass, looks_beside, brightness;
-    int64_t has_plane, display_start;
+    int64_t max_events, only_through_glass, needs_plate, looks_beside, brightness;
+    int64_t has_plane, is_by_glass, display_start;
     double plane_corner[3], plane_normal[3], plane_pixels[6], plane_origin[2];
     double *display_uv;                /* (., 3, 2) */
     double display_size[2];

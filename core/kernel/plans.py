@@ -79,9 +79,11 @@ def _make_plan(plan: "Plan") -> Made | None:
         merge_distance=plan.merge_distance,
         max_events=min(settings.max_events, FOR_EVER),
         only_through_glass=bool(settings.only_through_glass),
+        needs_plate=plan.needs_plate,
         looks_beside=bool(settings.looks_beside),
         brightness=bool(settings.brightness),
         has_plane=plane is not None,
+        is_by_glass=plan.display.is_by_glass,
         display_start=plan.display.start,
         display_size=np.array([display.width, display.height], float),
     )

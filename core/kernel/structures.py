@@ -42,9 +42,9 @@ PlanStructure = _structure(
     is_closed=_P, is_clear=_P, bit=_P, arrays=_P, array=_P, index_row=_P, indices=_P,
     n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P, open_box=_P, aside_box=_P,
     layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
-    looks_beside=_I, brightness=_I, has_plane=_I, display_start=_I, plane_corner=_D * 3,
-    plane_normal=_D * 3, plane_pixels=_D * 6, plane_origin=_D * 2, display_uv=_P,
-    display_size=_D * 2,
+    needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I, is_by_glass=_I, display_start=_I,
+    plane_corner=_D * 3, plane_normal=_D * 3, plane_pixels=_D * 6, plane_origin=_D * 2,
+    display_uv=_P, display_size=_D * 2,
 )  # fmt: skip
 RayStateStructure = _structure(
     "RayStateStructure",

@@ -2,6 +2,7 @@
 
 #include "kiriko.h"
 
+#define NEAR 4.0 /* as in core/light/contact.py */
 #define RAYS_AT_ONCE 64 /* that one thread takes up: enough that taking them costs nothing */
 
 typedef struct {
@@ -9,6 +10,7 @@ typedef struct {
     Rays *rays;
     int64_t i; /* the ray */
     Hit *by_layer;
+    const Hit *beneath; /* the display, where it is in the same place as glass that the ray leaves; else NULL */
 } Ray;
 
 static void add_to_branch(Ray *ray, int64_t patch, Event event) {
@@ -63,17 +65,42 @@ static void keep_clear(Ray *ray, double distance) {
     }
 }
 
+/* Where glass lies on the display: glass that a ray leaves comes before it, glass that it enters after it, as
+   core/light/contact.py has it. */
+static void put_in_order(Ray *ray, Hit *first) {
+    const Plan *plan = ray->plan;
+    const Hit *display = NULL, *glass = NULL;
+    double near = NEAR * plan->merge_distance;
+    for (int64_t n = 0; n < plan->n_layers; n++) {
+        const Hit *hit = ray->by_layer + n;
+        if (hit->triangle < 0) continue;
+        if (hit->triangle >= plan->display_start) display = hit;
+        bool leaves = plan->bit[plan->part[hit->triangle]] && !hit->enters;
+        if (leaves && (!glass || hit->distance < glass->distance)) glass = hit;
+    }
+    if (!display) return;
+    double nearest = glass && glass->distance < display->distance ? glass->distance : display->distance;
+    if (glass && nearest <= first->distance + near && fabs(display->distance - glass->distance) <= near) {
+        *first = *glass;
+        ray->beneath = display;
+    } else if (plan->kind[plan->part[first->triangle]] == GLASS && first->enters &&
+               fabs(display->distance - first->distance) <= near) {
+        *first = *display;
+    }
+}
+
 static bool find_first_hit(Ray *ray, Hit *first) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
     Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY};
-    double nearest = INFINITY;
+    double nearest = INFINITY, near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
 
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Layer *layer = plan->layers + plan->order[n];
         double tolerance = layer->tolerance > plan->merge_distance ? layer->tolerance : plan->merge_distance;
+        if (tolerance < near) tolerance = near;
         Hit *hit = ray->by_layer + plan->order[n];
         first_hit(layer, &sides, o, d, nearest + tolerance, hit);
         if (hit->distance < nearest) nearest = hit->distance;
@@ -81,6 +108,8 @@ static bool find_first_hit(Ray *ray, Hit *first) {
     *first = ray->by_layer[0];
     for (int64_t n = 1; n < plan->n_layers; n++)
         if (ray->by_layer[n].distance < first->distance) *first = ray->by_layer[n];
+    ray->beneath = NULL;
+    if (plan->is_by_glass && first->triangle >= 0) put_in_order(ray, first);
     if (plan->n_aside) keep_clear(ray, first->distance);
     if (sides.gap_distance < first->distance) rays->leak[i] = sides.gap;
     return first->triangle >= 0;
@@ -111,10 +140,11 @@ static void put_xy(Ray *ray, const double *xy) {
     ray->rays->xy[2 * ray->i + 1] = xy[1];
 }
 
-/* Is this light that comes by way of the plate, beside the glass, and is it looked for? */
+/* Is this light that comes beside the glass, by way of the plate where one is needed, and is it looked for? */
 static bool is_beside_glass(const Ray *ray) {
     const Rays *rays = ray->rays;
-    return rays->reason[ray->i] == MISSED_GLASS && rays->has_met_plate[ray->i] && ray->plan->looks_beside;
+    bool is_there = rays->has_met_plate[ray->i] || !ray->plan->needs_plate;
+    return rays->reason[ray->i] == MISSED_GLASS && is_there && ray->plan->looks_beside;
 }
 
 static void end_without_hit(Ray *ray) {
@@ -123,7 +153,7 @@ static void end_without_hit(Ray *ray) {
     int64_t i = ray->i;
     rays->reason[i] = rays->mask[i] ? LOST_INSIDE
                       : !rays->has_met_glass[i] ? MISSED_GLASS
-                      : !rays->has_met_plate[i] ? MISSED_PLATE
+                      : plan->needs_plate && !rays->has_met_plate[i] ? MISSED_PLATE
                       : MISSED_DISPLAY;
     double xy[2], t;
     if (!plan->has_plane || (rays->reason[i] != MISSED_DISPLAY && !is_beside_glass(ray))) return;
@@ -286,14 +316,14 @@ static void meet_mirror(Ray *ray, const Hit *hit) {
     add_to_branch(ray, ray->plan->patch[hit->triangle], AT_MIRROR);
 }
 
-/* End here: with a landing when the light came by glass and plate to the display's front. */
+/* End here: with a landing when the light came the way that it has to, to the display's front. */
 static void meet_display(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     bool is_front = dot(rays->directions + 3 * i, plan->normals + 3 * hit->triangle) < 0;
     bool counts = rays->has_met_glass[i] || !plan->only_through_glass;
-    bool is_too_early = !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT;
+    bool is_too_early = plan->needs_plate && !rays->has_met_plate[i] && rays->light == IMAGED_LIGHT;
     rays->reason[i] = !counts ? MISSED_GLASS : is_too_early ? MISSED_PLATE : !is_front ? BLOCKED : ARRIVED;
     add_to_branch(ray, plan->patch[hit->triangle], LAND);
     if (rays->reason[i] != ARRIVED && !(is_front && is_beside_glass(ray))) return;
@@ -303,6 +333,21 @@ static void meet_display(Ray *ray, const Hit *hit) {
     double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
     put_xy(ray, xy);
     if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
+}
+
+/* End a ray that has left glass where it lies on the display; one that was turned back must not meet that behind it. */
+static void leave_onto_display(Ray *ray, uint64_t before) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    if (rays->mask[i] == before) {
+        rays->last_part[i] = plan->sheet[plan->part[ray->beneath->triangle]];
+        return;
+    }
+    rays->has_ended[i] = true;
+    if (rays->n_events[i] >= plan->max_events) return;
+    rays->n_events[i]++;
+    meet_display(ray, ray->beneath);
 }
 
 static void follow_one(Ray *ray) {
@@ -329,6 +374,7 @@ static void follow_one(Ray *ray) {
         Kind kind = (Kind)plan->kind[part];
         /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
         if (kind != GLASS || hit.distance > plan->merge_distance) rays->last_part[i] = plan->sheet[part];
+        uint64_t before = rays->mask[i];
         switch (kind) {
             case GLASS: meet_glass(ray, &hit); break;
             case PLATE: meet_plate(ray, &hit); break;
@@ -336,6 +382,7 @@ static void follow_one(Ray *ray) {
             case BLOCKER: rays->reason[i] = BLOCKED; return;
             case DISPLAY: meet_display(ray, &hit); return;
         }
+        if (ray->beneath) leave_onto_display(ray, before);
         if (rays->has_ended[i]) return;
     }
 }
@@ -349,7 +396,7 @@ typedef struct {
 static void follow_some(void *context, int64_t first, int64_t last) {
     Batch *batch = context;
     Hit by_layer[MOST_LAYERS];
-    Ray ray = {batch->plan, batch->rays, 0, by_layer};
+    Ray ray = {batch->plan, batch->rays, 0, by_layer, NULL};
     for (int64_t i = first; i < last; i++) {
         ray.i = batch->first + i;
         follow_one(&ray);

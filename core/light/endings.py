@@ -34,10 +34,11 @@ def is_on_image(plan: Plan, xy: Floats) -> Bools:
 
 
 def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
-    """Is this light that comes by way of the plate, beside the glass, and is it looked for?"""
-    return (
-        (rays.reason[i] == Reason.MISSED_GLASS) & rays.has_met_plate[i] & plan.settings.looks_beside
-    )
+    """Is this light that comes beside the glass, by way of the
+    plate where one is needed, and is it looked for?
+    """
+    is_beside = (rays.reason[i] == Reason.MISSED_GLASS) & plan.settings.looks_beside
+    return is_beside & (rays.has_met_plate[i] | (not plan.needs_plate))
 
 
 def give_reasons(
@@ -52,10 +53,11 @@ def give_reasons(
     is_on : (n,) and on its image. A ray that has met neither glass nor plate is told to have missed
         the glass, for that comes first on its way; one that met the display needs no plate where
         all light is followed, and no glass where that is not asked for. Light that carries no
-        picture has a landing beside the image, or beside the glass, so that the map is cut there
+        picture has a landing beside the image, or beside the glass, so that the map is cut there.
+        Nobody misses the plate of a rig that needs none
     """
     lacks_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
-    lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged"))
+    lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
     reason = np.select(
         [lacks_glass, lacks_plate, ~is_met, ~is_front, ~is_on],
         [

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..steps import Pauses
+from .contact import NEAR, in_order
 from .hits import Accept, Hits, slab
 from .plan import Plan
 from .rays import Rays, ReachedError
@@ -81,6 +82,7 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
     nearest = np.full(len(live), np.inf)
+    near = NEAR * plan.merge_distance if plan.display.is_by_glass else 0.0
 
     # glass comes first: most other parts lie beyond, and then need not be asked
     has_engine = [held.layer.has_engine for held in plan.layers]
@@ -95,7 +97,7 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
             sides.is_in(held.closed_bits),
             sides.of_layer(held.numbers, tolerance),
             sides.is_in(held.solid_bits) if has_sides else None,
-            nearest + tolerance,
+            nearest + max(tolerance, near),
         )
         found = hits.triangle >= 0
         hits.triangle[found] = held.numbers[hits.triangle[found]]
@@ -107,6 +109,9 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
         nearer = hits.distance < first.distance
         if nearer.any():
             first = first.or_where(nearer, hits)
+
+    if plan.display.is_by_glass:
+        first = in_order(plan, first, by_layer)
 
     if plan.aside.glasses:
         _keep_clear(plan, origins, directions, first.distance)

@@ -66,8 +66,8 @@ class Landings:
 
     @property
     def is_beside_glass(self) -> Bools:
-        """Did light come by way of the plate, beside the glass? None
-        did where the settings do not look beside it.
+        """Did light come beside the glass, by way of the plate where one is
+        needed? None did where the settings do not look beside it.
         """
         return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
 

@@ -1,4 +1,4 @@
-"""The display: light that came by glass and plate has landed."""
+"""The display: light that came by the glass, and by a plate where one is needed, has landed."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def surface(part: Display, kept: Kept) -> tuple[Surface, str]:
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """End here: with a landing when the light came by glass and plate to the display's front.
+    """End here: with a landing when the light came the way that it has to, to the display's front.
 
     Light that carries no picture, but is followed to see all there is, may come past the plate.
     """

@@ -84,10 +84,14 @@ class PlannedLayer:
 
 @dataclass(frozen=True, eq=False)
 class PlannedDisplay:
-    """The display: its triangles from `start` on, and its plane, None where it is not flat."""
+    """The display: its triangles from `start` on, and its plane, None where it is not flat.
+
+    is_by_glass : does it come so near glass that the two may be met at one place?
+    """
 
     start: int
     plane: DisplayPlane | None
+    is_by_glass: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +158,11 @@ class Plan:
     def seen_by(self, viewer: Viewer) -> "Plan":
         """The same plan for another viewer of the rig: nothing of it is made again."""
         return self if viewer is self.viewer else replace(self, viewer=viewer)
+
+    @property
+    def needs_plate(self) -> bool:
+        """Does only light that met a plate carry the picture? Not so in a rig that has none."""
+        return self.settings.only_through_plate and bool(self.rig.plates)
 
     @property
     def is_flat(self) -> bool:

@@ -6,18 +6,19 @@ from functools import cache
 import numpy as np
 
 from .. import kernel
-from ..arrays import FLOAT32, Floats
+from ..arrays import FLOAT32, Bools, Floats
 from ..fingerprint import fingerprint
 from ..kinds import Kind
 from ..messages import Message
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import Pauses, finish
+from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind
 from .kept import Kept
 from .layers import group_parts, grown, make_layer, triangles_of_boxes
-from .media import Media, make_media
+from .media import Media, boxes_touch, make_media
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
 from .rig_parts import RigParts, read_solids
@@ -69,8 +70,9 @@ def planning(
     plane = display_plane(rig.display, parts.surfaces[-1])
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     arrays = _array_frames(parts)
-    is_sent_on = is_clear[parts.kind == Kind.PLATE].any(axis=1).all()
-    rules = _rules(parts, layers, media, bool(arrays), is_sent_on, settings)
+    rules = _rules(parts, layers, media, bool(arrays), is_clear, settings)
+    merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
+    by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
 
     return Plan(
         rig=rig,
@@ -84,10 +86,10 @@ def planning(
         media=media,
         layers=layers,
         thin_parts=thin_parts,
-        display=PlannedDisplay(int(parts.starts[-2]), plane),
+        display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
         aside=Aside(aside, boxes_aside),
         arrays=arrays,
-        merge_distance=max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())),
+        merge_distance=merge_distance,
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
             *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
@@ -170,12 +172,15 @@ def _rules(
     layers: tuple[PlannedLayer, ...],
     media: Media,
     has_arrays: bool,
-    is_sent_on: bool,
+    is_clear: Bools,
     settings: Settings,
 ) -> dict[str, tuple[bool, str | None]]:
     """The needs of a plan: whether this one has them, and why
-    not. is_sent_on: beyond plates is one display.
+    not. is_clear: (p, 2) beyond a plate is one display.
     """
+    is_plate = parts.kind == Kind.PLATE
+    no_plate = None if is_plate.any() else "there is no plate"
+    is_sent_on = is_clear[is_plate].any(axis=1).all()
     no_kernel = kernel.left_out(layers)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
@@ -198,7 +203,7 @@ def _rules(
             "no flat face has any",
         ),
         "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
-        "mirror array": (has_arrays, "the plate is ideal"),
-        "rays beyond the plate": (not is_sent_on, "a flat display is all there is"),
+        "mirror array": (has_arrays, no_plate or "the plate is ideal"),
+        "rays beyond the plate": (not is_sent_on, no_plate or "a flat display is all there is"),
         "Fresnel": (settings.brightness, "brightness is not asked for"),
     }

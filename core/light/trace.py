@@ -9,6 +9,7 @@ from .. import kernel
 from ..arrays import Floats, Ints, taken
 from ..kinds import Kind
 from ..steps import Pauses, finish
+from .contact import land
 from .endings import end_without_hit
 from .first_hits import find_first_hits
 from .hits import Hits
@@ -170,12 +171,15 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         is_beside = (kind == Kind.GLASS) & (hits.distance <= plan.merge_distance)
         rays.last_part[rays.live[~is_beside]] = plan.parts.sheet[part[~is_beside]]
 
+        before = rays.mask[rays.live]
         for of_kind, law in LAWS.items():
             some = np.flatnonzero(kind == of_kind)
             if len(some):
                 others = [other.at(some) for other in by_layer]
                 law.meet(plan, rays, rays.live[some], hits.at(some), others)
 
+        if plan.display.is_by_glass:
+            land(plan, rays, hits, by_layer, before)
         rays.live = rays.live[~ENDS[kind] & ~rays.has_ended[rays.live]]
         yield 0
 

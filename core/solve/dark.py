@@ -19,6 +19,11 @@ REMEDIES = {
     Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the"
     " glass",
 }
+# where light goes straight from the glass to the display
+STRAIGHT = {
+    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
+    " the glass",
+}
 
 
 def why_dark(traced: Traced) -> RigError:
@@ -39,4 +44,6 @@ def why_dark(traced: Traced) -> RigError:
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
 
-    return RigError("The display stays dark: {remedy}.", remedy=REMEDIES[reason])
+    remedies = REMEDIES if traced.plan.needs_plate else REMEDIES | STRAIGHT
+
+    return RigError("The display stays dark: {remedy}.", remedy=remedies[reason])

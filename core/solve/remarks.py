@@ -275,10 +275,13 @@ def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
 
+    part = "plate" if plan.needs_plate else "display"
     remedy = (
-        Message("cover the part of the plate that is seen there")
+        Message("cover the part of the {part} that is seen there", part=part)
         if plan.settings.suppress_glare == 1
-        else Message("raise Suppress Glare, or cover the part of the plate that is seen there")
+        else Message(
+            "raise Suppress Glare, or cover the part of the {part} that is seen there", part=part
+        )
     )
 
     yield note(

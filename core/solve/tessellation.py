@@ -291,8 +291,9 @@ def _let_go(curved: CurvedFaces) -> CurvedFaces:
 
 
 def way_from(rig: Rig, part: Glass | Mirror) -> float:
-    """Length, m, of the way of light from a part of the rig over the plate to the display."""
-    plate, display = (other.mesh.bounds.mean(axis=0) for other in (rig.plates[0], rig.display))
-    return float(
-        np.linalg.norm(part.mesh.bounds.mean(axis=0) - plate) + np.linalg.norm(plate - display)
-    )
+    """Length, m, of the way of light from a part of the rig
+    to the display, over the plate where there is one.
+    """
+    stops = (part, *rig.plates[:1], rig.display)
+    middles = np.array([stop.mesh.bounds.mean(axis=0) for stop in stops])
+    return float(np.linalg.norm(np.diff(middles, axis=0), axis=1).sum())

@@ -729,6 +729,7 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
         ours.max_events = round(dice.log(1, 10000))
     ours.effort = int(dice.log(1, 64))
     ours.only_through_glass = dice.chance(0.7)
+    ours.only_through_plate = dice.chance(0.7)
     ours.brightness = dice.chance(0.3)
     ours.suppress_glare = dice.log(1e-3, 1) if dice.chance(0.3) else 0
     ours.ghosts = "STRONGEST" if dice.chance(0.2) else "MEAN"

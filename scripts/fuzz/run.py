@@ -299,6 +299,7 @@ def check_solution(
         "max_events",
         "effort",
         "only_through_glass",
+        "only_through_plate",
         "brightness",
         "margin",
         "suppress_glare",

@@ -86,7 +86,8 @@ def test_a_part_the_rig_needs(
     part = small_rig()[role]
     assert bpy.ops.kiriko.solve.poll()
     way(part)
-    told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it."
+    otherwise = ", or set its role to None" if role == "PLATE" else ""
+    told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it{otherwise}."
     shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
 
     assert f"{role.capitalize()}, hidden: {part.name}" in shown

@@ -108,10 +108,10 @@ def test_results_are_replaced_only_when_told(
 def test_broken_rig_is_one_sentence(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """A rig without a plate fails with the sentence of the panel, not with a traceback."""
-    bpy.data.objects["Kiriko Plate"].kiriko.role = "NONE"
+    """A rig without a display fails with the sentence of the panel, not with a traceback."""
+    bpy.data.objects["Kiriko Display"].kiriko.role = "NONE"
     assert run("solve", "--out", saved) == 1
-    assert "The rig has no plate" in refusal(capsys)
+    assert "The rig has no display" in refusal(capsys)
     assert not saved.exists()  # things made for it are gone again
 
 

@@ -551,14 +551,14 @@ def test_work_of_others_comes_first(live: ModuleType) -> None:
 
 
 def test_button_says_what_is_missing(live: ModuleType) -> None:
-    """Without a plate it cannot be turned on, and says so; it can always be turned off."""
+    """Without a display it cannot be turned on, and says so; it can always be turned off."""
     rig = small_rig()
-    rig["PLATE"].kiriko.role = "NONE"
-    with pytest.raises(RuntimeError, match="No plate"):
+    rig["DISPLAY"].kiriko.role = "NONE"
+    with pytest.raises(RuntimeError, match="No display"):
         bpy.ops.kiriko.live()
-    rig["PLATE"].kiriko.role = "PLATE"
+    rig["DISPLAY"].kiriko.role = "DISPLAY"
     bpy.ops.kiriko.live()
-    rig["PLATE"].kiriko.role = "NONE"
+    rig["DISPLAY"].kiriko.role = "NONE"
     assert bpy.ops.kiriko.live() == {"FINISHED"}
     assert not live.is_on()
 

@@ -205,13 +205,13 @@ def test_command_writes_the_report_and_prints_the_table(
 def test_command_on_a_broken_rig_is_one_sentence(
     run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    """Without a plate, and without a file, nothing is written."""
+    """Without a display, and without a file, nothing is written."""
     assert run("report", "--out", tmp_path / "out") == 1
     assert "No .blend file" in capsys.readouterr().err
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    rig["PLATE"].kiriko.role = "NONE"
+    rig["DISPLAY"].kiriko.role = "NONE"
     assert run("report", "--out", tmp_path / "out") == 1
-    assert "The rig has no plate" in capsys.readouterr().err
+    assert "The rig has no display" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

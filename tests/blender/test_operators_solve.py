@@ -124,7 +124,7 @@ def test_new_picture_costs_no_tracing(scene: bpy.types.Scene) -> None:
     assert numbers(bpy.context.scene)["rays"] == 0
 
 
-@pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
+@pytest.mark.parametrize("role", ["GLASS", "DISPLAY", "PICTURE"])
 def test_button_is_grey_and_says_what_is_missing(scene: bpy.types.Scene, role: str) -> None:
     """Without one of the parts the operator refuses, and names the part."""
     small_rig()[role].kiriko.role = "NONE"
@@ -166,3 +166,26 @@ def test_what_of_the_material_is_not_followed_is_named_in_the_result(
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Frosted" in note)
     assert "roughness 0.2" in note
+
+
+def test_a_rig_without_a_plate_is_solved_straight(scene: bpy.types.Scene) -> None:
+    """A display behind the glass, and no plate: the sentence says that there is none, and
+    Only Through Plate changes nothing.
+    """
+    rig = small_rig()
+    bpy.data.objects.remove(rig["PLATE"])
+    display = rig["DISPLAY"]
+    display.matrix_world = rig["PICTURE"].matrix_world.copy()
+    display.location.y += 0.06
+    display.scale *= 3
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.solve()
+    result = scene.kiriko.result
+    assert result.summary.startswith("The display, seen with no plate in between, shows ")
+    assert "missed the plate" not in result.summary
+    assert result.coverage > 0.5
+
+    before = pixels(result.source).copy()
+    scene.kiriko.only_through_plate = False
+    bpy.ops.kiriko.solve()
+    assert np.array_equal(pixels(result.source), before)

@@ -106,6 +106,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "glare": lambda rig: setattr(ours(), "suppress_glare", 0.5),
     "ghosts": lambda rig: setattr(ours(), "ghosts", "STRONGEST"),
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),
+    "through plate": lambda rig: setattr(ours(), "only_through_plate", False),
     "offset": lambda rig: setattr(ours().calibration, "offset", '[{"Cube: shift x": 0.1}]'),
     "role": lambda rig: setattr(rig["PLATE"].kiriko, "role", "MIRROR"),
     "new part": lambda rig: setattr(

@@ -180,7 +180,7 @@ def test_a_failed_or_stopped_solve_leaves_the_session_as_it_was():
     a_rig = small()
     solve(a_rig, kept)
     with pytest.raises(RigError):
-        solve(replace(a_rig, plates=()), kept)
+        solve(replace(a_rig, displays=()), kept)
     stopped = kept.solve(
         replace(a_rig, glasses=(replace(a_rig.glasses[0], ior=ConstantIndex(1.7)),)), Settings()
     )
@@ -277,7 +277,6 @@ BAD = {
         "'viewer' sees nothing",
     ),
     "no glass": (without("glasses"), RigError, "no glass"),
-    "no plate": (without("plates"), RigError, "no plate"),
     "no display": (without("displays"), RigError, "no display"),
     "no picture": (without("pictures"), RigError, "no picture"),
     "no viewer": (without("viewers"), RigError, "no viewer"),

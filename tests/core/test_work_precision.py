@@ -225,9 +225,9 @@ def test_times_of_reading_and_writing_are_those_of_the_calls_given():
 
 
 def test_a_rig_that_cannot_be_solved_is_one_sentence():
-    """No report on a rig without a plate, or with a tolerance that cannot be kept."""
-    with pytest.raises(RigError, match="no plate"):
-        drain(measure(replace(small_rig(), plates=())))
+    """No report on a rig without a display, or with a tolerance that cannot be kept."""
+    with pytest.raises(RigError, match="no display"):
+        drain(measure(replace(small_rig(), displays=())))
     with pytest.raises(RigError, match="tolerance"):
         drain(measure(small_rig(), Settings(tolerance=0.0)))
     with pytest.raises(RigError, match="raise its resolution"):

@@ -102,6 +102,12 @@ class KirikoScene(bpy.types.PropertyGroup):
         " draw ghost lines",
         default=True,
     )
+    only_through_plate: BoolProperty(
+        name="Only Through Plate",
+        description="Only rays that met a plate carry the picture. In a rig that has no plate"
+        " light goes straight to the display, whatever is set here",
+        default=True,
+    )
     suppress_glare: FloatProperty(
         name="Suppress Glare",
         description="Weight of darkness beside the glass: at 1 it counts as much as the"
