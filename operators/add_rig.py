@@ -6,8 +6,10 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from ..core.bench.spread import MOST, Spread, part_of_picture, spread_of
+from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
+from ..core.bench.spread import MOST, Spread, part_of_picture
+from ..core.bench.squares import SEARCH
+from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
 from ..core.blender.units import length_of_unit, length_text
@@ -54,7 +56,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         min=np.radians(5),
         max=np.radians(85),
     )
-    picture_size: _length("Picture", "Side of the picture; 0: half of the glass")
+    picture_size: _length(
+        "Picture", "Side of the picture; 0: as large as gets through, up to half of the glass"
+    )
     viewer_distance: _length(
         "Viewer Distance", "From the glass's centre to the viewer; 0: 1 m, or more for large glass"
     )
@@ -94,18 +98,18 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         scene = context.scene
         _refuse_second(scene)
         bench = read_bench(context, scene, glass_among(context.selected_objects))
-        proposal = propose(bench.bounds, _wishes(self, length_of_unit(scene)))
+        wishes = _wishes(self, length_of_unit(scene))
+        proposal = propose(bench.bounds, wishes)
         side = self.viewer_resolution
         pixels = tuple(self.display_resolution)
         frame = Frame(side, side) if side else frame_of_render(scene.render)
         yield 0.05
 
         viewer = viewer_of(proposal, frame.size, frame.aspect_x / frame.aspect_y)
-        plan = work.session().plan(
-            rig_of(proposal, bench.rig, viewer, pixels), work.settings_of(scene)
-        )
-        yield 0.2
-        spread = yield from within(spread_of(plan, proposal.placement.display), 0.2, 1.0)
+        request = Request(bench.rig, bench.bounds, wishes, viewer, pixels)
+        settings = work.settings_of(scene)
+        steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
+        proposal, spread = yield from within(steps, 0.05, 1.0)
 
         aspect = pixels[0] / pixels[1]
         limit = 0.0 if self.display_size else proposal.display
@@ -117,7 +121,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         text = _on_display(scene, proposal, limit, spread, aspect)
         make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(scene.kiriko.result, text, remarks)
-        self.level = "WARNING" if listed(spread.lost) or remarks else "INFO"
+        is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
+        self.level = "WARNING" if is_short or remarks else "INFO"
 
         return joined([text, *remarks, *_on_camera(scene)])
 

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
-from ..light.landings import REASON_WORDS, Reason, main_landings
+from ..light.landings import Reason
 from ..light.plan import Plan
-from ..light.trace import tracing
 from ..messages import Message
 from ..rig import PicturePlace
-from ..steps import at
+from .light import Light, light_of
 
 SEVERAL = "several parts of the picture"
 THIRDS = 1 / 3, 2 / 3  # of the picture's sides
@@ -27,13 +26,11 @@ class LightRays:
     """How a picture's light is followed, and told about.
 
     n_grid : points along each edge of a triangle of the picture
-    rays_at_once : that are traced together
     named_share : of the outermost light, that has to come from a
         part of the picture for that part to be named
     """
 
     n_grid: int = 128
-    rays_at_once: int = 5000
     named_share: float = 0.5
 
 
@@ -157,37 +154,30 @@ def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Sprea
     plan : of a rig whose display is as large as allowed
     display_frame : (4, 4) of the display, m
     """
-    # the points that the viewer sees
-    viewer = plan.viewer
     points, uv, area = points_of(plan.rig.picture_place)
-    xy = viewer.project(points)
-    is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
-    origins, directions = viewer.rays(xy[is_seen])
-    uv = uv[is_seen]
-    weight = area[is_seen] / max(area[is_seen].sum(), np.finfo(float).tiny)
+    light = yield from light_of(plan, points)
+    return spread_in(light, uv, area, display_frame)
 
-    # where their light lands, or why it does not
-    across = np.full((len(uv), 2), np.nan)
-    reason = np.zeros(len(uv), int)
-    has_leaked = np.zeros(len(uv), bool)
 
-    for first in range(0, len(uv), LIGHT_RAYS.rays_at_once):
-        some = slice(first, first + LIGHT_RAYS.rays_at_once)
-        found = yield from at(first / len(uv), tracing(plan, origins[some], directions[some]))
-        landings = main_landings(found, len(origins[some]))
-        across[some] = (landings.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
-        reason[some] = landings.reason
-        has_leaked[some] = landings.leak >= 0
+def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> Spread:
+    """The spread of light that was traced already.
 
-    lost = {word: float(weight[reason == number].sum()) for number, word in REASON_WORDS.items()}
-    arrived = reason == Reason.ARRIVED
-    beside = reason == Reason.MISSED_DISPLAY
+    Parameters
+    ----------
+    uv, area : (n, 2) and (n,) of the light's points, as by `points_of`
+    display_frame : (4, 4) of the display, m
+    """
+    seen = np.where(light.is_seen, area, 0.0)
+    weight = seen / max(seen.sum(), np.finfo(float).tiny)
+    across = (light.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
+    arrived = light.has_arrived
+    beside = light.is_seen & (light.reason == Reason.MISSED_DISPLAY)
     return Spread(
         places=uv[arrived],
         across=across[arrived],
         weight=weight[arrived],
         beside=uv[beside],
         beside_weight=weight[beside],
-        lost={word: share for word, share in lost.items() if share > 0},
-        leaked=float(weight[has_leaked].sum()),
+        lost=light.lost(weight),
+        leaked=float(weight[light.has_leaked].sum()),
     )

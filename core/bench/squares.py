@@ -1,0 +1,116 @@
+"""The largest square that gets through glass whole, around a place, by rays of a grid.
+
+A square of side s around a place p gets through where no ray nearer to p than s / 2, along either
+axis, is lost. So the largest one ends at the nearest lost ray. Where its light has to stay near it
+on the display, too, it ends where that light spreads too far.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats
+
+
+@dataclass(frozen=True)
+class Search:
+    """How a place is sought; tuned on the glasses of `dev.py glasses`, with lengths as shares.
+
+    n_rays : along the glass's longer side, as the viewer sees it
+    n_places : compared at first, along each side; odd, so that the middle is one of them
+    enough : of a picture's light, that has to arrive
+    least, most : side of a picture, of the glass's smaller side
+    most_display : width of a display, of the picture's, up to which light counts as arriving
+    room : a picture's side, of the largest that gets through: benches are off by a little
+    worth_moving : by which another place has to be better than the middle of the glass
+    n_rounds : in which a picture is made smaller and traced again, at the most
+    """
+
+    n_rays: int = 47
+    n_places: int = 17
+    enough: float = 0.999
+    least: float = 0.25
+    most: float = 0.5
+    most_display: float = 2.0
+    room: float = 0.98
+    worth_moving: float = 0.1
+    n_rounds: int = 4
+
+
+SEARCH = Search()
+ROUNDING = 1e-6  # of the step between rays: nearer distances are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """The traced light of a glass on the plane through its middle, m from there along both axes.
+
+    at (n, 2) of the rays; landed (n, 2) on the display, from the image of the glass's middle;
+    is_good (n,) did it come through glass to the display?; step : between rays; half (2,) of the
+    glass's width and height as the viewer sees it
+    """
+
+    at: Floats
+    landed: Floats
+    is_good: Bools
+    step: float
+    half: Floats
+
+    def largest(self, places: Floats, most: float) -> Floats:
+        """Sides (m,) of the largest squares around places (m, 2) that get through, up to `most`."""
+        found = np.zeros(len(places))
+        order, distance = self._by_distance(places)
+        is_bad = ~self.is_good[order]
+        off = np.abs(self.landed[order] - places[:, None]).max(axis=2)
+        spread = np.maximum.accumulate(np.where(is_bad, 0.0, off), axis=1)
+        n = np.arange(1, len(self.at) + 1)
+
+        edge = (self.half - np.abs(places)).min(axis=1)
+        is_whole = np.cumsum(is_bad, axis=1) <= (1 - SEARCH.enough) * n
+        is_near = spread <= SEARCH.most_display * distance
+        is_within = distance <= np.minimum(edge, most / 2)[:, None] + self.step / 2
+        is_ring = np.diff(distance, axis=1, append=np.inf) > self.step * ROUNDING
+        fits = is_whole & is_near & is_within & is_ring
+
+        some = fits.any(axis=1)
+        last = len(n) - 1 - np.argmax(fits[:, ::-1], axis=1)
+        found[some] = 2 * distance[some, last[some]] + self.step  # a ray stands for its cell
+        return np.minimum(found, np.minimum(2 * edge, most))
+
+    def share(self, places: Floats, side: float) -> Floats:
+        """Shares (m,) of squares around places (m, 2) that get through."""
+        near = np.abs(self.at - places[:, None]).max(axis=2) <= side / 2
+        cells = max((side / self.step) ** 2, 1.0)
+        return np.minimum(
+            (near & self.is_good).sum(axis=1) / np.maximum(near.sum(axis=1), cells), 1
+        )
+
+    def _by_distance(self, places: Floats) -> tuple[Floats, Floats]:
+        """Rays in the order of their distance from places (m, 2), and these: each (m, n)."""
+        distance = np.abs(self.at - places[:, None]).max(axis=2)
+        order = np.argsort(distance, axis=1)
+        return order, np.take_along_axis(distance, order, axis=1)
+
+
+def grid_over(half: Floats, n_along: int) -> tuple[Floats, float]:
+    """Places (n, 2) of a grid over a rectangle about 0, symmetric, with this many along its longer
+    side; and the step between them.
+    """
+    step = 2 * float(half.max()) / n_along
+    counts = np.maximum(1, np.round(2 * half / step).astype(int))
+    across, up = ((np.arange(n) - (n - 1) / 2) * step for n in counts)
+    x, y = np.meshgrid(across, up)
+    return np.stack([x.ravel(), y.ravel()], axis=1), step
+
+
+def largest_about(middle: Floats, uv: Floats, is_lost: Bools, weight: Floats) -> float:
+    """Side, of the picture's, of the largest part of it about a place (2,) of which so much
+    arrives, by the light of places uv (n, 2) that stand for parts of it (n,).
+    """
+    distance = 2 * np.abs(uv - middle).max(axis=1)
+    order = np.argsort(distance)
+    lost = np.cumsum(np.where(is_lost, weight, 0.0)[order])
+    fits = lost <= (1 - SEARCH.enough) * np.cumsum(weight[order])
+    if fits.all():
+        return float(distance.max())
+    return float(distance[order[max(int(np.argmax(~fits)) - 1, 0)]])

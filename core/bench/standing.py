@@ -1,0 +1,214 @@
+"""Where in its glass does a picture stand, and how large is it?
+
+The light of the whole glass, as the viewer sees it, is traced once on a grid of rays, and all
+places are compared by the largest squares around them. Then the picture is traced finely, and made
+smaller until enough of its light arrives. Light near a silhouette gets through, but spreads far:
+the picture ends where its display would have to be twice as wide.
+
+The middle of the glass is taken wherever no other place is better by `worth_moving`: a ball's
+picture stands in its centre to the last bit.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Floats
+from ..light.optics import reflect
+from ..light.plan import Plan
+from ..rig import Rig, Viewer
+from ..steps import within
+from .light import Light, light_of
+from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
+from .spread import Spread, points_of, spread_in
+from .squares import SEARCH, Bundle, grid_over, largest_about
+
+
+class Standing(NamedTuple):
+    """Where a picture stands: its middle (3,), m, and its side, m."""
+
+    middle: Floats
+    side: float
+
+
+def _half_size(bounds: Floats, axes: Floats) -> Floats:
+    """Half of the extents (k,) of a box (2, 3) along axes (k, 3)."""
+    return np.abs(axes) @ (bounds[1] - bounds[0]) / 2
+
+
+def seek(
+    plan: Plan, bounds: Floats, proposal: Proposal, side: float = 0.0
+) -> Generator[float, None, Standing]:
+    """The best place for a picture in glass within bounds (2, 3); yields progress 0..1.
+
+    Parameters
+    ----------
+    plan : of the proposal's rig, with its display as large as allowed
+    side : of the picture, m, where it is given; 0: as large as gets through
+    """
+    frame = proposal.placement.picture
+    middle = bounds.mean(axis=0)
+    half = _half_of_view(bounds, proposal)
+    at, step = grid_over(half, SEARCH.n_rays)
+    light = yield from light_of(plan, middle + at @ frame[:3, :2].T)
+
+    image = proposal.placement.display
+    bundle = Bundle(
+        at=at,
+        landed=(light.positions - image[:3, 3]) @ image[:3, :2],
+        is_good=light.has_arrived & np.isfinite(light.into_glass[:, 0]),
+        step=step,
+        half=half,
+    )
+
+    place, side = _best(bundle, side)
+    depth = _depth(light, at, place, side, frame, middle)
+    if abs(depth) < SEARCH.worth_moving * _half_size(bounds, frame[None, :3, 2])[0]:
+        depth = 0.0
+
+    # the plane's own place and size, nearer to the viewer or farther than the glass's middle
+    scale = 1 - depth / proposal.viewer_distance
+    across = frame[:3, :2] @ place * scale
+    return Standing(middle + across + depth * frame[:3, 2], float(side * scale))
+
+
+def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
+    """The best place (2,) of a bundle, and the side of the picture there."""
+    smaller = 2 * float(bundle.half.min())
+    if not side:
+        most = SEARCH.most * smaller / SEARCH.room
+        place, found = _refined(bundle, lambda places: bundle.largest(places, most))
+        if found * SEARCH.room >= SEARCH.least * smaller:
+            return place, SEARCH.room * found
+        side = SEARCH.least * smaller
+
+    place, _ = _refined(bundle, lambda places: bundle.share(places, side), 1.0)
+    return place, side
+
+
+def _refined(
+    bundle: Bundle, value: Callable[[Floats], Floats], whole: float = 0.0
+) -> tuple[Floats, float]:
+    """The place (2,) where a value is largest, and the value.
+
+    whole : by whose shares places are compared; 0: the best value
+    """
+    places, step = grid_over(bundle.half, SEARCH.n_places)
+    centre = np.zeros(2)
+    best = centre
+    for _ in range(3):
+        values = value(places)
+        top = places[values >= values.max() * (1 - 1e-9)]
+        # of places as good as each other the one in their midst
+        best = top[np.linalg.norm(top - top.mean(axis=0), axis=1).argmin()]
+        around = np.stack(np.meshgrid(*[np.linspace(-step, step, 7)] * 2), axis=-1)
+        places = best + around.reshape(-1, 2)
+        step /= 3
+
+    # the middle of the glass, along both axes or one, where that is about as good
+    x, y = best
+    candidates = np.array([[0, 0], [0, y], [x, 0], [x, y]])
+    values = value(candidates)
+    good = values >= values.max() - SEARCH.worth_moving * (whole or values.max())
+    first = int(good.argmax())
+    return candidates[first], float(values[first])
+
+
+def _depth(
+    light: Light, at: Floats, place: Floats, side: float, frame: Floats, middle: Floats
+) -> float:
+    """How far in front of the glass's middle is the middle of the glass at a place, m."""
+    near = np.abs(at - place).max(axis=1) <= side / 2
+    near &= np.isfinite(light.into_glass[:, 0])
+    if not near.any():
+        return 0.0
+    front, back = (
+        np.median((meeting[near] - middle) @ frame[:3, 2])
+        for meeting in (light.into_glass, light.out_of_glass)
+    )
+    return float(front + back) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """A new rig that is asked for.
+
+    bench : glass, and the plates, mirrors and blockers that are there
+    bounds : (2, 3) of the glass that the rig is built around, world, m
+    viewer : of the rig that `propose` proposes; pixels : of the display
+    """
+
+    bench: Rig
+    bounds: Floats
+    wishes: Wishes
+    viewer: Viewer
+    pixels: tuple[int, int]
+
+    def rig(self, proposal: Proposal) -> Rig:
+        return rig_of(proposal, self.bench, self.viewer, self.pixels)
+
+
+def settle(
+    request: Request, proposal: Proposal, plan_of: Callable[[Rig], Plan]
+) -> Generator[float, None, tuple[Proposal, Spread]]:
+    """Give the picture of a proposal its place in the glass, and the size that
+    gets through where none is given; yields progress 0..1.
+
+    Returns
+    -------
+    The proposal, whose display is as wide as it may be, and the spread of the light on it.
+    """
+    wishes = request.wishes
+    steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
+    standing = yield from within(steps, 0.0, 0.3)
+    least = 2 * SEARCH.least * float(_half_of_view(request.bounds, proposal).min())
+
+    for n in range(SEARCH.n_rounds):
+        proposal = stood(proposal, standing, wishes)
+        plan = plan_of(request.rig(proposal))
+        points, uv, area = points_of(plan.rig.picture_place)
+        start = 0.3 + 0.7 * n / SEARCH.n_rounds
+        light = yield from within(light_of(plan, points), start, start + 0.7 / SEARCH.n_rounds)
+
+        spread = spread_in(light, uv, area, proposal.placement.display)
+        is_whole = sum(spread.lost.values()) <= 1 - SEARCH.enough
+        if wishes.picture or is_whole or standing.side <= least:
+            break
+        share = largest_about(np.full(2, 0.5), uv, light.is_seen & ~light.has_arrived, area)
+        standing = Standing(
+            standing.middle, max(least, SEARCH.room * standing.side * min(share, 1.0))
+        )
+
+    return proposal, spread
+
+
+def _half_of_view(bounds: Floats, proposal: Proposal) -> Floats:
+    """Half of the glass's width and height (2,) as the viewer sees it."""
+    return _half_size(bounds, proposal.placement.picture[:3, :2].T)
+
+
+def stood(proposal: Proposal, standing: Standing, wishes: Wishes) -> Proposal:
+    """The proposal with its picture elsewhere, the display at the picture's image in the plate."""
+    placement = proposal.placement
+    shift = standing.middle - placement.picture[:3, 3]
+    image = reflect(shift, placement.plate[:3, 2])
+    return replace(
+        proposal,
+        placement=replace(
+            placement,
+            picture=_shifted(placement.picture, shift),
+            display=_shifted(placement.display, image),
+        ),
+        picture=standing.side,
+        display=wishes.display
+        or wishes.max_display
+        or REFERENCE_BENCH.most_display * standing.side,
+    )
+
+
+def _shifted(frame: Floats, shift: Floats) -> Floats:
+    moved = frame.copy()
+    moved[:3, 3] += shift
+    return moved
