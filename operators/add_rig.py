@@ -23,7 +23,8 @@ from ..core.words import listed, number, percent, summary
 from . import long_work, needed, work
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
-WIDE = 2  # times the picture: a display that is wider by itself is worth a sentence
+# times the picture: a display whose shorter side is longer by itself is worth a sentence
+WIDE = 2
 # share of the picture: where more goes beside or through
 # gaps in the glass, the display is no matter
 BESIDE = 0.5
@@ -80,12 +81,14 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     display_size: _length(
         "Display", "Width of the display; 0: large enough for every ray that carries the picture"
     )
-    max_display_size: _length("Display Limit", "Widest automatic display; 0: ten times the picture")
+    max_display_size: _length(
+        "Display Limit", "Widest automatic display; 0: its shorter side is ten times the picture"
+    )
     display_resolution: bpy.props.IntVectorProperty(
         name="Display Resolution",
         description="Pixels of the display, across and down",
         size=2,
-        default=(512, 512),
+        default=(1920, 1080),
         min=1,
         max=16384,
     )
@@ -139,6 +142,7 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
         plate=asked.plate_size * metres,
         display=asked.display_size * metres,
         max_display=asked.max_display_size * metres,
+        aspect=asked.display_resolution[0] / asked.display_resolution[1],
     )
 
 
@@ -180,7 +184,8 @@ def _on_display(
         )
 
     is_cut = spread.beside_weight.sum() > CUT
-    if not limit or not (is_cut or proposal.display > WIDE * proposal.picture):
+    shorter_side = proposal.display / max(aspect, 1.0)
+    if not limit or not (is_cut or shorter_side > WIDE * proposal.picture):
         return text
 
     times = proposal.display / proposal.picture

@@ -34,7 +34,9 @@ from kiriko.operators import work  # noqa: E402
 
 def add_ball() -> None:
     """Glass ball of 25 mm radius, picture 30 mm, display 50 mm, 512 x 512 pixels all."""
-    bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05)
+    bpy.ops.kiriko.add_rig(
+        field=0.05, picture_size=0.03, display_size=0.05, display_resolution=(512, 512)
+    )
 
 
 def add_cube() -> None:
@@ -53,7 +55,9 @@ def add_cube() -> None:
     output = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
     material.node_tree.links.new(glass.outputs["BSDF"], output.inputs["Surface"])
     cube.data.materials.append(material)
-    bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.035, display_size=0.05)
+    bpy.ops.kiriko.add_rig(
+        field=0.05, picture_size=0.035, display_size=0.05, display_resolution=(512, 512)
+    )
 
 
 @contextlib.contextmanager

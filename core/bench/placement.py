@@ -24,7 +24,8 @@ class ReferenceBench:
     plate_m : side of the plate
     picture_share : of the glass's smaller side: the plate takes all light
         of it from balls of index up to 1.6
-    most_display : times the picture, where nobody says how wide a display may be
+    most_display : times the picture, of a display's shorter side, where nobody says how wide it may
+        be
     """
 
     large_m: float = 0.1
@@ -96,7 +97,8 @@ class Wishes:
     """The request for a new rig: lengths in m, 0 where the glass decides; angles in rad.
 
     `field` is the width that the viewer sees at the glass;
-    `max_display` the most that a display may have by itself.
+    `max_display` the most that a display may have by itself;
+    `aspect` the display's width by its height.
     """
 
     distance: float = 0.0
@@ -108,6 +110,7 @@ class Wishes:
     plate: float = 0.0
     display: float = 0.0
     max_display: float = 0.0
+    aspect: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,13 +141,14 @@ def propose(bounds: Floats, wishes: Wishes) -> Proposal:
     picture = wishes.picture or REFERENCE_BENCH.picture_share * float(min(width, height) or wide)
     distance = wishes.distance or REFERENCE_BENCH.distance_m * grow
     away = wishes.viewer_distance or REFERENCE_BENCH.viewer_distance_m * grow
+    most = REFERENCE_BENCH.most_display * picture * max(wishes.aspect, 1.0)
     return Proposal(
         placement=place((low + high) / 2, distance, wishes.tilt, away, wishes.azimuth),
         viewer_distance=away,
         field=wishes.field or wide,
         plate=wishes.plate or REFERENCE_BENCH.plate_m * grow,
         picture=picture,
-        display=wishes.display or wishes.max_display or REFERENCE_BENCH.most_display * picture,
+        display=wishes.display or wishes.max_display or most,
     )
 
 

@@ -29,7 +29,7 @@ def solved(kiriko, scene, **options):
     from kiriko.core.solve.solution import without_glass
     from kiriko.core.steps import finish
 
-    assert bpy.ops.kiriko.add_rig(**options) == {"FINISHED"}
+    assert bpy.ops.kiriko.add_rig(display_resolution=(512, 512), **options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     bpy.context.view_layer.update()
     reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
@@ -85,7 +85,9 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     from kiriko.core.light.trace import trace_all
     from kiriko.core.settings import Settings
 
-    assert bpy.ops.kiriko.add_rig(field=0.05, picture_size=0.03, display_size=0.05) == {"FINISHED"}
+    assert bpy.ops.kiriko.add_rig(
+        field=0.05, picture_size=0.03, display_size=0.05, display_resolution=(512, 512)
+    ) == {"FINISHED"}
     bpy.context.view_layer.update()
     rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
     assert len(rig.glasses[0].mesh.triangles) == 20480

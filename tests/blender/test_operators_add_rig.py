@@ -80,6 +80,20 @@ def test_display_is_as_large_as_the_light_of_the_picture_needs(scene: bpy.types.
     assert "missed the display" in scene.kiriko.result.summary
 
 
+def test_a_wide_display_takes_no_less_than_a_square_one(scene: bpy.types.Scene) -> None:
+    """Near a ball's rim light lands far out: it is the shorter side that has a limit."""
+    heights = []
+    for pixels in ((64, 64), (128, 64)):
+        for thing in list(bpy.data.objects):
+            bpy.data.objects.remove(thing)
+        bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=pixels, picture_size=0.046)
+        display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
+        heights.append(display.dimensions.y)
+        assert "shows 74 % of the picture" in scene.kiriko.result.summary
+    square, wide = heights
+    assert square <= wide <= 0.46 * (1 + SINGLE)
+
+
 def test_limit_of_the_display_is_kept_and_its_loss_reported(scene: bpy.types.Scene) -> None:
     """A display that may not be as large as needed is as large
     as allowed, and the summary says how much is lost.
@@ -123,9 +137,11 @@ def test_display_ends_where_the_light_of_the_corners_lands(
     leave = through_ball(
         np.broadcast_to(rig.viewer.position, corners.shape), directions, 0.025, 1.49
     )
-    xy = np.abs(landing(rig, *leave) - 256)
+    beyond = np.abs(landing(rig, *leave) - (960, 540))
 
-    assert xy.max() == pytest.approx(256 / 1.01, rel=2e-3)  # the grid of rays has the corners
+    assert (rig.display.width, rig.display.height) == (1920, 1080)
+    # the grid of rays has the corners; the picture is square, the display is wider than it need be
+    assert beyond.max(axis=0) == pytest.approx(540 / 1.01, rel=2e-3)
 
 
 @pytest.mark.parametrize(("radius", "ior"), [(0.004, 1.52), (0.025, None), (0.3, 1.6)])
@@ -140,7 +156,8 @@ def test_the_first_rig_is_perfect(
         bpy.ops.object.shade_smooth()
         ours = bpy.context.object.kiriko
         ours.use_ior, ours.ior = True, ior
-    bpy.ops.kiriko.add_rig()
+    options = {} if ior is None else {"display_resolution": (480, 270)}  # the default takes longer
+    bpy.ops.kiriko.add_rig(**options)
     assert re.search("Info: .* takes all the light of the picture", capfd.readouterr().out)
     assert scene.kiriko.result.notes == ""
     bpy.ops.kiriko.solve()
@@ -151,7 +168,7 @@ def test_add_rig_and_solve_tell_the_same_share(scene: bpy.types.Scene) -> None:
     """In one format, from rays over the picture and from cells
     of the view map: within a tenth of a per cent.
     """
-    bpy.ops.kiriko.add_rig(picture_size=0.03)
+    bpy.ops.kiriko.add_rig(picture_size=0.03, display_resolution=(480, 270))
     told = [scene.kiriko.result.summary]
     bpy.ops.kiriko.solve()
     told.append(scene.kiriko.result.summary)
@@ -226,7 +243,7 @@ def test_a_wide_display_says_why(scene: bpy.types.Scene) -> None:
     """It names the part of the picture whose light spreads so
     far, and a smaller display, which keeps its promise.
     """
-    bpy.ops.kiriko.add_rig(picture_size=0.035)
+    bpy.ops.kiriko.add_rig(picture_size=0.035, display_resolution=(480, 270))
     text = scene.kiriko.result.summary
     found = re.search(
         r"light of the picture's upper side spreads that far: .* set Display to ([\d.]+) m, which"
@@ -435,7 +452,8 @@ def test_rig_follows_the_unit_scale(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.add_rig()
     rig = {thing.kiriko.role: thing for thing in scene.objects}
     assert rig["GLASS"].dimensions.x == pytest.approx(50, abs=0.1)
-    assert rig["DISPLAY"].dimensions.x == pytest.approx(29.9, abs=0.5)
+    assert rig["DISPLAY"].dimensions.x == pytest.approx(29.9 * 16 / 9, abs=0.9)
+    assert rig["DISPLAY"].dimensions.y == pytest.approx(29.9, abs=0.5)
     assert tuple(rig["PLATE"].matrix_world.translation) == pytest.approx((0, 150, 0), abs=1e-3)
 
 

@@ -130,7 +130,7 @@ def test_cycles_agrees_on_a_smooth_ball(core: ModuleType, scene: bpy.types.Scene
 
     Towards its rim a ball's lever on a normal's error grows without bound.
     """
-    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3)
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3, display_resolution=(512, 512))
     assert_agree(core, share=0.4, tolerance=10 * SINGLE, quantile=0.99)
 
 
@@ -142,7 +142,9 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
     As drawn the same faces miss by ten times that.
     """
     ball = coarse_ball()
-    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_size=0.3, field=0.05)
+    bpy.ops.kiriko.add_rig(
+        viewer_resolution=64, display_size=0.3, field=0.05, display_resolution=(512, 512)
+    )
     viewer, display = (
         getattr(core.blender.scene.read(bpy.context).rig, part) for part in ("viewer", "display")
     )
@@ -173,7 +175,10 @@ def test_cycles_agrees_on_a_curved_surface(
         scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     ball = coarse_ball(0.025 * millimetres)
     bpy.ops.kiriko.add_rig(
-        viewer_resolution=48, display_size=0.3 * millimetres, field=0.05 * millimetres
+        viewer_resolution=48,
+        display_resolution=(512, 512),
+        display_size=0.3 * millimetres,
+        field=0.05 * millimetres,
     )
 
     if way == "inside out":
