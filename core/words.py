@@ -33,10 +33,15 @@ def millimetres(length: float) -> str:
     return f"{number(1e3 * length)} mm"
 
 
+def shares_in_words(misses: dict[str, float]) -> list[str]:
+    """Shares with their reasons, the largest first."""
+    by_size = sorted(misses.items(), key=lambda miss: -miss[1])
+    return [f"{percent(share)} {word}" for word, share in by_size if round(share, 6) > 0]
+
+
 def listed(misses: dict[str, float]) -> str:
     """Shares by reason, the largest first."""
-    by_size = sorted(misses.items(), key=lambda miss: -miss[1])
-    return ", ".join(f"{percent(share)} {word}" for word, share in by_size if round(share, 6) > 0)
+    return ", ".join(shares_in_words(misses))
 
 
 def summary(coverage: float, misses: dict[str, float], display: str = "The display") -> str:

@@ -50,6 +50,22 @@ def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
     return found
 
 
+def has_rig(scene: bpy.types.Scene) -> bool:
+    """Is there a part of a rig, or at least a result of one?
+
+    Asked by every panel at each move of the mouse; in a scene
+    with a rig one of the first objects answers.
+    """
+    if scene.kiriko.result.source is not None:
+        return True
+    return any(thing.kiriko.role != "NONE" for thing in scene.objects) or any(
+        other.kiriko.role != "NONE"
+        for thing in scene.objects
+        if thing.instance_collection is not None
+        for other in thing.instance_collection.all_objects
+    )
+
+
 def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     """The view layer in which a scene is worked on."""
     return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]

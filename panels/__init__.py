@@ -2,21 +2,37 @@
 
 import bpy
 
-from . import add_menu, calibration, export, preferences, result, rig, solve
+from . import (
+    add_menu,
+    calibration,
+    checklist,
+    export,
+    object,
+    preferences,
+    result,
+    rig,
+    solve,
+)
 
+# the order in which they stand in the sidebar
 CLASSES = (
-    rig.VIEW3D_MT_kiriko_images,
-    rig.VIEW3D_PT_kiriko_rig,
+    checklist.VIEW3D_PT_kiriko_checklist,
     solve.VIEW3D_PT_kiriko_solve,
+    solve.VIEW3D_PT_kiriko_settings,
     solve.VIEW3D_PT_kiriko_preview,
     result.VIEW3D_PT_kiriko_result,
     result.VIEW3D_PT_kiriko_details,
+    object.VIEW3D_MT_kiriko_images,
+    object.VIEW3D_PT_kiriko_object,
+    object.OBJECT_PT_kiriko,
+    rig.VIEW3D_PT_kiriko_rig,
+    export.VIEW3D_PT_kiriko_export,
+    export.VIEW3D_PT_kiriko_report,
+    calibration.VIEW3D_PT_kiriko_lattice,
     calibration.VIEW3D_PT_kiriko_calibration,
     calibration.VIEW3D_PT_kiriko_expected,
     calibration.VIEW3D_PT_kiriko_found,
     calibration.VIEW3D_PT_kiriko_not_told,
-    export.VIEW3D_PT_kiriko_export,
-    export.VIEW3D_PT_kiriko_report,
     add_menu.VIEW3D_MT_kiriko_add,
     preferences.KIRIKO_preferences,
 )

@@ -1,19 +1,21 @@
 """Calibration: a real bench, from a photograph of the lattice."""
 
+from pathlib import Path
+
 import bpy
 
 from ..core.blender.kept import Numbers, Offset
 from ..core.messages import Message
-from ..operators.calibrate import TELLS
-from .words import Sidebar, sentence
+from ..operators.calibrate import TELLS, TEXTS
+from .words import OfRig, sentence
 
 MOST = 5  # amounts in the list
 
 
-class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
-    """Fit the rig to a photograph of the lattice."""
+class VIEW3D_PT_kiriko_lattice(OfRig, bpy.types.Panel):
+    """Make a lattice the picture, for a photograph of it."""
 
-    bl_label = "Calibration"
+    bl_label = "Calibration: Lattice"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -26,14 +28,29 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
         column.prop(ours, "rows")
         layout.prop(ours, "margin")
         layout.prop(ours, "style")
-        layout.operator(
-            "kiriko.lattice_picture",
-            icon="LIGHTPROBE_VOLUME" if bpy.app.version >= (4, 1) else "GRID",
-        )
+        layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME")
+
+
+class VIEW3D_PT_kiriko_calibration(OfRig, bpy.types.Panel):
+    """Fit the rig to a photograph of the lattice."""
+
+    bl_label = "Calibration: Photograph"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko.calibration
         layout.prop(ours, "filepath")
-        layout.prop(ours, "size")
+        if Path(ours.filepath).suffix.lower() in TEXTS:  # a photograph has pixels of its own
+            layout.prop(ours, "size")
         layout.prop(ours, "keep")
+        if not ours.filepath:
+            text = "Choose a photograph of the lattice, or a CSV of its points."
+            sentence(layout, context, text, icon="INFO")
         buttons = layout.column(align=True)
+        buttons.enabled = bool(ours.filepath)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.calibrate", icon="TRACKER")
 
@@ -53,7 +70,7 @@ class VIEW3D_PT_kiriko_calibration(Sidebar, bpy.types.Panel):
             row.operator("kiriko.remove_calibration")
 
 
-class VIEW3D_PT_kiriko_expected(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_expected(OfRig, bpy.types.Panel):
     """Errors that the bench may have, and their likely size."""
 
     bl_label = "May Be Off"
@@ -69,7 +86,7 @@ class VIEW3D_PT_kiriko_expected(Sidebar, bpy.types.Panel):
             layout.prop(ours, name)
 
 
-class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
     """The last calibration's result, and its gaps."""
 
     bl_label = "Found"
@@ -77,7 +94,7 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.kiriko.calibration.found)
+        return super().poll(context) and bool(context.scene.kiriko.calibration.found)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -119,7 +136,7 @@ class VIEW3D_PT_kiriko_found(Sidebar, bpy.types.Panel):
             sentence(layout, context, advice(found), icon="OUTLINER_OB_CAMERA")
 
 
-class VIEW3D_PT_kiriko_not_told(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_not_told(OfRig, bpy.types.Panel):
     """Which amounts one photograph cannot tell, or not from each other."""
 
     bl_label = "Not Told Apart"

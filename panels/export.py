@@ -5,10 +5,10 @@ import bpy
 from ..core.messages import Message
 from ..operators import watch
 from ..operators.export import unwritable
-from .words import Sidebar, sentence
+from .words import OfRig, sentence
 
 
-class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
     """The file the source image goes to."""
 
     bl_label = "Export"
@@ -30,7 +30,7 @@ class VIEW3D_PT_kiriko_export(Sidebar, bpy.types.Panel):
         layout.operator("kiriko.export", icon="EXPORT")
 
 
-class VIEW3D_PT_kiriko_report(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_report(OfRig, bpy.types.Panel):
     """The cost of accuracy on this rig, measured."""
 
     bl_label = "Report"

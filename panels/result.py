@@ -1,17 +1,20 @@
-"""The last result: the light that arrives, the scene as it was read."""
+"""The last result: a sentence and a picture; below them all numbers, for whoever asks."""
 
 import bpy
 
 from ..core.blender.kept import Numbers
 from ..core.messages import Message
-from ..core.words import number, percent, pixels
+from ..core.words import number, percent, pixels, shares_in_words
 from ..operators import needed, watch
 from ..operators.telling import in_words
-from .words import Sidebar, sentence
+from .words import MARGIN, OfRig, sentence
+
+ICON = 20.0  # px at a scale of 1 that an icon is wide
+LARGEST = 16.0  # icons: no picture is drawn larger, however wide the sidebar
 
 
-class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
-    """The last solve's result."""
+class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
+    """The last result: a sentence, the source image, the trouble with it."""
 
     bl_label = "Result"
 
@@ -24,72 +27,63 @@ class VIEW3D_PT_kiriko_result(Sidebar, bpy.types.Panel):
             layout.label(text="Not solved yet.")
             return
 
-        if watch.is_told_changed(context.scene):
-            sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.summary:
             sentence(layout, context, result.summary)
-
-        details = Numbers.read(result.details).by_name
+        if watch.is_told_changed(context.scene):
+            sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.source is not None:
-            if result.summary:
-                # not the property, which is rounded: the sentence above tells the same number
-                coverage = details.get("picture_coverage", result.coverage)
-                layout.progress(
-                    factor=result.coverage,
-                    text=in_words(Message("{coverage} of the picture", coverage=percent(coverage))),
-                )
-            layout.template_icon(result.source.preview_ensure().icon_id, scale=8.0)
-
-        if result.seen is not None and result.seen_summary:
-            sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
-        if details:
-            self.draw_cost(layout, context, details)
-
-        warnings = details.get("warnings", ())  # a result of an earlier version has none
-        for note in result.notes.splitlines():
-            sentence(layout, context, note, icon="ERROR" if note in warnings else "INFO")
-
-    def draw_cost(
-        self, layout: bpy.types.UILayout, context: bpy.types.Context, details: dict
-    ) -> None:
-        """The error beside the time it took, and the time for another tolerance."""
-        if "total_seconds" not in details:  # a result of an earlier version
-            return
-
-        errors = {"mesh": details["tessellation_error"]}
-        if details["map_error"]:
-            errors["map"] = details["map_error"]["percentile"]
-
-        known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
-        if known:
-            sentence(
-                layout,
-                context,
-                Message("Error: {errors}", errors=", ".join(known)),
-                icon="DRIVER_DISTANCE",
+            layout.template_icon(
+                result.source.preview_ensure().icon_id, scale=icons_across(context)
             )
 
-        plate = details.get("plate")
-        if plate:
-            sentence(layout, context, plate_words(plate), icon="MESH_GRID")
+        warnings, _ = notes_of(result)
+        for note in warnings:
+            sentence(layout, context, note, icon="ERROR")
 
-        sentence(
-            layout,
-            context,
-            Message("Solved in {seconds} s", seconds=number(details["total_seconds"])),
-            icon="TIME",
-        )
-        cost = details["cost"]
 
-        for name in ("half", "twice"):
-            if name in cost:
-                other = cost[name]
-                text = Message(
-                    "Tolerance {tolerance:.3g} px: about {seconds} s",
-                    tolerance=other["tolerance"],
-                    seconds=number(other["seconds"]),
-                )
-                sentence(layout, context, text, icon="BLANK1")
+def icons_across(context: bpy.types.Context) -> float:
+    """How many icons' width the sidebar has."""
+    width = context.region.width / context.preferences.system.ui_scale
+    return min(max((width - MARGIN / 2) / ICON, 1.0), LARGEST)
+
+
+def notes_of(result: bpy.types.PropertyGroup) -> tuple[list[str], list[str]]:
+    """Notes on light that is lost or goes another way, and all others."""
+    warnings = Numbers.read(result.details).by_name.get("warnings", ())  # earlier versions: none
+    notes = result.notes.splitlines()
+    return [n for n in notes if n in warnings], [n for n in notes if n not in warnings]
+
+
+def draw_cost(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
+    """The error beside the time it took, and the time for another tolerance."""
+    if "total_seconds" not in details:  # a result of an earlier version
+        return
+
+    errors = {"mesh": details["tessellation_error"]}
+    if details["map_error"]:
+        errors["map"] = details["map_error"]["percentile"]
+
+    known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
+    if known:
+        text = Message("Error: {errors}", errors=", ".join(known))
+        sentence(layout, context, text, icon="DRIVER_DISTANCE")
+
+    plate = details.get("plate")
+    if plate:
+        sentence(layout, context, plate_words(plate), icon="MESH_GRID")
+
+    text = Message("Solved in {seconds} s", seconds=number(details["total_seconds"]))
+    sentence(layout, context, text, icon="TIME")
+
+    for name in ("half", "twice"):
+        if name in details["cost"]:
+            other = details["cost"][name]
+            text = Message(
+                "Tolerance {tolerance:.3g} px: about {seconds} s",
+                tolerance=other["tolerance"],
+                seconds=number(other["seconds"]),
+            )
+            sentence(layout, context, text, icon="BLANK1")
 
 
 def plate_words(plate: dict) -> str:
@@ -112,8 +106,8 @@ def plate_words(plate: dict) -> str:
     )
 
 
-class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
-    """Its numbers."""
+class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
+    """Its numbers, and notes on the scene as it was read."""
 
     bl_label = "Details"
     bl_parent_id = "VIEW3D_PT_kiriko_result"
@@ -121,49 +115,67 @@ class VIEW3D_PT_kiriko_details(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.kiriko.result.details)
+        result = context.scene.kiriko.result
+        return bool(result.details or result.notes)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        details = Numbers.read(context.scene.kiriko.result.details).by_name
+        result = context.scene.kiriko.result
+        details = Numbers.read(result.details).by_name
+        for note in notes_of(result)[1]:
+            sentence(layout, context, note, icon="INFO")
+        if result.seen is not None and result.seen_summary:
+            sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
+        if not details:
+            return
+
+        draw_shares(layout, details)
+        draw_cost(layout, context, details)
         for read in details["materials"]:
-            where = (
-                Message(" of '{material}'", material=read["material_name"])
-                if read["source"] != "default"
-                else ""
-            )
-            text = Message(
-                "{name}: index {ior:.4f} ({source}{where})",
-                name=read["object_name"],
-                ior=read["ior"],
-                source=read["source"],
-                where=where,
-            )
-            sentence(layout, context, text, icon="MATERIAL")
+            sentence(layout, context, index_words(read), icon="MATERIAL")
 
-        column = layout.column(align=True)
-        column.scale_y = 0.8
-        for part, seconds in details["seconds"].items():
-            column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
+        draw_work(layout, details)
+        text = Message("Used: {parts}.", parts=", ".join(details["used"]))
+        sentence(layout, context, text)
+        text = Message("Left out: {parts}.", parts=", ".join(details["left_out"]))
+        sentence(layout, context, text)
 
-        column.label(text=in_words(Message("Rays: {rays}", rays=details["rays"])))
-        if details.get("glare"):
-            column.label(
-                text=in_words(
-                    Message(
-                        "Light beside the glass: {share}", share=percent(details["glare"]["share"])
-                    )
-                )
-            )
 
-        if details.get("tessellation_error"):
-            column.label(
-                text=in_words(
-                    Message("Tessellation: {error}", error=pixels(details["tessellation_error"]))
-                )
-            )
+def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
+    """The fate of all of the picture, which is 100 %."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    coverage = percent(details.get("picture_coverage", 0.0))
+    column.label(text=in_words(Message("{share} of the picture is shown", share=coverage)))
+    for words in shares_in_words(details.get("misses", {})):
+        column.label(text=words)
 
-        sentence(layout, context, Message("Used: {parts}.", parts=", ".join(details["used"])))
-        sentence(
-            layout, context, Message("Left out: {parts}.", parts=", ".join(details["left_out"]))
-        )
+
+def index_words(read: dict) -> Message:
+    """The index that was read of a glass."""
+    is_default = read["source"] == "default"
+    where = "" if is_default else Message(" of '{material}'", material=read["material_name"])
+    return Message(
+        "{name}: index {ior:.4f} ({source}{where})",
+        name=read["object_name"],
+        ior=read["ior"],
+        source=read["source"],
+        where=where,
+    )
+
+
+def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
+    """Seconds of each part of the work, rays, and numbers of the mesh."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for part, seconds in details["seconds"].items():
+        column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
+
+    column.label(text=in_words(Message("Rays: {rays}", rays=details["rays"])))
+    if details.get("glare"):
+        share = percent(details["glare"]["share"])
+        column.label(text=in_words(Message("Light beside the glass: {share}", share=share)))
+
+    if details.get("tessellation_error"):
+        error = pixels(details["tessellation_error"])
+        column.label(text=in_words(Message("Tessellation: {error}", error=error)))

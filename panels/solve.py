@@ -3,33 +3,16 @@
 import bpy
 
 from ..operators import live
-from .words import Sidebar, sentence
+from .words import OfRig, sentence
 
 
-class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
-    """How to solve, and the buttons that do it."""
+class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
+    """The buttons that solve and show."""
 
     bl_label = "Solve"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        ours = context.scene.kiriko
-        column = layout.column()
-        column.prop(ours, "tolerance")
-        column.prop(ours, "only_through_glass")
-        row = column.row()
-        row.active = any(thing.kiriko.role == "PLATE" for thing in context.scene.objects)
-        row.prop(ours, "only_through_plate")
-        row = column.row()
-        row.active = ours.only_through_glass
-        row.prop(ours, "suppress_glare")
-        column.prop(ours, "ghosts")
-        column.prop(ours, "brightness")
-        column.prop(ours, "margin")
-        column.prop(ours, "max_events")
-        column.prop(ours, "effort")
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
@@ -42,7 +25,37 @@ class VIEW3D_PT_kiriko_solve(Sidebar, bpy.types.Panel):
             sentence(layout, context, text, icon="ERROR" if is_problem else "INFO")
 
 
-class VIEW3D_PT_kiriko_preview(Sidebar, bpy.types.Panel):
+class VIEW3D_PT_kiriko_settings(OfRig, bpy.types.Panel):
+    """How to solve."""
+
+    bl_label = "Settings"
+    bl_parent_id = "VIEW3D_PT_kiriko_solve"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko
+        column = layout.column()
+        column.prop(ours, "tolerance")
+        column.prop(ours, "brightness")
+        column.prop(ours, "ghosts")
+        column.prop(ours, "only_through_glass")
+        row = column.row()
+        row.active = any(thing.kiriko.role == "PLATE" for thing in context.scene.objects)
+        row.prop(ours, "only_through_plate")
+        row = column.row()
+        row.active = ours.only_through_glass
+        row.prop(ours, "suppress_glare")
+
+        column = layout.column()
+        column.prop(ours, "margin")
+        column.prop(ours, "max_events")
+        column.prop(ours, "effort")
+
+
+class VIEW3D_PT_kiriko_preview(OfRig, bpy.types.Panel):
     """Settings of the next preview, which the operator remembers from call to call."""
 
     bl_label = "Preview Settings"

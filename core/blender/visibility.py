@@ -56,7 +56,7 @@ class Shown:
 
     def _by_collection(self, thing: bpy.types.Object, flags: tuple[str, ...], where: str) -> str:
         """The first collection above an object that one of these flags switches off."""
-        for way in _ways_to(thing, self._layer.layer_collection):
+        for way in ways_to(thing, self._layer.layer_collection):
             for layer in way:
                 if any(
                     getattr(layer, flag, False) or getattr(layer.collection, flag, False)
@@ -87,7 +87,7 @@ def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bp
             yield from open_collections(child, flag)
 
 
-def _ways_to(
+def ways_to(
     thing: bpy.types.Object,
     layer: bpy.types.LayerCollection,
     above: tuple[bpy.types.LayerCollection, ...] = (),
@@ -97,4 +97,4 @@ def _ways_to(
     if thing.name in layer.collection.objects:
         yield way
     for child in layer.children:
-        yield from _ways_to(thing, child, way)
+        yield from ways_to(thing, child, way)

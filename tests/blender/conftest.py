@@ -78,11 +78,12 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         # without a window there is neither a region nor a scale
         wide = SimpleNamespace(width=300)
         system = SimpleNamespace(ui_scale=1.0)
-        preferences = SimpleNamespace(system=system)
+        preferences = SimpleNamespace(system=system, ui_styles=())
         stand_in.draw(
             SimpleNamespace(
                 scene=of or scene,
                 active_object=active,
+                object=active,
                 preferences=preferences,
                 region=wide,
                 evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,

@@ -40,6 +40,7 @@ class Layout:
         assert icon in ICONS
         self.operators.append(name)
         self.labels.append(str(options.get("text", "")))
+        self.icons[self.labels[-1]] = icon
         return SimpleNamespace()  # takes values for the operator's properties
 
     def menu(self, name: str, text: str = "", icon: str = "NONE", **options: object) -> None:
@@ -60,7 +61,7 @@ class Layout:
         group, verb = name.split(".")
         assert getattr(getattr(bpy.ops, group), verb).get_rna_type().properties[prop].type == "ENUM"
 
-    def label(self, text: str = "", icon: str = "NONE") -> None:
+    def label(self, text: str = "", icon: str = "NONE", **options: object) -> None:
         assert icon in ICONS
         self.texts.append(text)
         self.icons[text] = icon

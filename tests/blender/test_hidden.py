@@ -88,11 +88,8 @@ def test_a_part_the_rig_needs(
     way(part)
     otherwise = ", or set its role to None" if role == "PLATE" else ""
     told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it{otherwise}."
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
-
-    assert f"{role.capitalize()}, hidden: {part.name}" in shown
-    assert f"{role.capitalize()}: {part.name}" not in shown
-    assert told in " ".join(shown)
+    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[part.name] == "HIDE_ON"
+    assert told in " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
     assert not bpy.ops.kiriko.solve.poll()
 
     # nodes might instance it: then the button is not grey, and the error says the same
@@ -119,18 +116,18 @@ def test_a_part_it_can_do_without(
 
     assert scene.kiriko.result.summary == before[0]
     assert scene.kiriko.result.notes.splitlines() == [note, *before[1].splitlines()]
-    texts = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
-    assert "Glass: Cube" in texts
-    assert f"Glass, hidden: {other.name}" in texts
+    icons = drawn("rig", "VIEW3D_PT_kiriko_rig").icons
+    assert icons["Cube"] != "HIDE_ON"
+    assert icons[other.name] == "HIDE_ON"
 
 
 @every_way
 def test_an_instance_of_a_collection(
     drawn: Callable[..., Layout], scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
 ) -> None:
-    """The object that makes instances hides them.
+    """The object that makes instances hides them, and shows them again.
 
-    Where their source is hidden in the scene they are shown.
+    Where their source is hidden in the scene they are shown. The list selects what makes them.
     """
     parts = small_rig()
     glass = parts["GLASS"]
@@ -142,13 +139,49 @@ def test_an_instance_of_a_collection(
     maker.instance_collection = bpy.data.collections["source"]
     bpy.ops.kiriko.solve()
 
-    assert f"Glass: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[glass.name] != "HIDE_ON"
+    bpy.ops.kiriko.select_part(part=glass.name)
+    assert bpy.context.view_layer.objects.active == maker
     way(maker)
-    assert f"Glass, hidden: {glass.name}" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[glass.name] == "HIDE_ON"
     assert not bpy.ops.kiriko.solve.poll()
 
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.kiriko.solve()
+
+    bpy.ops.kiriko.show_part(part=glass.name)
+    assert bpy.ops.kiriko.solve.poll()
+
+
+@every_way
+def test_show_switches_on_what_hides_it(
+    scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
+) -> None:
+    """And nothing else: other objects, and collections beside, stay as they are."""
+    part = small_rig()["PLATE"]
+    other = new_object(primitive("cube", size=0.02))
+    other.hide_viewport = True
+    shelf = bpy.data.collections.new("shelf")
+    scene.collection.children.link(shelf)
+    shelf.hide_render = True
+    way(part)
+    assert not bpy.ops.kiriko.solve.poll()
+    assert bpy.ops.kiriko.show_part(part=part.name) == {"FINISHED"}
+    assert bpy.ops.kiriko.solve.poll()
+    assert part.visible_get()
+    assert other.hide_viewport
+    assert shelf.hide_render
+
+
+def test_an_object_that_a_driver_hides_stays_as_it_is(scene: bpy.types.Scene) -> None:
+    """What was switched on before is switched off again, and the reason is told."""
+    part = small_rig()["PLATE"]
+    by_monitor_of_collection(part)
+    part.driver_add("hide_viewport").driver.expression = "1"
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match=r"'Kiriko Plate' stays hidden by its monitor symbol"):
+        bpy.ops.kiriko.show_part(part=part.name)
+    assert bpy.data.collections["drawer"].hide_viewport
 
 
 @every_way

@@ -11,7 +11,7 @@ import pytest
 
 from kiriko.core.words import percent, summary
 from panel_layout import Layout
-from small_rigs import cube, new_object, small_rig
+from small_rigs import cube, new_object, primitive, small_rig
 
 OWN = {
     "IDEAL": [],
@@ -26,18 +26,9 @@ def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], m
     """An ideal plate has none but the model; only crossed layers can be crossed wrong."""
     plate = small_rig()["PLATE"]
     plate.kiriko.plate.model = model
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig", plate)
-    assert shown.props == [
-        "role",
-        "model",
-        *OWN[model],
-        "viewer",
-        "use_resolution",
-        "resolution",
-        "picture_source",
-    ]
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", plate)
+    assert shown.props == ["role", "model", *OWN[model]]
     assert "kiriko.plate_preset" in shown.operators
-    assert f"Plate: {plate.name}" in shown.texts
 
 
 def test_other_roles_show_nothing_of_a_plate(drawn: Callable[..., Layout]) -> None:
@@ -48,7 +39,7 @@ def test_other_roles_show_nothing_of_a_plate(drawn: Callable[..., Layout]) -> No
         "DISPLAY": "resolution",
         "PICTURE": "Kiriko Lattice",
     }.items():
-        shown = drawn("rig", "VIEW3D_PT_kiriko_rig", parts[role])
+        shown = drawn("object", "VIEW3D_PT_kiriko_object", parts[role])
         assert own in shown.props + shown.texts
         assert "model" not in shown.props
         assert "kiriko.plate_preset" not in shown.operators
@@ -62,18 +53,18 @@ def test_a_picture_shows_what_is_solved(
     The menu offers images, but not Kiriko's own.
     """
     picture = small_rig()["PICTURE"]
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig", picture)
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", picture)
     assert {"kiriko.open_picture", "kiriko.fit_picture"} <= set(shown.operators)
     texture = next(
         n for n in picture.material_slots[0].material.node_tree.nodes if n.type == "TEX_IMAGE"
     )
     texture.image = bpy.data.images.new("mine", 8, 8)
 
-    assert "mine" in drawn("rig", "VIEW3D_PT_kiriko_rig", picture).texts
+    assert "mine" in drawn("object", "VIEW3D_PT_kiriko_object", picture).texts
     texture.image = None
-    assert "Choose Image" in drawn("rig", "VIEW3D_PT_kiriko_rig", picture).texts
+    assert "Choose Image" in drawn("object", "VIEW3D_PT_kiriko_object", picture).texts
     scene.kiriko.result.source = bpy.data.images.new("made", 8, 8)
-    offered = drawn("rig", "VIEW3D_MT_kiriko_images").labels
+    offered = drawn("object", "VIEW3D_MT_kiriko_images").labels
 
     assert {"mine", "Kiriko Lattice"} <= set(offered)
     assert "made" not in offered
@@ -83,15 +74,15 @@ def test_a_picture_shows_what_is_solved(
 def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
-    """The list has no picture plane then, the reason stands below
-    it, and Solve and Live are grey with that reason.
+    """The list has no picture plane then, the checklist has the
+    reason, and Solve and Live are grey with that reason.
     """
     small_rig()
-    assert "Picture: Kiriko Picture" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert "Kiriko Picture" in drawn("rig", "VIEW3D_PT_kiriko_rig").labels
     scene.kiriko.picture_source = "IMAGE"
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert "Kiriko Picture" not in drawn("rig", "VIEW3D_PT_kiriko_rig").labels
+    shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
 
-    assert "Picture: Kiriko Picture" not in shown
     assert "No picture: choose an image, or set Picture to Plane." in " ".join(shown)
     for operator in (bpy.ops.kiriko.solve, bpy.ops.kiriko.live):
         with pytest.raises(
@@ -100,16 +91,134 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
             operator()
 
     scene.kiriko.picture_image = bpy.data.images.new("mine", 8, 8)
-    assert "No picture" not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+    assert "No picture" not in " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
 def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) -> None:
-    """Without any object each part that is needed is named."""
-    text = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+    """Each part that is needed and not there is named."""
+    new_object(primitive("cube", size=0.1), "BLOCKER")
+    text = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
     for word in ("No glass", "No display", "No picture", "No viewer"):
         assert word in text
     assert "No plate" not in text
+
+
+PANELS = (
+    ("checklist", "VIEW3D_PT_kiriko_checklist"),
+    ("solve", "VIEW3D_PT_kiriko_solve"),
+    ("result", "VIEW3D_PT_kiriko_result"),
+    ("object", "VIEW3D_PT_kiriko_object"),
+    ("rig", "VIEW3D_PT_kiriko_rig"),
+    ("export", "VIEW3D_PT_kiriko_export"),
+    ("calibration", "VIEW3D_PT_kiriko_lattice"),
+    ("calibration", "VIEW3D_PT_kiriko_calibration"),
+)
+
+
+def test_before_there_is_a_rig_there_is_one_button(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """One sentence and Add Rig; no other panel is there. A
+    single object with a role, or a result, brings them all.
+    """
+    shown = drawn(*PANELS[0])
+    assert shown.operators == ["kiriko.add_rig"]
+    assert shown.props == []
+    assert "press Add Rig" in " ".join(shown.texts)
+
+    def polled() -> list[bool]:
+        return [
+            not hasattr(getattr(bpy.types, name), "poll")
+            or getattr(bpy.types, name).poll(bpy.context)
+            for _, name in PANELS
+        ]
+
+    cube()
+    assert polled() == [True] + [False] * (len(PANELS) - 1)
+    holder = new_object(None)
+    inside = bpy.data.collections.new("inside")
+    holder.instance_type, holder.instance_collection = "COLLECTION", inside
+    inside.objects.link(bpy.data.objects.new("within", bpy.data.meshes.new("m")))
+    assert not any(polled()[1:])
+    inside.objects[0].kiriko.role = "GLASS"
+    assert all(polled())
+    inside.objects[0].kiriko.role = "NONE"
+    assert not any(polled()[1:])
+    scene.kiriko.result.source = bpy.data.images.new("made", 8, 8)
+    assert all(polled())
+
+
+def test_the_panels_stand_in_the_order_of_the_work(kiriko: ModuleType) -> None:
+    """Checklist, Solve, Result, Object, Rig, Export, Calibration."""
+    classes = importlib.import_module(f"{kiriko.__name__}.panels").CLASSES
+    own = [
+        c.__name__
+        for c in classes
+        if getattr(c, "bl_category", "") == "Kiriko" and not hasattr(c, "bl_parent_id")
+    ]
+    assert own == [name for _, name in PANELS]
+    assert classes[0].bl_label == "Kiriko"
+
+
+def test_an_object_s_settings_stand_in_its_properties_too(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """The same settings and buttons as in the sidebar, also for the first part of a rig by hand."""
+    thing = cube()
+    bpy.context.view_layer.objects.active = thing
+    panel = bpy.types.OBJECT_PT_kiriko
+    assert (panel.bl_space_type, panel.bl_context) == ("PROPERTIES", "object")
+    assert panel.poll(bpy.context)
+    assert drawn("object", "OBJECT_PT_kiriko", thing).props == ["role"]
+    for role in ("GLASS", "PLATE", "DISPLAY", "MIRROR"):
+        thing.kiriko.role = role
+        here = drawn("object", "OBJECT_PT_kiriko", thing)
+        there = drawn("object", "VIEW3D_PT_kiriko_object", thing)
+        assert (here.props, here.operators) == (there.props, there.operators)
+
+
+def test_settings_of_the_solve_are_below_its_buttons(drawn: Callable[..., Layout]) -> None:
+    """The panel with the buttons has no setting; the one with the settings is closed."""
+    small_rig()
+    shown = drawn("solve", "VIEW3D_PT_kiriko_solve")
+    assert shown.operators[0] == "kiriko.solve"
+    assert shown.props == []
+    assert "tolerance" in drawn("solve", "VIEW3D_PT_kiriko_settings").props
+    assert "DEFAULT_CLOSED" in bpy.types.VIEW3D_PT_kiriko_settings.bl_options
+
+
+def test_buttons_stay_where_they_are(drawn: Callable[..., Layout]) -> None:
+    """Nothing in or above Solve and Result depends on the active object."""
+    parts = small_rig()
+    for module, name in PANELS[:3]:
+        layouts = [drawn(module, name, active) for active in (None, *parts.values())]
+        assert len({(*x.props, *x.operators, *x.texts) for x in layouts}) == 1
+
+
+def test_a_list_selects_what_it_names(drawn: Callable[..., Layout]) -> None:
+    """Each part is named by a button, which selects it and makes it active.
+
+    A hidden one has another button beside it, and is not selected before that is pressed.
+    """
+    parts = small_rig()
+    shown = drawn("rig", "VIEW3D_PT_kiriko_rig")
+    assert shown.operators.count("kiriko.select_part") == 5  # with the viewer
+    for thing in (*parts.values(), bpy.context.scene.kiriko.viewer):
+        assert thing.name in shown.labels
+        assert bpy.ops.kiriko.select_part(part=thing.name) == {"FINISHED"}
+        assert bpy.context.selected_objects == [thing]
+        assert bpy.context.view_layer.objects.active == thing
+
+    assert "kiriko.show_part" not in shown.operators
+    parts["PLATE"].hide_set(True)
+    assert "kiriko.show_part" in drawn("rig", "VIEW3D_PT_kiriko_rig").operators
+    with pytest.raises(RuntimeError, match=r"'Kiriko Plate' is hidden: show it first\."):
+        bpy.ops.kiriko.select_part(part="Kiriko Plate")
+    bpy.ops.kiriko.show_part(part="Kiriko Plate")
+    assert bpy.ops.kiriko.select_part(part="Kiriko Plate") == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="no object 'nobody' in this file"):
+        bpy.ops.kiriko.select_part(part="nobody")
 
 
 def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
@@ -137,9 +246,10 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     Nothing of it with an ideal plate.
     """
     assert drawn("result", "VIEW3D_PT_kiriko_result").texts == ["Not solved yet."]
+    panel = "result", "VIEW3D_PT_kiriko_details"
     plate = small_rig()["PLATE"].kiriko.plate
     bpy.ops.kiriko.solve()
-    assert "Plate:" not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert "Plate:" not in " ".join(drawn(*panel).texts)
 
     plate.model = "CROSSED"
     bpy.ops.kiriko.solve()
@@ -147,13 +257,14 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     assert 0 < found["least"] < found["brightness"] < found["most"] < 1
 
     text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
-    assert scene.kiriko.result.summary in text
+    assert text == scene.kiriko.result.summary
+    text = " ".join(drawn(*panel).texts)
     assert (
         f"Plate: {percent(found['brightness'])} (+- {percent(found['brightness_error'])}) of the"
         f" light, {percent(found['least'])} to {percent(found['most'])}; blur {found['blur']:.2g}"
         f" (+- {found['blur_error']:.1g}) viewer px"
     ) in text
-    assert "Rays: " in " ".join(drawn("result", "VIEW3D_PT_kiriko_details").texts)
+    assert "Rays: " in text
 
 
 def test_a_blur_that_is_not_known_is_not_told(kiriko: ModuleType) -> None:
@@ -171,36 +282,27 @@ def test_a_blur_that_is_not_known_is_not_told(kiriko: ModuleType) -> None:
     assert words({**found, "blur": 0.0}).endswith("; blur 0 (+- 0) viewer px")
 
 
-def test_the_bar_and_the_sentence_above_it_agree(
+def test_all_of_the_picture_is_accounted_for(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
-    """A coverage that is not all does not read as all, in neither of them."""
+    """Details tell the share that is shown as the sentence does, and each share that is lost."""
     small_rig()
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     details = json.loads(result.details)
-    result.details = json.dumps(
-        {**details, "tessellation_error": 2e-4, "picture_coverage": 1 - 2e-5}
-    )
-    assert "over 99.99 % of the picture" in drawn("result", "VIEW3D_PT_kiriko_result").texts
-    assert "Tessellation: under 0.001 px" in drawn("result", "VIEW3D_PT_kiriko_details").texts
+    assert details["picture_coverage"] + sum(details["misses"].values()) == pytest.approx(1)
 
-
-def test_the_same_number_stands_above_and_in_the_bar(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
-    """Also where float32, in which Blender keeps a property, would round it to another one."""
-    small_rig()
-    bpy.ops.kiriko.solve()
-    result = scene.kiriko.result
-    details = json.loads(result.details)
-    for share in (0.9958, 1 - 5.1e-7, 1 - 4.9e-7, 0.125000499, 5.2e-7, 0.0):
-        result.coverage = share
-        result.summary = summary(share, {})
-        result.details = json.dumps({**details, "picture_coverage": share})
-        texts = drawn("result", "VIEW3D_PT_kiriko_result").texts
-        assert f"{percent(share)} of the picture" in texts
-        assert f"The display shows {percent(share)} of the picture." in " ".join(texts)
+    for share in (0.9958, 1 - 2e-5, 1 - 5.1e-7, 1 - 4.9e-7, 0.125000499, 5.2e-7, 0.0):
+        misses = {"missed the plate": 1 - share}
+        result.summary = summary(share, misses)
+        new = {**details, "tessellation_error": 2e-4, "picture_coverage": share, "misses": misses}
+        result.details = json.dumps(new)
+        shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
+        assert f"{percent(share)} of the picture is shown" in shown
+        told = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+        assert f"The display shows {percent(share)} of the picture" in told
+        assert ("missed the plate" in told) == (round(1 - share, 6) > 0)
+        assert "Tessellation: under 0.001 px" in shown
 
 
 def test_lost_light_and_open_glass_are_warned_of(
@@ -230,12 +332,13 @@ def test_lost_light_and_open_glass_are_warned_of(
     first = next(text for text in icons if warning.startswith(text))
 
     assert icons[first] == "ERROR"
-    assert icons["A plain note."] == "INFO"
+    assert "A plain note." not in icons
+    assert drawn("result", "VIEW3D_PT_kiriko_details").icons["A plain note."] == "INFO"
     details = json.loads(result.details)
     del details["warnings"]
     result.details = json.dumps(details)
 
-    assert drawn("result", "VIEW3D_PT_kiriko_result").icons[first] == "INFO"
+    assert drawn("result", "VIEW3D_PT_kiriko_details").icons[first] == "INFO"
 
 
 def test_what_was_simulated_is_told_until_the_next_result(
@@ -255,11 +358,12 @@ def test_what_was_simulated_is_told_until_the_next_result(
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
     scene = bpy.context.scene
     assert scene.kiriko.result.seen_summary == told
-    assert told in " ".join(drawn("result", "VIEW3D_PT_kiriko_result", of=scene).texts)
+    assert told in " ".join(drawn("result", "VIEW3D_PT_kiriko_details", of=scene).texts)
 
     bpy.ops.kiriko.solve()
     assert scene.kiriko.result.seen_summary == ""
-    assert "Kiriko Seen" not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result", of=scene).texts)
+    shown = drawn("result", "VIEW3D_PT_kiriko_details", of=scene)
+    assert "Kiriko Seen" not in " ".join(shown.texts)
 
 
 def test_a_camera_shows_the_pixels_it_is_solved_with(
@@ -273,10 +377,10 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(
     viewer = scene.kiriko.viewer
     for active in (viewer, None):
         assert drawn("rig", "VIEW3D_PT_kiriko_rig", active).props.count("resolution") == 1
+    assert drawn("object", "VIEW3D_PT_kiriko_object", viewer).props.count("resolution") == 1
     viewer.kiriko.use_resolution = False
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig", viewer)
-    assert "role" not in shown.props
-    assert "resolution" not in shown.props
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", viewer)
+    assert shown.props == ["use_resolution"]
     assert shown.texts.count("As the render: 1920 x 1080 px") == 1
 
 
@@ -315,11 +419,11 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
 
     for block, word in zip(data, ("A light", "An armature", "A lattice", "An empty"), strict=True):
         thing = new_object(block)
-        shown = drawn("rig", "VIEW3D_PT_kiriko_rig", thing)
+        shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" not in shown.props
         assert f"{word} has no surface" in " ".join(shown.texts)
         thing.kiriko.role = "GLASS"
-        shown = drawn("rig", "VIEW3D_PT_kiriko_rig", thing)
+        shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" in shown.props
         assert "set the role to None" in " ".join(shown.texts)
 
@@ -329,7 +433,7 @@ def test_an_instance_may_have_a_role(drawn: Callable[..., Layout]) -> None:
     thing = new_object(None)
     thing.instance_type = "COLLECTION"
     thing.instance_collection = bpy.data.collections.new("glasses")
-    assert "role" in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).props
+    assert "role" in drawn("object", "VIEW3D_PT_kiriko_object", thing).props
 
 
 def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layout]) -> None:
@@ -339,13 +443,13 @@ def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layo
     grey = bpy.data.materials.new("Grey")
     thing.data.materials.append(grey)
 
-    assert "kiriko.make_glass" in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
+    assert "kiriko.make_glass" in drawn("object", "VIEW3D_PT_kiriko_object", thing).operators
     thing.kiriko.use_ior = True
-    assert "kiriko.make_glass" not in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
+    assert "kiriko.make_glass" not in drawn("object", "VIEW3D_PT_kiriko_object", thing).operators
     thing.kiriko.use_ior = False
     bpy.context.view_layer.objects.active = thing
     bpy.ops.kiriko.make_glass()
 
-    assert "kiriko.make_glass" not in drawn("rig", "VIEW3D_PT_kiriko_rig", thing).operators
+    assert "kiriko.make_glass" not in drawn("object", "VIEW3D_PT_kiriko_object", thing).operators
     assert thing.data.materials[0] == grey  # the mesh may be another object's, too
     assert grey.use_fake_user

@@ -59,7 +59,7 @@ def test_an_object_shows_the_product_that_it_is(
     parts = small_rig()
 
     def shown(role: str) -> str:
-        texts = drawn("rig", "VIEW3D_PT_kiriko_rig", activate(parts[role])).labels
+        texts = drawn("object", "VIEW3D_PT_kiriko_object", activate(parts[role])).labels
         return next(text for text in texts if text)
 
     activate(parts["PLATE"])

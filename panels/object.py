@@ -1,0 +1,197 @@
+"""The active object's part in the rig: in the sidebar, and under Properties > Object."""
+
+import bpy
+
+from ..core.blender.bodies import bodiless
+from ..core.blender.chosen_product import display_product, glass_product, plate_product
+from ..core.blender.elements import DEFAULT_IOR
+from ..core.blender.picture import UNREADABLE
+from ..core.blender.plane import image_of
+from ..core.blender.viewer import frame_of
+from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
+from ..core.messages import Message
+from ..operators.make_glass import can_be_given
+from ..operators.telling import in_words
+from .words import OfRig, sentence
+
+
+class VIEW3D_MT_kiriko_images(bpy.types.Menu):
+    """Images of the file, to be chosen as the picture."""
+
+    bl_idname = "VIEW3D_MT_kiriko_images"
+    bl_label = "Image"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        result = context.scene.kiriko.result
+        made = {result.source, result.seen, result.preview}
+
+        for image in bpy.data.images:
+            if image.type not in UNREADABLE and image not in made:
+                choice = self.layout.operator(
+                    "kiriko.choose_picture",
+                    text=image.name,
+                    icon_value=self.layout.icon(image),
+                    translate=False,
+                )
+                choice.image = image.name
+                choice.library = "" if image.library is None else image.library.filepath
+
+        self.layout.separator()
+        self.layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+
+
+class VIEW3D_PT_kiriko_object(OfRig, bpy.types.Panel):
+    """The active object's part in the rig."""
+
+    bl_label = "Object"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        if context.active_object is None:
+            self.layout.label(text="No active object.")
+            return
+        self.layout.label(text=context.active_object.name, icon="OBJECT_DATA", translate=False)
+        draw_object(self.layout, context, context.active_object)
+
+
+class OBJECT_PT_kiriko(bpy.types.Panel):
+    """The same in the properties editor, also before there is a rig."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "object"
+    bl_label = "Kiriko"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.object is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_object(self.layout, context, context.object)
+
+
+def draw_object(
+    layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+) -> None:
+    """An object's settings, by its role, and the trouble with it."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    ours = thing.kiriko
+    if thing.type == "CAMERA":
+        draw_resolution(layout, context, thing)
+
+    why = bodiless(thing)
+    if why and ours.role == "NONE":
+        if thing.type != "CAMERA":
+            text = Message(
+                "{first}{rest}, and can be no part of the rig.", first=why[:1].upper(), rest=why[1:]
+            )
+            sentence(layout, context, text, icon="INFO")
+        return
+
+    layout.prop(ours, "role")
+    if why:
+        text = Message("{first}{rest}: set the role to None.", first=why[:1].upper(), rest=why[1:])
+        sentence(layout, context, text, icon="ERROR")
+        return
+
+    if ours.role == "GLASS":
+        _draw_glass(layout, context, thing)
+    if ours.role == "PLATE":
+        _draw_product(layout, "kiriko.plate_preset", plate_product(context, thing))
+        _draw_plate(layout, ours.plate)
+
+    if ours.role in {"GLASS", "MIRROR"}:
+        layout.prop(ours, "surface")
+    elif ours.role == "DISPLAY":
+        _draw_product(layout, "kiriko.display_preset", display_product(context, thing))
+        layout.prop(ours, "resolution")
+    elif ours.role == "PICTURE":
+        _draw_picture(layout, thing)
+
+
+def draw_resolution(
+    layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object
+) -> None:
+    """The pixels of a camera as the viewer."""
+    ours = camera.kiriko
+    layout.prop(ours, "use_resolution")
+
+    if ours.use_resolution:
+        layout.prop(ours, "resolution")
+    else:
+        width, height = frame_of(camera, context.scene.render).size
+        text = Message("As the render: {width} x {height} px", width=width, height=height)
+        layout.label(text=in_words(text), icon="BLANK1")
+
+
+def _draw_glass(
+    layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+) -> None:
+    """The index of a glass, and the trouble with its shape or its material."""
+    ours = thing.kiriko
+    if thing.data is not None and min(thing.dimensions) == 0:
+        text = (
+            "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
+        )
+        sentence(layout, context, text, icon="ERROR")
+
+    if can_be_given(thing) and not ours.use_ior:
+        text = Message("Its material does not refract: an index of {ior} is used.", ior=DEFAULT_IOR)
+        sentence(layout, context, text, icon="ERROR")
+        layout.operator("kiriko.make_glass", icon="MATSPHERE")
+
+    _draw_product(layout, "kiriko.glass_preset", glass_product(thing))
+    row = layout.row(heading="Override IOR")
+    row.prop(ours, "use_ior", text="")
+    value = row.row()
+    value.active = ours.use_ior
+    value.prop(ours, "ior", text="")
+    layout.prop(ours, "priority")
+
+
+def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None:
+    """The image that is solved, wherever it was chosen.
+
+    Choosing another here fits the plane to it.
+    """
+    image = image_of(picture)
+    row = labelled(layout, "Image")
+    name = "Choose Image" if image is None else image.name
+    row.menu(VIEW3D_MT_kiriko_images.bl_idname, text=name, icon="IMAGE_DATA")
+    row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
+    layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
+
+
+def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
+    layout.prop(plate, "model")
+    if plate.model == "IDEAL":
+        return
+
+    column = layout.column(align=True)
+    for name in ("pitch", "height", "ior", "reflectance"):
+        column.prop(plate, name)
+    if plate.model == "CROSSED":
+        column.prop(plate, "crossing_error")
+
+    layout.prop(plate, "fresnel")
+    layout.prop(plate, "phase")
+
+
+def labelled(layout: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
+    """A row with a label before it, as Blender splits properties, for things that are none."""
+    line = layout.split(factor=0.4)
+    label = line.row()
+    label.alignment = "RIGHT"
+    label.label(text=text)
+    return line.row(align=True)
+
+
+def _draw_product(
+    layout: bpy.types.UILayout,
+    operator: str,
+    product: PlateProduct | DisplayProduct | GlassProduct | None,
+) -> None:
+    """The product that a part is by its values, as a menu of all others."""
+    name = "Custom" if product is None else product.name
+    labelled(layout, "Product").operator_menu_enum(operator, "preset", text=name, icon="PRESET")
