@@ -55,15 +55,26 @@ def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
 
 
 def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
-    """Make a material show an image as it is, unlit, on both sides."""
+    """Make a material show an image as it is, unlit, on both sides.
+
+    Where its alpha makes it transparent one sees through: over black these are
+    the colours that are solved.
+    """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix = tree.nodes.new("ShaderNodeMixShader")
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image, texture.extension = image, "CLIP"
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
-    tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    texture.location = (-520, 0)
-    emission.location = (-220, 0)
+    tree.links.new(texture.outputs["Alpha"], mix.inputs[0])
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(emission.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    texture.location = (-740, 0)
+    emission.location = (-440, -100)
+    clear.location = (-440, 60)
+    mix.location = (-220, 0)
     tree.nodes.active = texture  # solid view shows it as the object's texture
 
 

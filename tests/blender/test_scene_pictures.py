@@ -9,6 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
+from small_rigs import small_rig
+
 SIZE = (24, 16)  # pixels of the pictures here
 
 
@@ -214,6 +216,69 @@ def test_transparent_pixels_are_the_light_that_cycles_sends(
         0.6 / 255 if ending == ".png" else 1e-4
     )
     assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < tolerance
+
+
+@pytest.mark.parametrize(
+    ("ending", "space", "alpha", "tolerance"),
+    [(".png", "sRGB", "STRAIGHT", 2.5 / 255), (".exr", "Linear Rec.709", "PREMUL", 1e-6)],
+)
+def test_the_planes_own_material_shows_the_light_that_is_solved(
+    read: Callable[[], Any],
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    ending: str,
+    space: str,
+    alpha: str,
+    tolerance: float,
+) -> None:
+    """The material that Add Rig gives to the picture is see-through where the image is."""
+    path = tmp_path / f"art{ending}"
+    write(random_pixels(), path)
+    material = new_material()[0]
+    kiriko.core.blender.shaders.show_picture(material, load(path, space, alpha))
+    next(n for n in material.node_tree.nodes if n.type == "TEX_IMAGE").interpolation = "Closest"
+    add_plane(material)
+    found = read().rig.picture.image
+    assert np.abs(found[..., :3] - render(scene, tmp_path)).max() < tolerance
+
+
+@pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
+def test_transparent_is_dark(scene: bpy.types.Scene, mode: str) -> None:
+    """A gradient of alpha is solved as the opaque image of the same light over black is.
+
+    Where the mode says that alpha is no coverage, it is solved as the colours alone.
+    Coverage, which is the outline's, does not depend on alpha.
+    """
+    along = np.linspace(0, 1, 64, dtype=np.float32)
+    colours = np.full((64, 64, 4), (0.8, 0.4, 0.2, 1.0), np.float32)
+    stored = colours.copy()
+    stored[..., 3] = along
+    if mode == "PREMUL":
+        stored[..., :3] *= stored[..., 3:]
+    light = colours.copy()
+    if mode in {"STRAIGHT", "PREMUL"}:
+        light[..., :3] *= along[:, None]
+
+    parts = small_rig(ior=1.2)
+    solved = []
+    for pixels, alpha in ((stored, mode), (light, "NONE")):
+        # Blender keeps the pixels of float images premultiplied, whatever the mode of the file
+        image = bpy.data.images.new("gradient", 64, 64, alpha=True, float_buffer=True)
+        image.alpha_mode = alpha
+        kept = pixels.copy()
+        if alpha == "STRAIGHT":
+            kept[..., :3] *= kept[..., 3:]
+        image.pixels.foreach_set(kept.ravel())
+        parts["PICTURE"].kiriko.image = image
+        assert bpy.ops.kiriko.solve() == {"FINISHED"}
+        result = scene.kiriko.result
+        solved.append((np.array(result.source.pixels), result.coverage))
+
+    (source, coverage), (wanted, wanted_coverage) = solved
+    assert np.abs(source - wanted).max() < 1e-6
+    assert wanted.max() > 0.5
+    assert coverage == wanted_coverage
 
 
 def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
