@@ -4,6 +4,7 @@ import bpy
 
 from . import (
     add_rig,
+    bench_drawing,
     calibrate,
     choose_picture,
     command_line,
@@ -47,6 +48,7 @@ CLASSES = (
     simulate.KIRIKO_OT_simulate,
     export.KIRIKO_OT_export,
     report.KIRIKO_OT_report,
+    bench_drawing.KIRIKO_OT_bench_drawing,
     lattice_picture.KIRIKO_OT_lattice_picture,
     calibrate.KIRIKO_OT_calibrate,
     keep_calibration.KIRIKO_OT_apply_calibration,

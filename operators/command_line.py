@@ -16,7 +16,7 @@ from ..core.blender.kept import Numbers
 from ..core.errors import ImageError, KirikoError, RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
-from . import folder, report, solve_to_folder, telling, work
+from . import bench_drawing, folder, report, solve_to_folder, telling, work
 from .calibrate import calibrated
 from .export import use_bundled_modules
 
@@ -67,6 +67,16 @@ def parser() -> argparse.ArgumentParser:
         help=f"time for the brute-force comparison ({BUDGET:g})",
     )
     measure.set_defaults(run=_report)
+    drawing = verbs.add_parser(
+        "drawing", parents=[shared], help="draw the bench to scale, for whoever builds it"
+    )
+    drawing.add_argument(
+        "--paper",
+        choices=[name for name, *_ in bench_drawing.PAPERS],
+        default="A4",
+        help="size of the sheets (A4)",
+    )
+    drawing.set_defaults(run=_drawing)
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
     pictures.add_argument(
         "--preview", action="store_true", help="render the viewer's image in Cycles, too"
@@ -191,6 +201,18 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
     yield from report.table(found).splitlines()
     yield Message("wrote {n} files to '{folder}'", n=len(report.names(rig)), folder=arguments.out)
+
+
+def _drawing(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Draw the bench; yields lines of progress."""
+    rig = work.read(bpy.context).rig
+    rig.check()
+    lattice = bench_drawing.lattice_of(bpy.context.scene)
+    sheets = bench_drawing.drawings(rig, lattice, arguments.paper)
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, sheets, "add --overwrite")
+    bench_drawing.write(arguments.out, sheets)
+    yield Message("wrote {names} to '{folder}'", names=", ".join(sheets), folder=arguments.out)
 
 
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:

@@ -16,6 +16,7 @@ from ..rig import Mesh, PicturePlace, Viewer
 
 # of a picture's size: how well one affine map has to give its UV for the short way
 IS_AFFINE = 1e-6
+EDGE_ON = 1e5  # condition of the way to it: beyond, the viewer sees a line
 LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 
 
@@ -50,13 +51,17 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
 
     Raises
     ------
-    RigError : the picture is no flat rectangle
+    RigError : the picture is no flat rectangle, or is seen edge-on
     """
     way = flat_way(place, viewer)
     if way is None:
         raise RigError(
             "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
             picture=place.name,
+        )
+    if np.linalg.cond(way.matrix / np.abs(way.matrix).max(axis=0)) > EDGE_ON:
+        raise RigError(
+            "The picture '{picture}' is seen edge-on: turn it to the viewer.", picture=place.name
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(way.matrix).T
     return xyw[:, :2] / xyw[:, 2:]

@@ -1,0 +1,1 @@
+"""The bench as drawings to scale, for whoever builds it."""
