@@ -24,6 +24,7 @@ ROOMS = (
     "image",
     "solve",
     "bench.lattice",
+    "bench.drawing",
     "bench",
     "measure",
     "blender",
