@@ -33,6 +33,7 @@ ROOMS = (
     "core/image",
     "core/solve",
     "core/bench/lattice",
+    "core/bench/drawing",
     "core/bench",
     "core/measure",
     "core/blender",
