@@ -12,6 +12,7 @@ from ..core.bench.squares import SEARCH
 from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
+from ..core.blender.rig_record import Record
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
@@ -20,7 +21,7 @@ from ..core.messages import Message, joined
 from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, number, percent, summary
-from . import long_work, needed, work
+from . import framing, long_work, needed, work
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 # times the picture: a display whose shorter side is longer by itself is worth a sentence
@@ -122,8 +123,10 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
         remarks = _on_materials(bench)
         text = _on_display(scene, proposal, limit, spread, aspect)
-        make_rig(scene, bench, proposal, frame.size if side else None, pixels)
-        _tell(scene.kiriko.result, text, remarks)
+        record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
+        _tell(record, scene, text, remarks)
+        if not bpy.app.background:
+            _show(context, record, glasses)
         is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
         self.level = "WARNING" if is_short or remarks else "INFO"
 
@@ -225,10 +228,19 @@ def _on_display(
     )
 
 
-def _tell(result: bpy.types.PropertyGroup, text: str, remarks: list[str]) -> None:
+def _tell(record: Record, scene: bpy.types.Scene, text: str, remarks: list[str]) -> None:
     """Write the panel's lines."""
-    result.summary, result.seen_summary = text, ""
-    result.notes = "\n".join(map(one_line, remarks))
+    lines = {"summary": text, "seen_summary": "", "notes": "\n".join(map(one_line, remarks))}
+    record.change(scene, {f"kiriko.result.{name}": line for name, line in lines.items()})
+
+
+def _show(
+    context: bpy.types.Context, record: Record, glasses: tuple[bpy.types.Object, ...]
+) -> None:
+    """Select the glass, and have the rig in sight."""
+    framing.select(context, glasses)
+    for screen, changes in framing.frame_rig(context):
+        record.add_view(screen, changes)
 
 
 def _on_materials(bench: Bench) -> list[str]:

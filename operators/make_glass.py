@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..core.blender import shaders
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.material import refracts
+from ..core.blender.viewport_look import be_seen_as_glass, draw_as_solid
 from ..core.messages import Message
 from . import needed, telling
 
@@ -42,7 +42,7 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
         with telling.told(self):
             glass = bpy.data.materials.new(NAME)
             try:
-                shaders.be_glass(glass, DEFAULT_IOR, True)
+                be_seen_as_glass(glass, DEFAULT_IOR)
             except BaseException:
                 bpy.data.materials.remove(glass)
                 raise
@@ -96,4 +96,5 @@ def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
         slot.link = "OBJECT"
         slot.material = glass
 
+    draw_as_solid(thing)
     return kept

@@ -11,6 +11,7 @@ from . import (
     preferences,
     result,
     rig,
+    shown_images,
     solve,
 )
 
@@ -43,10 +44,12 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
+    shown_images.register()
 
 
 def unregister() -> None:
     """Take them away."""
+    shown_images.unregister()
     bpy.types.VIEW3D_MT_add.remove(add_menu.draw)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -45,6 +45,27 @@ class Ladder:
 
 
 @dataclass(frozen=True)
+class Changed:
+    """Changes of one thing that was there before, by `changes.py`: path, value before and after.
+
+    rig : key of the rig that was made meanwhile
+    """
+
+    rig: str = ""
+    changes: list[list[Any]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, text: str) -> "Changed":
+        """The record of a text."""
+        kept = json.loads(text or "{}")
+        return cls(kept.get("rig", ""), kept.get("changes", []))
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        return json.dumps({"version": RECORD_VERSION, "rig": self.rig, "changes": self.changes})
+
+
+@dataclass(frozen=True)
 class Numbers:
     """Numbers by name: of the last result, as `result.py` writes them, or of the last calibration.
 

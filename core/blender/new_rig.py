@@ -5,7 +5,6 @@ the objects that are made. All of them, or none.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 import numpy as np
@@ -22,9 +21,11 @@ from .image import encoded_image
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .parts import Part, parts_by_role, read_parts, role_label
+from .rig_record import Record
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
+from .viewport_look import be_seen_as_glass, be_seen_as_plate, be_seen_as_screen, see_through
 from .visibility import Shown
 
 BALL = "Kiriko Ball"
@@ -186,45 +187,46 @@ def make_rig(
     proposal: Proposal,
     viewer_resolution: tuple[int, int] | None,
     display_resolution: tuple[int, int],
-) -> None:
+) -> tuple[Record, tuple[bpy.types.Object, ...]]:
     """Make the proposal's objects, and give the glasses their role.
+
+    Returns the record of all that was changed, and the glasses.
 
     Parameters
     ----------
     viewer_resolution : None: the viewer has the pixels of the scene's render
     """
-    before = _values(scene, bench.glasses)
+    before = scene.camera, scene.kiriko.viewer
     made = Workbench(scene, "Kiriko Rig")
+    record = Record(made.collection)
 
     try:
-        for thing in bench.glasses or (_make_ball(scene, made),):
-            thing.kiriko.role = "GLASS"
+        glasses = bench.glasses or (_make_ball(scene, made),)
+        for thing in bench.glasses:
+            record.change(thing, {"kiriko.role": "GLASS"})
+            for owner, values in see_through(thing, bench.glasses):
+                record.change(owner, values)
+
+        record.change(scene, {"kiriko.picture_source": "PLANE"})
         _make_parts(scene, made, proposal, display_resolution)
         _make_viewer(scene, made, proposal, viewer_resolution)
+        record.rig.viewer_before = before[1]
+        record.mark(made.made)
     except BaseException:
+        record.take_back()
         made.clear()
-        for owner, name, value in before:
-            setattr(owner, name, value)
+        scene.camera, scene.kiriko.viewer = before
         raise
 
-
-def _values(
-    scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
-) -> list[tuple[Any, str, Any]]:
-    """All changes to things that are there already: owner, name, value."""
-    names = (
-        (scene, ("camera",)),
-        (scene.kiriko, ("viewer", "picture_source")),
-        *((thing.kiriko, ("role",)) for thing in glasses),
-    )
-    return [(owner, name, getattr(owner, name)) for owner, group in names for name in group]
+    return record, glasses
 
 
 def _make_ball(scene: bpy.types.Scene, made: Workbench) -> bpy.types.Object:
     ball = made.ball(BALL, _ball_frame(scene), BALL_RADIUS / length_of_unit(scene))
     ball.data.materials.append(
-        made.material("Kiriko Glass", lambda m: shaders.be_glass(m, DEFAULT_IOR, True))
+        made.material("Kiriko Glass", lambda m: be_seen_as_glass(m, DEFAULT_IOR))
     )
+    ball.kiriko.role = "GLASS"
     return ball
 
 
@@ -237,12 +239,12 @@ def _make_parts(
     columns, rows = pixels
     side = proposal.plate / metres
     plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
-    plate.kiriko.role, plate.display_type = "PLATE", "WIRE"
-    plate.data.materials.append(made.material("Kiriko Ideal Plate", shaders.be_plate))
+    plate.kiriko.role = "PLATE"
+    plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
 
     side = proposal.picture / metres
     picture = made.rectangle("Kiriko Picture", _in_units(where.picture, metres), side, side)
-    picture.kiriko.role, scene.kiriko.picture_source = "PICTURE", "PLANE"
+    picture.kiriko.role, picture.show_in_front = "PICTURE", True
     image = made.keep(encoded_image("Kiriko Lattice", lattice()))
     picture.data.materials.append(
         made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
@@ -257,6 +259,9 @@ def _make_parts(
         "Kiriko Display", _in_units(where.display, metres), width, width * rows / columns
     )
     display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
+    display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
+    for thing in (plate, picture, display):
+        thing.show_name = True
 
 
 def _make_viewer(

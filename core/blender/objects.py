@@ -20,18 +20,18 @@ class Workbench:
     """
 
     def __init__(self, scene: bpy.types.Scene, name: str) -> None:
-        self._made: list[bpy.types.ID] = []
+        self.made: list[bpy.types.ID] = []
         self.collection = self.keep(bpy.data.collections.new(name))
         scene.collection.children.link(self.collection)
 
     def keep(self, block: bpy.types.ID) -> bpy.types.ID:
         """Count a datablock among those made here."""
-        self._made.append(block)
+        self.made.append(block)
         return block
 
     def clear(self) -> None:
         """Remove everything made so far."""
-        bpy.data.batch_remove(self._made)
+        bpy.data.batch_remove(self.made)
 
     def _object(self, name: str, data: bpy.types.ID, frame: Floats) -> bpy.types.Object:
         thing = self.keep(bpy.data.objects.new(name, data))

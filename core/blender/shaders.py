@@ -118,6 +118,30 @@ def be_plate(material: bpy.types.Material) -> None:
         node.location = (220 * column - 440, 0)
 
 
+def tint_in_eevee(
+    material: bpy.types.Material, colour: tuple[float, float, float], opacity: float
+) -> None:
+    """Have EEVEE draw a material as a tinted sheet, and Cycles as it did."""
+    tree = material.node_tree
+    for node in tree.nodes:
+        if node.type == "OUTPUT_MATERIAL":
+            node.target = "CYCLES"
+
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    output.target = "EEVEE"
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    tint = tree.nodes.new("ShaderNodeEmission")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tint.inputs["Color"].default_value = (*colour, 1.0)
+    mix.inputs[0].default_value = opacity
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(tint.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    for node, at in zip((clear, tint, mix, output), (-220, -220, 0, 220), strict=True):
+        node.location = (at, -300)
+    tint.location = (-220, -400)
+
+
 def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
     """Smooth clear glass; without Fresnel it refracts everything,
     has no noise, and is black at total reflection.

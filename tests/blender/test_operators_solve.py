@@ -84,7 +84,7 @@ def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> N
     """
     display = small_rig()["DISPLAY"]
     mine = bpy.data.materials.new("Mine")
-    display.data.materials.append(mine)
+    display.data.materials[0] = mine
     bpy.ops.kiriko.solve()
     assert display.data.materials[0] == mine
     assert mine.use_fake_user

@@ -6,9 +6,18 @@ from bpy.props import PointerProperty
 from .calibration import KirikoCalibration
 from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
+from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoScene, is_camera
 
-classes = (KirikoPlate, KirikoObject, KirikoResult, KirikoCalibration, KirikoScene)
+classes = (
+    KirikoPlate,
+    KirikoObject,
+    KirikoMaterial,
+    KirikoRig,
+    KirikoResult,
+    KirikoCalibration,
+    KirikoScene,
+)
 
 
 def register() -> None:
@@ -33,6 +42,12 @@ def register() -> None:
     bpy.types.Object.kiriko = PointerProperty(
         name="Kiriko", description="This object's part in the rig", type=KirikoObject
     )
+    bpy.types.Material.kiriko = PointerProperty(
+        name="Kiriko", description="What Kiriko keeps of the material", type=KirikoMaterial
+    )
+    bpy.types.Collection.kiriko = PointerProperty(
+        name="Kiriko", description="The rig that the collection holds", type=KirikoRig
+    )
     bpy.types.Scene.kiriko = PointerProperty(
         name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene
     )
@@ -41,6 +56,8 @@ def register() -> None:
 def unregister() -> None:
     """Take the settings away again."""
     del bpy.types.Scene.kiriko
+    del bpy.types.Collection.kiriko
+    del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
     del KirikoScene.viewer
     del KirikoObject.image

@@ -9,6 +9,7 @@ from bpy.props import (
     IntProperty,
     IntVectorProperty,
     PointerProperty,
+    StringProperty,
 )
 
 from ...catalogue import PLATES
@@ -219,6 +220,11 @@ class KirikoObject(bpy.types.PropertyGroup):
         default=(1024, 1024),
         min=1,
         max=32768,
+    )
+    changed: StringProperty(
+        name="Changed",
+        description="Settings of the object that Add Rig changed, as JSON",
+        options={"HIDDEN"},
     )
     # image: see `register`
     is_image_shown: BoolProperty(

@@ -1,0 +1,41 @@
+"""A rig that Add Rig made, and what it changed of things that were there before."""
+
+import bpy
+from bpy.props import PointerProperty, StringProperty
+
+
+class KirikoRig(bpy.types.PropertyGroup):
+    """A collection that is a rig's. Objects and materials keep changes of theirs themselves,
+    so that these are found whatever name they have by then.
+    """
+
+    key: StringProperty(
+        name="Key",
+        description="Tells the rig from others, by which it marks its parts; empty: no rig",
+        options={"HIDDEN"},
+    )
+    changed: StringProperty(
+        name="Changed",
+        description="Settings of the scene that Add Rig changed, as JSON",
+        options={"HIDDEN"},
+    )
+    views: StringProperty(
+        name="Views",
+        description="Settings of 3D views that Add Rig changed, by screen, as JSON",
+        options={"HIDDEN"},
+    )
+    viewer_before: PointerProperty(
+        name="Viewer Before",
+        description="The viewer that the scene had before",
+        type=bpy.types.Object,
+    )
+
+
+class KirikoMaterial(bpy.types.PropertyGroup):
+    """What Kiriko keeps of a material."""
+
+    changed: StringProperty(
+        name="Changed",
+        description="Settings of the material that Add Rig changed, as JSON",
+        options={"HIDDEN"},
+    )

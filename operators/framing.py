@@ -1,0 +1,87 @@
+"""Framing: a new rig is selected, and the 3D view shows all of it. Only where there is a window."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..core.arrays import Floats
+from ..core.blender.changes import Change, change
+from ..core.blender.framing import Window, framed, turned
+from .windows import view_of
+
+BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it would dwarf them
+
+
+def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
+    """Select these objects, the first one active, and no others."""
+    for thing in context.selected_objects:
+        thing.select_set(False)
+    for thing in things:
+        thing.select_set(True)
+    context.view_layer.objects.active = things[0]
+
+
+def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
+    """Show the whole bench in the 3D view that is worked in.
+
+    Returns the changes of how near and far it sees, with the name of its screen.
+    """
+    area = view_of(context)
+    if area is None:
+        return []
+
+    context.view_layer.update()
+    things = [thing for thing in context.scene.objects if thing.kiriko.role in BENCH]
+    points = np.concatenate([corners(thing) for thing in things])
+    space = area.spaces.active
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    views = list(space.region_quadviews) or [space.region_3d]
+    start, end = space.clip_start, space.clip_end
+    front = next((front_of(thing) for thing in things if thing.kiriko.role == "PICTURE"), None)
+
+    for view in views:
+        if view.view_perspective == "CAMERA":
+            view.view_perspective = "PERSP"
+        window = Window(
+            max(region.width, 1),
+            max(region.height, 1),
+            *covered(area, region),
+            space.lens,
+            view.view_perspective == "PERSP",
+        )
+        axes = np.array(view.view_rotation.to_matrix()).T
+        if front is not None and window.is_perspective and not view.lock_rotation:
+            axes = turned(axes, front)
+            view.view_rotation = Matrix(axes.T.tolist()).to_quaternion()
+        found = framed(points, axes, window)
+        view.view_location, view.view_distance = found.centre.tolist(), found.distance
+        start, end = min(start, found.clip_start), max(end, found.clip_end)
+
+    area.tag_redraw()
+    changes = change(space, {"clip_start": start, "clip_end": end})
+    return [(next(s.name for s in bpy.data.screens if area in list(s.areas)), changes)]
+
+
+def covered(area: bpy.types.Area, window: bpy.types.Region) -> tuple[int, int]:
+    """Pixels at the left and the right of a window that sidebars lie over."""
+    left = right = 0
+    for region in area.regions:
+        if region.type in {"TOOLS", "UI"} and region.width > 1:
+            if region.alignment == "LEFT":
+                left = max(left, min(region.x + region.width - window.x, window.width))
+            else:
+                right = max(right, min(window.x + window.width - region.x, window.width))
+    return max(left, 0), max(right, 0)
+
+
+def front_of(plane: bpy.types.Object) -> Floats:
+    """Where a new picture's front looks to, (3,)."""
+    axis = np.array(plane.matrix_world)[:3, 2]
+    return axis / np.linalg.norm(axis)
+
+
+def corners(thing: bpy.types.Object) -> Floats:
+    """Corners (8, 3) of the box around an object, world; its place alone where it has none."""
+    box = np.array(thing.bound_box) if thing.data is not None else np.zeros((1, 3))
+    matrix = np.array(thing.matrix_world)
+    return box @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,0 +1,97 @@
+"""Draws the picture in the glass and the source image on the display, in all 3D views."""
+
+from time import perf_counter
+from typing import Any
+
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+from ..core.blender.shown_images import ShownImage, shown_images
+
+SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB"
+SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
+ROLES = {"PICTURE", "DISPLAY"}
+
+_handles: list[Any] = []
+_found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
+
+
+def draw() -> None:
+    """Called by Blender for each 3D view. Nothing but the view is changed."""
+    context = bpy.context
+    space = context.space_data
+    if not space.overlay.show_overlays:
+        return
+
+    parts = [thing for thing in parts_of(context.scene) if thing.visible_get(viewport=space)]
+    parts = [thing for thing in parts if is_drawn(context, thing.kiriko.role)]
+
+    for shown in shown_images(context.scene, context.view_layer, parts):
+        _draw(shown)
+
+
+def is_drawn(context: bpy.types.Context, role: str) -> bool:
+    """Is the image of such a part drawn in this view?
+
+    Where its material shows the display's, and where the light
+    itself shows the picture to the viewer, it is not.
+    """
+    space, view = context.space_data, context.region_data
+    if role == "DISPLAY":
+        return space.shading.type == "SOLID" and space.shading.color_type != "TEXTURE"
+
+    camera = space.camera if space.use_local_camera else context.scene.camera
+    viewer = context.scene.kiriko.viewer or context.scene.camera
+    is_seen = view.view_perspective == "CAMERA" and camera == viewer
+    return not (space.shading.type == "RENDERED" and is_seen)
+
+
+def parts_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Pictures and displays of a scene; where it has many
+    objects they are not all looked at for each picture drawn.
+    """
+    started = perf_counter()
+    due, names = _found.get(scene.session_uid, (0.0, []))
+    if started >= due:
+        names = [thing.name for thing in scene.objects if thing.kiriko.role in ROLES]
+        ended = perf_counter()
+        _found[scene.session_uid] = (ended + SHARE * (ended - started), names)
+
+    things = (scene.objects.get(name) for name in names)
+    return [thing for thing in things if thing is not None and thing.kiriko.role in ROLES]
+
+
+def _draw(shown: ShownImage) -> None:
+    try:
+        texture = gpu.texture.from_image(shown.image)
+    except RuntimeError:  # an image without pixels
+        return
+
+    shader = gpu.shader.from_builtin(SHADER)
+    batch = batch_for_shader(shader, "TRIS", {"pos": shown.points, "texCoord": shown.uv})
+    before = gpu.state.depth_test_get(), gpu.state.blend_get()
+
+    try:
+        gpu.state.depth_test_set("NONE")  # in front of glass, plate and all else
+        gpu.state.blend_set("ALPHA_PREMULT")
+        gpu.state.face_culling_set("NONE" if shown.is_two_sided else "BACK")
+        shader.bind()
+        shader.uniform_sampler("image", texture)
+        batch.draw(shader)
+    finally:
+        gpu.state.face_culling_set("NONE")
+        gpu.state.depth_test_set(before[0])
+        gpu.state.blend_set(before[1])
+
+
+def register() -> None:
+    """Draw from now on."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_VIEW"))
+
+
+def unregister() -> None:
+    """Draw no more."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _found.clear()

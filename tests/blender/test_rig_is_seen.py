@@ -1,0 +1,169 @@
+import importlib
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import cube, new_object, primitive, small_rig
+
+SINGLE = 1e-6  # of 1: Blender keeps positions and colours in float32
+
+
+def with_material(name: str, *others: bpy.types.Object) -> bpy.types.Material:
+    """A new material on the mesh of the selected cube, and on others."""
+    material = bpy.data.materials.new(name)
+    for thing in (bpy.context.selected_objects[0], *others):
+        thing.data.materials.append(material)
+    return material
+
+
+def test_parts_that_are_made_let_see_the_picture(scene: bpy.types.Scene) -> None:
+    """Glass and plate are see-through in Solid, which takes
+    the material's colour; the picture stands in front.
+    """
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+    rig = {thing.kiriko.role: thing for thing in scene.objects}
+    alphas = {role: rig[role].active_material.diffuse_color[3] for role in ("GLASS", "PLATE")}
+    assert max(alphas.values()) <= 0.5
+    assert {thing.display_type for thing in rig.values()} == {"TEXTURED"}
+    assert rig["PICTURE"].show_in_front
+    assert [rig[role].show_name for role in ("PLATE", "PICTURE", "DISPLAY")] == [True] * 3
+
+
+def test_an_ideal_plate_is_a_portal_in_cycles_and_tinted_in_eevee(scene: bpy.types.Scene) -> None:
+    """Each engine finds an output of its own: EEVEE would draw a portal black."""
+    tree = small_rig()["PLATE"].active_material.node_tree
+    kinds = {
+        engine: tree.get_output_node(engine).inputs["Surface"].links[0].from_node.bl_idname
+        for engine in ("CYCLES", "EEVEE")
+    }
+    assert kinds == {"CYCLES": "ShaderNodeBsdfRayPortal", "EEVEE": "ShaderNodeMixShader"}
+
+
+def test_glass_of_the_artist_is_seen_through_by_its_material(scene: bpy.types.Scene) -> None:
+    """Its colour stays, its alpha is what the ball's is."""
+    cube()
+    material = with_material("Mine")
+    material.diffuse_color = (0.1, 0.2, 0.3, 1.0)
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+    assert tuple(material.diffuse_color) == pytest.approx((0.1, 0.2, 0.3, 0.3), abs=SINGLE)
+
+
+def test_a_material_that_others_have_too_is_left(scene: bpy.types.Scene) -> None:
+    """The glass is drawn by its edges instead, and the other thing as before."""
+    glass = cube()
+    other = new_object(primitive("cube", size=1.0))
+    other.location.x = 3
+    material = with_material("Shared", other)
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+    assert material.diffuse_color[3] == 1
+    assert (glass.display_type, other.display_type) == ("WIRE", "TEXTURED")
+
+
+def test_glass_without_a_material_is_solid_once_it_is_made_glass(scene: bpy.types.Scene) -> None:
+    """It has no colour to be see-through by, until Make It Glass gives it one."""
+    glass = small_rig()["GLASS"]
+    assert glass.display_type == "WIRE"
+    bpy.context.view_layer.objects.active = glass
+    bpy.ops.kiriko.make_glass()
+    assert glass.display_type == "TEXTURED"
+    assert glass.active_material.diffuse_color[3] <= 0.5
+
+
+def shown(kiriko: ModuleType, *parts: bpy.types.Object) -> list:
+    """The images that are drawn over a view on these parts."""
+    drawn = importlib.import_module(f"{kiriko.__name__}.core.blender.shown_images")
+    bpy.context.view_layer.update()
+    return list(drawn.shown_images(bpy.context.scene, bpy.context.view_layer, list(parts)))
+
+
+def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """Each corner has its place in the image, also after the
+    plane is moved and another image is chosen.
+    """
+    picture = small_rig()["PICTURE"]
+    mine = bpy.data.images.new("Mine", 8, 8)
+    picture.kiriko.image = mine
+    picture.location.x, picture.rotation_euler.y = 0.01, 0.3
+    picture.scale.x = 2
+    (drawn,) = shown(kiriko, picture)
+    assert drawn.image == mine
+    assert drawn.is_two_sided
+
+    mesh = picture.data
+    expected = {
+        tuple(np.round(mesh.uv_layers[0].uv[loop.index].vector, 6)): np.array(
+            picture.matrix_world @ mesh.vertices[loop.vertex_index].co
+        )
+        for loop in mesh.loops
+    }
+    assert {tuple(uv) for uv in np.round(drawn.uv, 6)} == set(expected)
+    off = [
+        np.abs(point - expected[tuple(uv)]).max()
+        for point, uv in zip(drawn.points, np.round(drawn.uv, 6), strict=True)
+    ]
+    assert max(off) < SINGLE
+
+
+def test_the_source_image_is_drawn_on_the_front_of_the_display(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """Nothing before there is one. Its corners run as Blender's
+    fronts do, so that the back can be left out.
+    """
+    display = small_rig()["DISPLAY"]
+    assert shown(kiriko, display) == []
+    bpy.ops.kiriko.solve()
+    (drawn,) = shown(kiriko, display)
+    assert drawn.image == scene.kiriko.result.source
+    assert not drawn.is_two_sided
+    a, b, c = drawn.points[:3]
+    assert np.cross(b - a, c - a) @ np.array(display.matrix_world.col[2].to_3d()) > 0
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_a_frame_holds_all_points_and_no_more(
+    kiriko: ModuleType, is_perspective: bool, size: float
+) -> None:
+    """Random points, seen by Blender's projection, are within the
+    part of the view that is free, and reach its sides; none is cut off.
+    """
+    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    random = np.random.default_rng(3)
+    points = size * random.normal(size=(40, 3)) + 5 * size
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    window = framing.Window(1000, 700, 50, 250, 50.0, is_perspective)
+    found = framing.framed(points, axes, window)
+
+    # a lens of 50 mm before 72 mm of the longer side
+    seen = (points - found.centre) @ axes.T
+    depth = found.distance - seen[:, 2] if is_perspective else np.full(40, found.distance)
+    across = 0.5 + seen[:, :2] / depth[:, None] * 50 / 72 * 1000 / np.array([1000, 700])
+    across[:, 0] = (across[:, 0] * 1000 - 50) / 700
+    assert (depth > found.clip_start).all()
+    assert (depth < found.clip_end).all()
+    assert (across > 0).all()
+    assert (across < 1).all()
+    assert np.ptp(across, axis=0).max() == pytest.approx(0.8, abs=0.05)
+
+
+def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko: ModuleType) -> None:
+    """Seen from the front it stays; from the side or from behind it
+    turns to where the picture is well seen, upright.
+    """
+    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    front = np.array([0.0, -1.0, 0.0])
+    straight = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert np.array_equal(framing.turned(straight, front), straight)
+
+    for turn in ([[0, 1, 0], [0, 0, 1], [1, 0, 0]], [[-1, 0, 0], [0, 0, 1], [0, 1, 0]]):
+        found = framing.turned(np.array(turn, float), front)
+        assert found @ found.T == pytest.approx(np.eye(3), abs=1e-12)
+        assert np.linalg.det(found) == pytest.approx(1)
+        assert found[2] @ front == pytest.approx(np.cos(np.radians(30)) * np.cos(np.radians(20)))
+        assert found[0, 2] == 0
+        assert found[1, 2] > 0
