@@ -144,7 +144,8 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
         display.data.materials.append(None)
 
     # the new material takes the place of Kiriko's own from before
-    if old is not None and old.users <= len(display.material_slots):  # else others show it, too
+    own = {display, display.data} if display.data.users == 1 else {display}
+    if old is not None and bpy.data.user_map(subset=[old])[old] <= own:  # else others show it, too
         name = old.name
         old.user_remap(ours)
         bpy.data.materials.remove(old)
