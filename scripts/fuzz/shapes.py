@@ -169,7 +169,8 @@ def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
     thing = linked(mesh, "Turned")
     screw = thing.modifiers.new("Screw", "SCREW")
     screw.steps = screw.render_steps = steps
-    screw.use_merge_vertices = True
+    # on the axis only: by default a stem of less than a centimetre becomes a line
+    screw.use_merge_vertices, screw.merge_threshold = True, 1e-6
     screw.use_smooth_shade = True
     screw.use_normal_calculate = True
     return thing

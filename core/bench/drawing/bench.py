@@ -163,10 +163,11 @@ def _draw_view(sheet: Sheet, view: View, rig: Rig, datum: Datum, parts: Sequence
     for letter, part in zip(ascii_uppercase, parts, strict=False):
         lines = view.on_paper(datum.of(contour(part.part.mesh, view.sight(datum))))
         sheet.lines(lines, PENS.get(part.role.name, PART))
-        x, y = (float(round(number)) for number in view.on_paper(part.centre).tolist())
+        middle = view.on_paper(part.centre)
+        sheet.dots([middle], 0.4)
+        x, y = (float(round(number)) for number in middle.tolist())
         letters[x, y] = letters.get((x, y), "") + letter
 
-    sheet.dots(list(letters), 0.4)
     for (x, y), there in letters.items():
         sheet.text((x + 0.8, y - 0.8), " ".join(there), size=3.2)
 
