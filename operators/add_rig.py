@@ -6,6 +6,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core.bench.behind import propose_behind
 from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
 from ..core.bench.spread import MOST, Spread, part_of_picture
 from ..core.bench.squares import SEARCH
@@ -39,15 +40,47 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
     )
 
 
+KINDS = (
+    (
+        "IN_GLASS",
+        "In the Glass",
+        "A plate images the display into the glass, where the picture seems to float",
+    ),
+    (
+        "BEHIND_GLASS",
+        "Behind the Glass",
+        "No plate: the display, as a telephone or a tablet, is seen straight through the glass. It"
+        " stands behind it, or lies under it where the viewer looks down",
+    ),
+)
+# properties that only one kind of rig has
+OF_KIND = {"tilt": "IN_GLASS", "plate_size": "IN_GLASS", "look_down": "BEHIND_GLASS"}
+
+
 class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
-    """Build plate, display, picture and viewer around the selected glass, or around a new ball"""
+    """Build a display, a picture and a viewer around the selected glass, or around a new ball"""
 
     bl_idname = "kiriko.add_rig"
     bl_label = "Add Rig"
     bl_options = {"REGISTER", "UNDO"}
 
+    kind: bpy.props.EnumProperty(
+        name="Kind", description="Where the picture is seen", items=KINDS, default="IN_GLASS"
+    )
     distance: _length(
-        "Distance", "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass"
+        "Distance",
+        "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass. Without a"
+        " plate, from the glass's back to the display; 0: as far as the glass is deep, or none for"
+        " a display that lies",
+    )
+    look_down: bpy.props.FloatProperty(
+        name="Look Down",
+        description="How steeply the viewer looks down, where there is no plate: from 45 degrees on"
+        " the display lies flat, and the glass on it",
+        subtype="ANGLE",
+        default=0.0,
+        min=0.0,
+        max=np.pi / 2,
     )
     tilt: bpy.props.FloatProperty(
         name="Tilt",
@@ -98,12 +131,21 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
 
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in self.rna_type.properties.keys():  # noqa: SIM118 - of Blender's own kind
+            if name != "rna_type" and OF_KIND.get(name, self.kind) == self.kind:
+                layout.prop(self, name)
+
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        _refuse_second(scene)
+        is_straight = self.kind == "BEHIND_GLASS"
+        _refuse_second(scene, is_straight)
         bench = read_bench(context, scene, glass_among(context.selected_objects))
         wishes = _wishes(self, length_of_unit(scene))
-        proposal = propose(bench.bounds, wishes)
+        proposal = (propose_behind if is_straight else propose)(bench.bounds, wishes)
         side = self.viewer_resolution
         pixels = tuple(self.display_resolution)
         frame = Frame(side, side) if side else frame_of_render(scene.render)
@@ -118,6 +160,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         aspect = pixels[0] / pixels[1]
         limit = 0.0 if self.display_size else proposal.display
         needed = ROOM * spread.width(aspect)
+        if needed and is_straight:  # a display is no smaller than its picture
+            needed = max(needed, ROOM * proposal.picture * max(aspect, 1.0))
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
 
@@ -146,11 +190,17 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
         display=asked.display_size * metres,
         max_display=asked.max_display_size * metres,
         aspect=asked.display_resolution[0] / asked.display_resolution[1],
+        look_down=asked.look_down,
     )
 
 
-def _refuse_second(scene: bpy.types.Scene) -> None:
-    for role in (role for role in ROLES if role.is_single and role.number is not None):
+def _refuse_second(scene: bpy.types.Scene, is_straight: bool) -> None:
+    """Raise RigError for a part of which a rig has one, or none
+    where light goes straight, and which is there.
+    """
+    for role in ROLES:
+        if role.number is None or not (role.is_single or (is_straight and role.is_missed)):
+            continue
         found = needed.parts(scene).get(role.name)
         if found:
             raise RigError(

@@ -111,6 +111,14 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
     return list(lacks.values())
 
 
+def no_plate(scene: bpy.types.Scene) -> list[str]:
+    """The reason why nothing can be told of a plate's mirrors, where there is no plate."""
+    is_made = any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers)
+    if parts(scene).get("PLATE") or is_made:
+        return []
+    return ["There is no plate whose mirrors could be simulated: Preview shows the viewer's image"]
+
+
 def unsolved(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with a source image, where there is none."""
     result = scene.kiriko.result

@@ -36,7 +36,9 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.unsolved(context.scene) + needed.lacking(context.scene))
+        scene = context.scene
+        reasons = needed.unsolved(scene) + needed.lacking(scene) + needed.no_plate(scene)
+        return needed.can_run(cls, reasons)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene

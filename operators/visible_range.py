@@ -38,17 +38,19 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
-        plan = work.session().plan(work.read(context).rig, work.settings_of(scene))
+        rig = work.read(context).rig
+        plan = work.session().plan(rig, work.settings_of(scene))
         yield 0.0
         found = yield from visible_range(plan, self.share)
         is_seen = found.share >= self.share
         if not (is_seen[:-1, :-1] & is_seen[1:, :-1] & is_seen[:-1, 1:] & is_seen[1:, 1:]).any():
             raise RigError(
                 "No place within {angle:.0f} degrees shows {share} of the picture, the best"
-                " one {best}: enlarge the display or the plate, or ask for less.",
+                " one {best}: enlarge the display{plate}, or ask for less.",
                 angle=np.degrees(SURVEY.farthest_rad),
                 share=percent(self.share),
                 best=percent(found.best),
+                plate=" or the plate" if rig.plates else "",
             )
 
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)

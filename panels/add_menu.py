@@ -2,6 +2,16 @@
 
 import bpy
 
+from ..operators.add_rig import KINDS
+
+
+def add_rig(layout: bpy.types.UILayout, words: str) -> None:
+    """A button for each kind of rig, with words before its name."""
+    icons = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
+    for kind, label, _ in KINDS:
+        button = layout.operator("kiriko.add_rig", text=f"{words}: {label}", icon=icons[kind])
+        button.kind = kind
+
 
 class VIEW3D_MT_kiriko_add(bpy.types.Menu):
     """Kiriko's entries in the Add menu."""
@@ -9,7 +19,7 @@ class VIEW3D_MT_kiriko_add(bpy.types.Menu):
     bl_label = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
-        self.layout.operator("kiriko.add_rig", text="Rig", icon="MATSPHERE")
+        add_rig(self.layout, "Rig")
         self.layout.operator("kiriko.add_plate_material", text="Plate Material", icon="MATERIAL")
 
 

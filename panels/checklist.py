@@ -4,10 +4,12 @@ import bpy
 
 from ..core.messages import Message
 from ..operators import needed
+from .add_menu import add_rig
 from .words import Sidebar, sentence
 
 FIRST = Message(
-    "Select your glass and press Add Rig: plate, display, picture and viewer are placed around it."
+    "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"
+    " plate where the picture is to be in the glass."
 )
 
 
@@ -20,9 +22,9 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
         layout = self.layout
         if not needed.has_rig(context.scene):
             sentence(layout, context, FIRST)
-            row = layout.row()
-            row.scale_y = 1.5
-            row.operator("kiriko.add_rig", icon="ADD")
+            column = layout.column(align=True)
+            column.scale_y = 1.5
+            add_rig(column, "Add Rig")
             return
 
         missing = needed.missing(context.scene)

@@ -1,4 +1,4 @@
-"""Where the parts of a new rig stand, and how large they are. Lengths in m.
+"""Where the parts of a new rig with a plate stand, and how large they are. Lengths in m.
 
 The viewer looks along f; the picture stands in the glass's centre c and faces the viewer; the plate
 stands at c + D f. The display stands where the plate images the picture: at its mirror image in the
@@ -43,12 +43,12 @@ REFERENCE_BENCH = ReferenceBench()
 class Placement:
     """Frames (4, 4) of the parts: columns right, up, front, position.
 
-    Right-handed. The viewer looks along -front.
+    Right-handed. The viewer looks along -front. plate: None where there is none.
     """
 
     viewer: Floats
     picture: Floats
-    plate: Floats
+    plate: Floats | None
     display: Floats
 
 
@@ -96,9 +96,10 @@ def place(
 class Wishes:
     """The request for a new rig: lengths in m, 0 where the glass decides; angles in rad.
 
-    `field` is the width that the viewer sees at the glass;
-    `max_display` the most that a display may have by itself;
-    `aspect` the display's width by its height.
+    `field` is the width that the viewer sees at the glass; `distance` the way from the glass's
+    centre to the plate's, or from its back to the display where there is no plate; `look_down` the
+    angle by which a viewer of such a rig looks down; `max_display` the most that a display may have
+    by itself; `aspect` the display's width by its height.
     """
 
     distance: float = 0.0
@@ -111,6 +112,7 @@ class Wishes:
     display: float = 0.0
     max_display: float = 0.0
     aspect: float = 1.0
+    look_down: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,14 +188,18 @@ def rig_of(proposal: Proposal, bench: Rig, viewer: Viewer, pixels: tuple[int, in
     """
     where = proposal.placement
     columns, rows = pixels
-    plate = rectangle(where.plate, proposal.plate, proposal.plate)
+    plates = bench.plates
+    if where.plate is not None:
+        plate = rectangle(where.plate, proposal.plate, proposal.plate)
+        plates = (*plates, Plate("Kiriko Plate", plate))
+
     picture = rectangle(where.picture, proposal.picture, proposal.picture)
     display = rectangle(where.display, proposal.display, proposal.display * rows / columns)
 
     return replace(
         bench,
         viewers=(viewer,),
-        plates=(*bench.plates, Plate("Kiriko Plate", plate)),
+        plates=plates,
         displays=(Display("Kiriko Display", display, columns, rows),),
         pictures=(PicturePlace("Kiriko Picture", 1, 1, picture),),
     )

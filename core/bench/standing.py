@@ -161,8 +161,12 @@ def settle(
     The proposal, whose display is as wide as it may be, and the spread of the light on it.
     """
     wishes = request.wishes
-    steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
-    standing = yield from within(steps, 0.0, 0.3)
+    if proposal.placement.plate is None:  # the picture is where the display is
+        standing = Standing(proposal.placement.picture[:3, 3], proposal.picture)
+    else:
+        steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
+        standing = yield from within(steps, 0.0, 0.3)
+
     least = 2 * SEARCH.least * float(_half_of_view(request.bounds, proposal).min())
 
     for n in range(SEARCH.n_rounds):
@@ -190,10 +194,13 @@ def _half_of_view(bounds: Floats, proposal: Proposal) -> Floats:
 
 
 def stood(proposal: Proposal, standing: Standing, wishes: Wishes) -> Proposal:
-    """The proposal with its picture elsewhere, the display at the picture's image in the plate."""
+    """The proposal with its picture elsewhere, the display at the
+    picture's image in the plate, or with the picture where there is none.
+    """
     placement = proposal.placement
     shift = standing.middle - placement.picture[:3, 3]
-    image = reflect(shift, placement.plate[:3, 2])
+    image = shift if placement.plate is None else reflect(shift, placement.plate[:3, 2])
+    most = REFERENCE_BENCH.most_display * standing.side * max(wishes.aspect, 1.0)
     return replace(
         proposal,
         placement=replace(
@@ -202,9 +209,7 @@ def stood(proposal: Proposal, standing: Standing, wishes: Wishes) -> Proposal:
             display=_shifted(placement.display, image),
         ),
         picture=standing.side,
-        display=wishes.display
-        or wishes.max_display
-        or REFERENCE_BENCH.most_display * standing.side,
+        display=wishes.display or wishes.max_display or most,
     )
 
 

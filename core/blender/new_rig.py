@@ -233,14 +233,15 @@ def _make_ball(scene: bpy.types.Scene, made: Workbench) -> bpy.types.Object:
 def _make_parts(
     scene: bpy.types.Scene, made: Workbench, proposal: Proposal, pixels: tuple[int, int]
 ) -> None:
-    """Plate, picture and display."""
+    """Plate, if the rig has one, picture and display."""
     metres = length_of_unit(scene)
     where = proposal.placement
     columns, rows = pixels
-    side = proposal.plate / metres
-    plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
-    plate.kiriko.role = "PLATE"
-    plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
+    if where.plate is not None:
+        side = proposal.plate / metres
+        plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
+        plate.kiriko.role, plate.show_name = "PLATE", True
+        plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
 
     side = proposal.picture / metres
     picture = made.rectangle("Kiriko Picture", _in_units(where.picture, metres), side, side)
@@ -260,8 +261,7 @@ def _make_parts(
     )
     display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
     display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
-    for thing in (plate, picture, display):
-        thing.show_name = True
+    picture.show_name = display.show_name = True
 
 
 def _make_viewer(

