@@ -106,6 +106,7 @@ def draw_object(
     elif ours.role == "DISPLAY":
         _draw_product(layout, "kiriko.display_preset", display_product(context, thing))
         layout.prop(ours, "resolution")
+        layout.operator("kiriko.fit_display", icon="FULLSCREEN_ENTER")
     elif ours.role == "PICTURE":
         _draw_picture(layout, thing)
 
@@ -161,9 +162,11 @@ def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None
     row.menu(VIEW3D_MT_kiriko_images.bl_idname, text=name, icon="IMAGE_DATA")
     row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
+    layout.operator("kiriko.fit_picture_size", icon="FULLSCREEN_ENTER")
 
 
 def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:
+    layout.operator("kiriko.fit_plate", icon="FULLSCREEN_ENTER")
     layout.prop(plate, "model")
     if plate.model == "IDEAL":
         return

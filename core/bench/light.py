@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..arrays import Bools, Floats, Ints
 from ..kinds import Kind
 from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
 from ..steps import at
+from .flat import IS_FLAT, Outline
 
 RAYS_AT_ONCE = 5000  # that are traced together: so often Esc is heard
 
@@ -30,7 +31,7 @@ class Light:
     positions : (n, 3) m, of the ends
     has_leaked : (n,) through a gap in open glass
     into_glass, out_of_glass : (n, 3) m, first and last meeting with glass, NaN where there is none
-    at_plate : (n, 3) m, first meeting with a plate, NaN where there is none
+    at_plate : (n, 3) m, first meeting with the plate that was asked about, NaN where there is none
     """
 
     is_seen: Bools
@@ -57,8 +58,13 @@ class Light:
         return {word: share for word, share in by_reason.items() if share > 0}
 
 
-def light_of(plan: Plan, points: Floats) -> Generator[float, None, Light]:
-    """Follow the viewer's rays straight through points (n, 3), m; yields progress 0..1."""
+def light_of(
+    plan: Plan, points: Floats, plate: Outline | None = None
+) -> Generator[float, None, Light]:
+    """Follow the viewer's rays straight through points (n, 3), m; yields progress 0..1.
+
+    plate : the outline of a plate, whose meetings are noted
+    """
     viewer = plan.viewer
     xy = viewer.project(points)
     is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
@@ -86,23 +92,34 @@ def light_of(plan: Plan, points: Floats) -> Generator[float, None, Light]:
         light.positions[of] = landings.positions
         light.has_leaked[of] = landings.leak >= 0
         _note_meetings(plan, light, of, steps)
+        if plate is not None:
+            _note_plate(plan, light, of, steps, plate)
 
     return light
 
 
-def _note_meetings(plan: Plan, light: Light, of: NDArray[np.int64], steps: list[Step]) -> None:
-    """Write down where rays, those of points `of`, met glass and plates."""
+def _note_meetings(plan: Plan, light: Light, of: Ints, steps: list[Step]) -> None:
+    """Write down where rays, those of points `of`, met glass."""
     for step in steps:
-        kind = plan.parts.kind[plan.triangles.part[step.triangle]]
-        for place, wanted, is_first in (
-            (light.into_glass, Kind.GLASS, True),
-            (light.out_of_glass, Kind.GLASS, False),
-            (light.at_plate, Kind.PLATE, True),
-        ):
-            some = kind == wanted
-            ray = of[step.rays[some]]
-            if is_first:
-                is_new = np.isnan(place[ray, 0])
-                place[ray[is_new]] = step.place[some][is_new]
-            else:
-                place[ray] = step.place[some]
+        is_glass = _kind(plan, step) == Kind.GLASS
+        ray = of[step.rays[is_glass]]
+        place = step.place[is_glass]
+        is_new = np.isnan(light.into_glass[ray, 0])
+        light.into_glass[ray[is_new]] = place[is_new]
+        light.out_of_glass[ray] = place
+
+
+def _note_plate(plan: Plan, light: Light, of: Ints, steps: list[Step], plate: Outline) -> None:
+    """Write down where rays, those of points `of`, first met a plate."""
+    normal = np.cross(*plate.axes)
+    for step in steps:
+        off = np.abs((step.place - plate.middle) @ normal)
+        is_here = (_kind(plan, step) == Kind.PLATE) & (off <= IS_FLAT * plate.half.max())
+        ray = of[step.rays[is_here]]
+        is_new = np.isnan(light.at_plate[ray, 0])
+        light.at_plate[ray[is_new]] = step.place[is_here][is_new]
+
+
+def _kind(plan: Plan, step: Step) -> Ints:
+    """The kind of part (h,) that each ray of a step met."""
+    return plan.parts.kind[plan.triangles.part[step.triangle]]

@@ -120,14 +120,14 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     )
 
 
-def points_of(place: PicturePlace) -> tuple[Floats, Floats, Floats]:
+def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
     """Points (n, 3) spread evenly over the triangles of a picture,
     their UV (n, 2) and the area (n,) each stands for.
 
     A triangle is divided into small ones; a third of each belongs to each of its corners.
     """
     # the corners of the small ones, by barycentric coordinates
-    n = LIGHT_RAYS.n_grid
+    n = n or LIGHT_RAYS.n_grid
     a, b = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
     a, b = a[a + b <= n], b[a + b <= n]
     c = n - a - b

@@ -5,6 +5,7 @@ axis, is lost. So the largest one ends at the nearest lost ray. Where its light 
 on the display, too, it ends where that light spreads too far.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,8 @@ class Bundle:
 
     at (n, 2) of the rays; landed (n, 2) on the display, from the image of the glass's middle;
     is_good (n,) did it come through glass to the display?; step : between rays; half (2,) of the
-    glass's width and height as the viewer sees it
+    glass's width and height as the viewer sees it; enough : share of a square's rays
+    that have to be good
     """
 
     at: Floats
@@ -55,6 +57,7 @@ class Bundle:
     is_good: Bools
     step: float
     half: Floats
+    enough: float = SEARCH.enough
 
     def largest(self, places: Floats, most: float) -> Floats:
         """Sides (m,) of the largest squares around places (m, 2) that get through, up to `most`."""
@@ -66,7 +69,7 @@ class Bundle:
         n = np.arange(1, len(self.at) + 1)
 
         edge = (self.half - np.abs(places)).min(axis=1)
-        is_whole = np.cumsum(is_bad, axis=1) <= (1 - SEARCH.enough) * n
+        is_whole = np.cumsum(is_bad, axis=1) <= (1 - self.enough) * n
         is_near = spread <= SEARCH.most_display * distance
         is_within = distance <= np.minimum(edge, most / 2)[:, None] + self.step / 2
         is_ring = np.diff(distance, axis=1, append=np.inf) > self.step * ROUNDING
@@ -103,14 +106,53 @@ def grid_over(half: Floats, n_along: int) -> tuple[Floats, float]:
     return np.stack([x.ravel(), y.ravel()], axis=1), step
 
 
-def largest_about(middle: Floats, uv: Floats, is_lost: Bools, weight: Floats) -> float:
+def best_place(bundle: Bundle, most: float) -> tuple[Floats, float]:
+    """The place (2,) of the largest square up to `most`, and its side."""
+    return _refined(bundle, lambda places: bundle.largest(places, most))
+
+
+def best_place_for(bundle: Bundle, side: float) -> Floats:
+    """The place (2,) where most of a square of a side gets through."""
+    return _refined(bundle, lambda places: bundle.share(places, side), 1.0)[0]
+
+
+def _refined(
+    bundle: Bundle, value: Callable[[Floats], Floats], whole: float = 0.0
+) -> tuple[Floats, float]:
+    """The place (2,) where a value is largest, and the value.
+
+    whole : by whose shares places are compared; 0: the best value
+    """
+    places, step = grid_over(bundle.half, SEARCH.n_places)
+    centre = np.zeros(2)
+    best = centre
+    for _ in range(3):
+        values = value(places)
+        top = places[values >= values.max() * (1 - 1e-9)]
+        # of places as good as each other the one in their midst
+        best = top[np.linalg.norm(top - top.mean(axis=0), axis=1).argmin()]
+        around = np.stack(np.meshgrid(*[np.linspace(-step, step, 7)] * 2), axis=-1)
+        places = best + around.reshape(-1, 2)
+        step /= 3
+
+    # the middle of the glass, along both axes or one, where that is about as good
+    x, y = best
+    candidates = np.array([[0, 0], [0, y], [x, 0], [x, y]])
+    values = value(candidates)
+    good = values >= values.max() - SEARCH.worth_moving * (whole or values.max())
+    first = int(good.argmax())
+    return candidates[first], float(values[first])
+
+
+def largest_about(
+    middle: Floats, uv: Floats, is_lost: Bools, weight: Floats, share: float = SEARCH.enough
+) -> float:
     """Side, of the picture's, of the largest part of it about a place (2,) of which so much
     arrives, by the light of places uv (n, 2) that stand for parts of it (n,).
     """
     distance = 2 * np.abs(uv - middle).max(axis=1)
     order = np.argsort(distance)
     lost = np.cumsum(np.where(is_lost, weight, 0.0)[order])
-    fits = lost <= (1 - SEARCH.enough) * np.cumsum(weight[order])
-    if fits.all():
-        return float(distance.max())
-    return float(distance[order[max(int(np.argmax(~fits)) - 1, 0)]])
+    is_ring = np.diff(distance[order], append=np.inf) > ROUNDING * distance.max()
+    fits = is_ring & (lost <= (1 - share) * np.cumsum(weight[order]))
+    return float(distance[order[fits]].max(initial=0.0))

@@ -23,7 +23,7 @@ from ..steps import within
 from .light import Light, light_of
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
 from .spread import Spread, points_of, spread_in
-from .squares import SEARCH, Bundle, grid_over, largest_about
+from .squares import SEARCH, Bundle, best_place, best_place_for, grid_over, largest_about
 
 
 class Standing(NamedTuple):
@@ -79,41 +79,12 @@ def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
     smaller = 2 * float(bundle.half.min())
     if not side:
         most = SEARCH.most * smaller / SEARCH.room
-        place, found = _refined(bundle, lambda places: bundle.largest(places, most))
+        place, found = best_place(bundle, most)
         if found * SEARCH.room >= SEARCH.least * smaller:
             return place, SEARCH.room * found
         side = SEARCH.least * smaller
 
-    place, _ = _refined(bundle, lambda places: bundle.share(places, side), 1.0)
-    return place, side
-
-
-def _refined(
-    bundle: Bundle, value: Callable[[Floats], Floats], whole: float = 0.0
-) -> tuple[Floats, float]:
-    """The place (2,) where a value is largest, and the value.
-
-    whole : by whose shares places are compared; 0: the best value
-    """
-    places, step = grid_over(bundle.half, SEARCH.n_places)
-    centre = np.zeros(2)
-    best = centre
-    for _ in range(3):
-        values = value(places)
-        top = places[values >= values.max() * (1 - 1e-9)]
-        # of places as good as each other the one in their midst
-        best = top[np.linalg.norm(top - top.mean(axis=0), axis=1).argmin()]
-        around = np.stack(np.meshgrid(*[np.linspace(-step, step, 7)] * 2), axis=-1)
-        places = best + around.reshape(-1, 2)
-        step /= 3
-
-    # the middle of the glass, along both axes or one, where that is about as good
-    x, y = best
-    candidates = np.array([[0, 0], [0, y], [x, 0], [x, y]])
-    values = value(candidates)
-    good = values >= values.max() - SEARCH.worth_moving * (whole or values.max())
-    first = int(good.argmax())
-    return candidates[first], float(values[first])
+    return best_place_for(bundle, side), side
 
 
 def _depth(

@@ -51,6 +51,77 @@ def has_side(context: bpy.types.Context, thing: bpy.types.Object, side: float) -
     return bool(np.abs(factors - 1).max() <= RESIZED_WITHIN)
 
 
+def scale_by(
+    context: bpy.types.Context, thing: bpy.types.Object, factor: float, shift: Floats
+) -> None:
+    """Make a flat object so many times as large, and move it by (3,), Blender units.
+
+    Raises
+    ------
+    RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
+    """
+    refuse_held(thing)
+    context.view_layer.update()
+    points = _points(context, thing)
+    wanted = factor * np.array(thing.matrix_world, float)[:3, :3]
+    slack = RESIZED_WITHIN * np.abs(wanted).max()
+
+    before = thing.matrix_basis.copy()
+    move_by(context, thing, shift)
+    try:
+        rescale(
+            context,
+            thing,
+            points,
+            np.full(3, factor),
+            lambda after: np.abs(after[:3, :3] - wanted).max() <= slack,
+        )
+    except BaseException:
+        thing.matrix_basis = before
+        context.view_layer.update()
+        raise
+
+
+def move_by(context: bpy.types.Context, thing: bpy.types.Object, shift: Floats) -> None:
+    """Move an object by (3,) Blender units, its children with it.
+
+    Raises
+    ------
+    RigError : the reason why it cannot be, a clause for a sentence; it is where it was
+    """
+    if not np.any(shift):
+        return
+    give_matrix(context, thing, Matrix.Translation(np.asarray(shift).tolist()) @ thing.matrix_world)
+
+
+def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Matrix) -> None:
+    """Give an object a place and a turn in the world, its children with it; its scale stays.
+
+    Raises
+    ------
+    RigError : the reason why it cannot be, a clause for a sentence; it is where it was
+    """
+    animation = thing.animation_data
+    if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+        raise RigError("it is animated")
+    if any((*thing.lock_location, *thing.lock_rotation)):
+        raise RigError("its place is locked")
+
+    context.view_layer.update()
+    before = thing.matrix_basis.copy()
+    thing.matrix_world = matrix
+    context.view_layer.update()
+
+    wanted, found = np.array(matrix, float), np.array(thing.matrix_world, float)
+    far = np.abs(found - wanted)
+    size = max(np.abs(wanted[:3, :3]).max(), max(thing.dimensions, default=0.0))
+    rounding = FLOAT32_SUM_ERROR * np.abs(wanted[:3, 3]).max()
+    if far.max() > RESIZED_WITHIN * size + rounding:
+        thing.matrix_basis = before
+        context.view_layer.update()
+        raise RigError("a constraint or a driver holds it")
+
+
 def rescale(
     context: bpy.types.Context,
     thing: bpy.types.Object,

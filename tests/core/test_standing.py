@@ -9,11 +9,12 @@ from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewe
 from kiriko.core.bench.spread import Spread
 from kiriko.core.bench.squares import SEARCH, Bundle, grid_over
 from kiriko.core.bench.standing import Request, settle
-from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
+from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from known.brute_force import share_arrived
+from known.goblets import goblet
 from known.reference_rigs import box, icosphere
 
 PIXELS = 64, 64
@@ -34,49 +35,6 @@ def settled(
     steps = settle(request, proposal, lambda rig: session.plan(rig, settings or Settings()))
     proposal, spread = finish(steps)
     return request.rig(proposal), proposal, spread
-
-
-def share_arrived(rig: Rig, n: int = 60, size: float = 1.0) -> float:
-    """Share of a picture, `size` times as large, that arrives: by brute force."""
-    low, right, _, up = rig.picture_place.mesh.vertices
-    u, v = (np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2)) - 0.5).reshape(2, -1, 1) * size
-    points = (right + up) / 2 + u * (right - low) + v * (up - low)
-    directions = points - rig.viewer.position
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    plan = Session().plan(rig, Settings())
-    origins = np.broadcast_to(rig.viewer.position, points.shape)
-    return float(trace_all(plan, origins, directions).has_arrived.mean())
-
-
-def goblet(n: int = 48) -> Glass:
-    """A bowl of 76 mm on a thin stem and a foot, 200 mm high, its wall 2 mm, open at the top."""
-    outside = [
-        (0, 0),
-        (34, 2),
-        (30, 5),
-        (5, 10),
-        (4, 90),
-        (25, 105),
-        (36, 130),
-        (38, 150),
-        (32, 200),
-    ]
-    inside = [(30, 200), (36, 150), (34, 130), (23, 107), (0, 94)]
-    profile = 1e-3 * np.array([*outside, *inside], float)
-    angle = 2 * np.pi * np.arange(n) / n
-    radius, height = profile[:, :1], profile[:, 1:] - 0.1
-    points = np.stack(
-        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, (14, n))], axis=-1
-    )
-    index = np.arange(14 * n).reshape(14, n)
-    index[[0, -1]] = index[[0, -1], :1]
-    a, b = index[:-1], index[1:]
-    c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
-    triangles = np.concatenate(
-        [np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, d, c), (a, c, b))]
-    )
-    is_whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return Glass("goblet", Mesh(points.reshape(-1, 3), triangles[is_whole]), ConstantIndex(1.5))
 
 
 def test_the_largest_square_ends_at_the_nearest_lost_ray() -> None:

@@ -1,0 +1,257 @@
+"""How large have display and plate to be for a picture's light?
+
+The light of the picture is traced with the part in question as large as it may be, and the part
+then has to reach the places where that light meets it. The answer is settled by tracing the rig
+with the part as large as was found.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..light.display import affine_fit
+from ..light.plan import Plan
+from ..mesh import Mesh
+from ..messages import Message
+from ..rig import Display, PicturePlace, Plate, Rig
+from ..steps import within
+from ..viewer import Viewer
+from .flat import Outline, outline_of
+from .light import Light, light_of
+from .spread import points_of
+
+PlanOf = Callable[[Rig], Plan]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is wanted of a part's size.
+
+    share : of the light that could arrive, that has to
+    moves : may the part's middle move in its plane?
+    most : times its present size that a part may have; 0: `ROOM`'s
+    n_grid : points along each edge of a triangle of the picture; 0: as many as Add Rig takes
+    """
+
+    share: float = 1.0
+    moves: bool = False
+    most: float = 0.0
+    n_grid: int = 0
+
+
+@dataclass(frozen=True)
+class Room:
+    """What counts in sizing.
+
+    spare : a part's size, of what its light needs at least
+    most_plate : times its present size
+    most_display : times the picture's longer side
+    """
+
+    spare: float = 1.01
+    most_plate: float = 4.0
+    most_display: float = 10.0
+
+
+ROOM = Room()
+ROUNDING = 1e-9  # of a share
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A part as large as its light needs.
+
+    size : times as large as it was; width : m, that it then has; shift : (3,) m of its middle
+    before, after : shares of the picture that arrive
+    lost : shares that still do not, by reason
+    """
+
+    size: float
+    width: float
+    shift: Floats
+    before: float
+    after: float
+    lost: dict[str, float]
+
+    @property
+    def more(self) -> float:
+        """By how much wider it is, m; below 0 where it is narrower."""
+        return self.width - self.width / self.size
+
+
+def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
+    """A picture with a plane: its own, or one in front of
+    the viewer where it is in the viewer's own pixels.
+    """
+    if place.mesh is not None:
+        return place
+
+    corners = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
+    origins, directions = viewer.rays(corners * (viewer.width, viewer.height))
+    ahead = directions @ viewer.axes[2]
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    return replace(
+        place, mesh=Mesh(origins + directions / ahead[:, None], triangles, uv=uv[triangles])
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture."""
+
+    light: Light
+    uv: Floats
+    weight: Floats
+
+    @property
+    def lost(self) -> dict[str, float]:
+        return self.light.lost(self.weight)
+
+    @property
+    def share(self) -> float:
+        """The part of the picture that arrives."""
+        return 1.0 - sum(self.lost.values())
+
+
+def traced(
+    rig: Rig, plan_of: PlanOf, n_grid: int = 0, plate: Outline | None = None
+) -> Generator[float, None, Traced]:
+    """Follow the light of a rig's picture; yields progress 0..1."""
+    plan = plan_of(rig)
+    points, uv, area = points_of(place_in_sight(rig.picture_place, plan.viewer), n_grid)
+    light = yield from light_of(plan, points, plate)
+    seen = np.where(light.is_seen, area, 0.0)
+    return Traced(light, uv, seen / max(seen.sum(), np.finfo(float).tiny))
+
+
+def display_outline(display: Display) -> Outline:
+    """The outline of a flat display, along the rows of its image."""
+    mesh = display.mesh
+    fit, _ = affine_fit(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3))
+    return outline_of(mesh, fit[0], Message("The display '{name}'", name=display.name))
+
+
+def plate_outline(plate: Plate) -> Outline:
+    """The outline of a plate, along the side by which its mirrors stand."""
+    corners = plate.mesh.corners
+    side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
+    return outline_of(plate.mesh, side, Message("The plate '{name}'", name=plate.name))
+
+
+def fit_display(
+    rig: Rig, plan_of: PlanOf, wanted: Wanted | None = None
+) -> Generator[float, None, Fitted]:
+    """The display as large as the light needs that comes to its plane; yields progress 0..1.
+
+    Raises
+    ------
+    RigError : it is not flat, or no light of the picture comes to its plane
+    """
+    wanted = wanted or Wanted()
+    outline = display_outline(rig.display)
+    sizing = _Sizing(rig, plan_of, wanted, "displays", 0, outline)
+    large = sizing.rig_with(max(1.0, wanted.most or _most_display(rig, outline)))
+    there = yield from within(traced(large, plan_of, wanted.n_grid), 0.0, 0.4)
+    arrived = there.light.has_arrived
+    if not arrived.any():
+        raise RigError(
+            "No light of the picture comes to the plane of the display '{name}': move or turn it.",
+            name=rig.display.name,
+        )
+    return (
+        yield from sizing.settled(
+            outline.across(there.light.positions[arrived]), there.weight[arrived]
+        )
+    )
+
+
+def fit_plate(
+    rig: Rig, plan_of: PlanOf, wanted: Wanted | None = None, number: int = 0
+) -> Generator[float, None, Fitted]:
+    """A plate as large as the light needs that it sends to the
+    display's plane; yields progress 0..1.
+
+    Raises
+    ------
+    RigError : no light of the picture meets it
+    """
+    wanted = wanted or Wanted()
+    plate = rig.plates[number]
+    outline = plate_outline(plate)
+    sizing = _Sizing(rig, plan_of, wanted, "plates", number, outline)
+    large = sizing.rig_with(max(1.0, wanted.most or ROOM.most_plate))
+
+    # a display that is too small is another matter
+    screen = display_outline(rig.display)
+    sizes = max(1.0, _most_display(rig, screen))
+    large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
+    there = yield from within(traced(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
+    meets = there.light.has_arrived & np.isfinite(there.light.at_plate[:, 0])
+    if not meets.any():
+        raise RigError(
+            "No light of the picture comes to the display by way of the plate '{name}': move or"
+            " turn it.",
+            name=plate.name,
+        )
+    return (
+        yield from sizing.settled(outline.across(there.light.at_plate[meets]), there.weight[meets])
+    )
+
+
+def _most_display(rig: Rig, outline: Outline) -> float:
+    """How many times as large a display may be."""
+    mesh = place_in_sight(rig.picture_place, rig.viewer).mesh
+    longest = np.linalg.norm(np.ptp(mesh.corners.reshape(-1, 3), axis=0))
+    return float(ROOM.most_display * longest / (2 * outline.half.max()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sizing:
+    """A part of a rig, by the rig's field and its number there, that is to have another size."""
+
+    rig: Rig
+    plan_of: PlanOf
+    wanted: Wanted
+    field: str
+    number: int
+    outline: Outline
+
+    def rig_with(self, size: float, shift: Floats | None = None) -> Rig:
+        """The rig with the part so many times as large, and moved by (3,) m."""
+        parts = list(getattr(self.rig, self.field))
+        part = parts[self.number]
+        shift = np.zeros(3) if shift is None else shift
+        parts[self.number] = replace(part, mesh=self.outline.changed(part.mesh, size, shift))
+        return replace(self.rig, **{self.field: tuple(parts)})
+
+    def settled(self, across: Floats, weight: Floats) -> Generator[float, None, Fitted]:
+        """The part as large as places (n, 2) need, of weights
+        (n,); yields the rest of the progress.
+        """
+        wanted = self.wanted
+        about = np.zeros(2)
+        if wanted.moves:
+            about = across.min(axis=0) / 2 + across.max(axis=0) / 2
+
+        reach = self.outline.reach(across, about)
+        order = np.argsort(reach)
+        enough = np.cumsum(weight[order]) >= wanted.share * weight.sum() * (1 - ROUNDING)
+        size = ROOM.spare * float(reach[order[int(enough.argmax())]])
+        shift = about @ self.outline.axes
+
+        n = wanted.n_grid
+        before = yield from within(traced(self.rig, self.plan_of, n), 0.4, 0.7)
+        changed = self.rig_with(size, shift)
+        after = yield from within(traced(changed, self.plan_of, n), 0.7, 1.0)
+        return Fitted(
+            size=size,
+            width=2 * float(self.outline.half[0]) * size,
+            shift=shift,
+            before=before.share,
+            after=after.share,
+            lost=after.lost,
+        )

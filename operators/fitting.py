@@ -1,0 +1,134 @@
+"""Shared by the operators that make a part of the rig as large as the picture's light needs."""
+
+from collections.abc import Callable, Generator
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.bench.room import Fitted, Wanted
+from ..core.blender.resize import scale_by
+from ..core.blender.units import length_of_unit, length_text
+from ..core.errors import RigError
+from ..core.messages import Message, joined
+from ..core.rig import Rig
+from ..core.steps import within
+from ..core.words import listed, percent
+from . import long_work, needed, work
+
+SAME = 2e-3  # of its size: a part that would change by less stays as it is
+
+
+def share(default: float) -> bpy.props.FloatProperty:
+    """The property for the share of the light that has to arrive."""
+    return bpy.props.FloatProperty(
+        name="Share",
+        description="Of the light that can get through, the share that has to arrive",
+        subtype="FACTOR",
+        default=default,
+        min=0.5,
+        max=1.0,
+        precision=4,
+    )
+
+
+class FitsPart(long_work.LongWork):
+    """Mix-in for an operator that gives a part of the rig another size.
+
+    role : of the part; fit : finds its size, as `fit_display`, and is told the part's number
+    """
+
+    role: str
+    fit: Callable[[Rig, Callable, Wanted, int], Generator[float, None, Fitted]]
+
+    move: bpy.props.BoolProperty(
+        name="Move",
+        description="Move its middle, too, where it can then be smaller, or the picture larger",
+        default=False,
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "OBJECT":
+            return needed.can_run(cls, ["Leave edit mode first"])
+        reasons = needed.lacking(context.scene)
+        if not reasons and cls.role not in needed.parts(context.scene):
+            reasons = [Message("The rig has no {role}", role=cls.role.lower())]
+        return needed.can_run(cls, reasons)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene = context.scene
+        rig = work.read(context).rig
+        number, thing = self.part(context, rig)
+        settings = work.settings_of(scene)
+        wanted = Wanted(share=self.share, moves=self.move)
+        yield 0.05
+
+        steps = type(self).fit(rig, lambda rig: work.session().plan(rig, settings), wanted, number)
+        fitted = yield from within(steps, 0.05, 1.0)
+        metres = length_of_unit(scene)
+        is_moved = bool(np.abs(fitted.shift).max() > SAME * fitted.width)
+        if abs(fitted.size - 1) < SAME and not is_moved:
+            return self._unchanged(thing, fitted)
+
+        try:
+            scale_by(context, thing, fitted.size, is_moved * fitted.shift / metres)
+        except RigError as why:
+            raise RigError(
+                "'{name}' keeps its size, for {why}.", name=thing.name, why=why
+            ) from None
+        return self._changed(scene, thing, fitted, is_moved)
+
+    def part(self, context: bpy.types.Context, rig: Rig) -> tuple[int, bpy.types.Object]:
+        """The number of the part among those of its role, and its object: the
+        active one, or else the first.
+        """
+        parts = parts_of(rig, self.role)
+        names = [part.name for part in parts]
+        active = context.active_object
+        number = names.index(active.name) if active is not None and active.name in names else 0
+        thing = context.scene.objects.get(names[number])
+        if thing is None or thing.kiriko.role != self.role:
+            raise RigError("'{name}' keeps its size, for it is an instance.", name=names[number])
+        if not thing.is_editable:
+            raise RigError(
+                "'{name}' keeps its size, for it is linked from another file.", name=thing.name
+            )
+        return number, thing
+
+    def _unchanged(self, thing: bpy.types.Object, fitted: Fitted) -> Message:
+        if listed(fitted.lost):
+            self.level = "WARNING"
+            return Message(
+                "'{name}' is as large as it has to be, but {lost}.",
+                name=thing.name,
+                lost=listed(fitted.lost),
+            )
+        return Message("'{name}' is as large as it has to be.", name=thing.name)
+
+    def _changed(
+        self, scene: bpy.types.Scene, thing: bpy.types.Object, fitted: Fitted, is_moved: bool
+    ) -> Message:
+        """The change, and the share of the picture that arrives since."""
+        more = fitted.more
+        text = Message(
+            "'{name}' is {width} wide now, {change} {more}: {after} of the picture arrives,"
+            " {before} before.",
+            name=thing.name,
+            width=length_text(scene, fitted.width),
+            change=length_text(scene, abs(more)),
+            more=Message("more") if more > 0 else Message("less"),
+            after=percent(fitted.after),
+            before=percent(fitted.before),
+        )
+        if is_moved:
+            length = length_text(scene, float(np.linalg.norm(fitted.shift)))
+            text = joined([text, Message("Its middle moved by {length}.", length=length)])
+        if listed(fitted.lost):
+            text = joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
+        return text
+
+
+def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
+    """The parts of a rig that have a role, by its name."""
+    return {"PICTURE": rig.pictures, "PLATE": rig.plates, "DISPLAY": rig.displays}[role]
