@@ -25,6 +25,7 @@ from . import (
     preview,
     report,
     simulate,
+    sketcher,
     solve,
     visible_range,
     watch,
@@ -70,10 +71,12 @@ def register() -> None:
     live.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     watch.register()
+    sketcher.register()
 
 
 def unregister() -> None:
     """Take them back, end all that is running, and empty the session."""
+    sketcher.unregister()
     watch.unregister()
     live.unregister()
     work.forget()

@@ -1,4 +1,6 @@
-"""The artist's view: the tab Kiriko in the 3D viewport's sidebar, and the Add menu."""
+"""The artist's view: the tab Kiriko in the 3D viewport's sidebar, what is drawn over
+the viewport, and the Add menu.
+"""
 
 import bpy
 
@@ -8,6 +10,7 @@ from . import (
     checklist,
     export,
     object,
+    overlay,
     preferences,
     result,
     rig,
@@ -45,10 +48,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
     shown_images.register()
+    overlay.register()
 
 
 def unregister() -> None:
     """Take them away."""
+    overlay.unregister()
     shown_images.unregister()
     bpy.types.VIEW3D_MT_add.remove(add_menu.draw)
     for cls in reversed(CLASSES):

@@ -18,6 +18,12 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
 
     bl_label = "Kiriko"
 
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Is the light's way drawn over the viewport?"""
+        if needed.has_rig(context.scene):
+            shown = context.window_manager.kiriko
+            self.layout.prop(shown, "show_overlay", text="", icon="OVERLAY", emboss=False)
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         if not needed.has_rig(context.scene):

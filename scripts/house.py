@@ -39,6 +39,7 @@ ROOMS = (
     "core/blender",
     "core/blender/properties",
     "operators",
+    "panels/overlay",
     "panels",
 )
 MOST_FILE_LINES = 300

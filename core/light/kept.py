@@ -45,6 +45,10 @@ class Kept:
         _, solids = self._now.setdefault(key, self._old.get(key))
         return key, solids, None
 
+    def borrow(self, other: "Kept") -> None:
+        """Take over what another keeps, which stays as it is."""
+        self._old = {**other._old, **other._now, **self._old}
+
     def forget(self) -> None:
         """Drop results not asked for since the last call."""
         self._old, self._now = self._now, {}

@@ -24,12 +24,7 @@ from ..light.plan import Plan
 from ..light.planning import planning
 from ..rig import Picture, Rig
 from ..settings import Settings
-from ..steps import (
-    at,
-    finish,
-    last_told,
-    within,
-)
+from ..steps import at, finish, last_told, within
 from ..viewer import Viewer
 from .accuracy import measure
 from .channel import Channel, Traced
@@ -171,6 +166,10 @@ class Session:
         rig.check()
         settings.check()
         return finish(planning(rig, settings, self._kept))
+
+    def lend(self, kept: Kept) -> None:
+        """Let other plans use the glass that is made ready; the session stays as it is."""
+        kept.borrow(self._kept)
 
     def _pyramid_of(self, picture: Picture) -> Pyramid:
         """The sizes of a picture's image, made once as long as it is the same."""

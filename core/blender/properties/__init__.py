@@ -1,13 +1,16 @@
-"""The user's settings: roles on objects, settings and the last result on the scene."""
+"""The user's settings: roles on objects, settings and the last result
+on the scene, what is shown on the window manager.
+"""
 
 import bpy
-from bpy.props import PointerProperty
+from bpy.props import BoolProperty, PointerProperty
 
 from .calibration import KirikoCalibration
 from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoScene, is_camera
+from .view import KirikoView, redraw
 
 classes = (
     KirikoPlate,
@@ -17,6 +20,7 @@ classes = (
     KirikoResult,
     KirikoCalibration,
     KirikoScene,
+    KirikoView,
 )
 
 
@@ -39,6 +43,13 @@ def register() -> None:
         type=bpy.types.Object,
         poll=is_camera,
     )
+    KirikoView.show_overlay = BoolProperty(
+        name="Kiriko Light Path",
+        description="Draw the light's way over the viewport while the Kiriko tab is open: of the"
+        " picture's corners and middle, green where it arrives, red where it is lost",
+        default=True,
+        update=redraw,
+    )
     bpy.types.Object.kiriko = PointerProperty(
         name="Kiriko", description="This object's part in the rig", type=KirikoObject
     )
@@ -51,14 +62,19 @@ def register() -> None:
     bpy.types.Scene.kiriko = PointerProperty(
         name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene
     )
+    bpy.types.WindowManager.kiriko = PointerProperty(
+        name="Kiriko", description="What the interface shows of a rig", type=KirikoView
+    )
 
 
 def unregister() -> None:
     """Take the settings away again."""
+    del bpy.types.WindowManager.kiriko
     del bpy.types.Scene.kiriko
     del bpy.types.Collection.kiriko
     del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
+    del KirikoView.show_overlay
     del KirikoScene.viewer
     del KirikoObject.image
     for cls in reversed(classes):

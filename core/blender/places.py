@@ -1,0 +1,83 @@
+"""Reads the evaluated scene into a Rig that need not be whole, for what is drawn over it: parts
+that are missing, hidden or faulty are left out, and no pixel of the picture is read.
+"""
+
+from contextlib import suppress
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import KirikoError
+from ..rig import ROLES, Picture, Rig, Viewer
+from .elements import read_picture_image
+from .parts import is_placed, parts_by_role, read_parts
+from .roles import in_blender
+from .scene import calibrated_rig
+from .shapes import Kept
+from .units import length_of_unit
+from .viewer import read_viewer
+
+
+class KeptPlaces(Kept):
+    """Keeps meshes as `Kept` does; of images it reads no pixels."""
+
+    def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
+        """As many as the image has, none of which takes memory."""
+        width, height = image.size
+        return np.broadcast_to(np.float32(0), (height, width, 4))
+
+    @property
+    def is_whole(self) -> bool:
+        """Is nothing known to have changed but places and settings?"""
+        self._is_stale = False  # which tells of pixels
+        return super().is_whole
+
+
+def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: KeptPlaces) -> Rig:
+    """The rig of a scene at this frame as far as it is there, with
+    a calibration's offset, and of its picture the place alone.
+
+    Raises RigError for an object with a role that can be no part of a rig.
+    """
+    metres = length_of_unit(scene)
+    parts, _ = read_parts(depsgraph, scene, metres, kept)
+    viewer = _viewer(depsgraph, scene, metres)
+    by_role = parts_by_role(parts)
+    found: dict[str, tuple[Any, ...]] = {"viewers": () if viewer is None else (viewer,)}
+
+    for role in ROLES:
+        if role.number is None:
+            continue
+        if role.name == "PICTURE" and scene.kiriko.picture_source == "IMAGE":
+            members = _image(scene, kept)
+        else:
+            members = []
+            for part in by_role[role.name]:
+                with suppress(KirikoError):
+                    members.append(in_blender(role.name).read(part, kept).part)
+
+        if role.name == "PICTURE":
+            members = [picture.place for picture in members]
+        found[role.field] = tuple(members)
+
+    rig, _ = calibrated_rig(Rig(**found), scene)
+    return rig
+
+
+def _viewer(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> Viewer | None:
+    """The viewer, where Blender keeps its place up to date and it can be one."""
+    camera = scene.kiriko.viewer or scene.camera
+    if camera is None or not is_placed(camera, depsgraph):
+        return None
+    with suppress(KirikoError):
+        return read_viewer(camera, depsgraph, scene.render, metres)
+    return None
+
+
+def _image(scene: bpy.types.Scene, kept: KeptPlaces) -> list[Picture]:
+    """The picture in the viewer's own pixels."""
+    with suppress(KirikoError):
+        return read_picture_image(scene.kiriko.picture_image, None, kept)[0]
+    return []

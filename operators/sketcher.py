@@ -1,0 +1,305 @@
+"""Sketcher: keeps the sketch of each scene up to date that is looked at with the Kiriko tab open.
+
+Handlers only note that something may have changed. A timer of the application reads the scene, when
+that is due, makes it ready and traces a few rays, a little in each turn; nothing is done while the
+viewport is drawn. It uses the glass that the session has made ready, and leaves the session as it
+is. A scene whose reading takes long is left until it is quiet, so that a drag does not stutter.
+"""
+
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from time import monotonic, perf_counter
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.bench.sketch import Sketch, sketching
+from ..core.blender.places import KeptPlaces, read_places
+from ..core.blender.units import length_of_unit
+from ..core.errors import KirikoError
+from ..core.fingerprint import fingerprint
+from ..core.light.kept import Kept
+from ..core.light.plan import Plan
+from ..core.light.planning import planning
+from ..core.rig import Rig
+from ..core.settings import Settings
+from ..core.steps import Pauses
+from . import chosen, needed, telling, windows, work
+
+TAB = "Kiriko"
+IDLE = 0.1  # s between two looks
+PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
+TURN = 0.02  # s after which a turn begins no other step
+SHARE = 4.0  # times as long as the last sketch took there is none after it
+HEAVY = 0.05  # s: a sketch with a longer step waits until it is quiet, longer during a drag
+QUIET = 0.3  # s without a change, for one that waits
+POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
+PATIENCE = 10.0  # s after an error that was not foreseen
+DONE = object()
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A sketch, as a scene shows it.
+
+    metres : length of a Blender unit, m, in which the scene was read
+    """
+
+    sketch: Sketch
+    metres: float
+
+
+@dataclass(eq=False)
+class Sketched:
+    """A scene that is looked at.
+
+    kept, light : meshes and glass that need not be made again
+    changed_at : when the last change was noticed; None where all has been looked at
+    ended_at, spent : when the last sketch was done, and the s that it took
+    lasted : s of its longest step, where only places and settings had changed, and else
+    key, plan_key : of all that was drawn last, and of the plan
+    """
+
+    kept: KeptPlaces = field(default_factory=KeptPlaces)
+    light: Kept = field(default_factory=Kept)
+    drawing: Drawing | None = None
+    changed_at: float | None = field(default_factory=monotonic)
+    ended_at: float = 0.0
+    lasted: dict[bool, float] = field(default_factory=dict)
+    spent: float = 0.0
+    chosen: tuple[object, ...] = ()
+    polled_next: float = 0.0
+    is_short: bool = False
+    key: str = ""
+    rig: Rig | None = None
+    plan_key: str = ""
+    plan: Plan | None = None
+    steps: Generator[object, None, None] | None = None
+
+    def touch(self) -> None:
+        """Something has changed that may count."""
+        self.changed_at = monotonic()
+
+    def poll(self, scene: bpy.types.Scene) -> None:
+        """Look at the settings, of whose changes Blender does not tell."""
+        started = monotonic()
+        if started < self.polled_next:
+            return
+
+        units = scene.unit_settings
+        settings = (*chosen.chosen_settings(scene), length_of_unit(scene), units.length_unit)
+        if settings != self.chosen:
+            self.chosen = settings
+            self.touch()
+
+        ended = monotonic()
+        self.polled_next = ended + POLLING * (ended - started)
+
+    def is_due(self, is_held: bool) -> bool:
+        """Is it time to read the scene?
+
+        is_held : something is dragged, or played
+        """
+        if self.changed_at is None or monotonic() < self.ended_at + SHARE * self.spent:
+            return False
+        lasted = self.lasted.get(self.kept.is_whole, HEAVY)
+        if lasted < HEAVY:
+            return True
+        wait = max(QUIET, SHARE * lasted) if is_held else QUIET
+        return monotonic() - self.changed_at >= wait
+
+    def took(self, seconds: float) -> None:
+        """A step took so long."""
+        self.spent += seconds
+        self.lasted[self.is_short] = max(self.lasted.get(self.is_short, 0.0), seconds)
+        self.ended_at = monotonic()
+
+    def planning(self, rig: Rig, settings: Settings) -> Pauses[Plan]:
+        """Make a rig that was checked ready to be traced. Another
+        viewer or picture needs nothing made ready.
+        """
+        key = _key(replace(rig, viewers=(), pictures=()), settings)
+        if self.plan is None or key != self.plan_key:
+            work.session().lend(self.light)
+            self.plan = yield from planning(rig, settings, self.light)
+            self.plan_key = key
+        return replace(self.plan, rig=rig, viewer=rig.viewers[0])
+
+
+_sketched: dict[int, Sketched] = {}  # by session uid of the scene
+
+
+def drawing_of(scene: bpy.types.Scene) -> Drawing | None:
+    """What is to be drawn over a scene, as far as it is known by now."""
+    sketched = _sketched.get(scene.session_uid)
+    return None if sketched is None else sketched.drawing
+
+
+def is_looked_at(area: bpy.types.Area) -> bool:
+    """Does a 3D viewport show overlays, and its sidebar the Kiriko tab?"""
+    space = area.spaces.active
+    if area.type != "VIEW_3D" or not (space.show_region_ui and space.overlay.show_overlays):
+        return False
+    return any(r.type == "UI" and r.active_panel_category == TAB for r in area.regions)
+
+
+def views() -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    """The viewports that the sketch is drawn in."""
+    for window in windows.all_windows():
+        manager = window.id_data
+        if manager.kiriko.show_overlay:
+            for area in window.screen.areas:
+                if is_looked_at(area):
+                    yield window, area
+
+
+def redraw(scene_uid: int) -> None:
+    """Have the viewports drawn again that show a scene's sketch."""
+    for window, area in views():
+        if window.scene.session_uid == scene_uid:
+            area.tag_redraw()
+
+
+def tick() -> float:
+    """Called by the timer."""
+    try:
+        return PAUSE if look() else IDLE
+    except Exception as error:
+        telling.sentence(error, "The overlay")  # which prints errors that were not foreseen
+        _sketched.clear()
+        return PATIENCE
+
+
+def look() -> bool:
+    """Do a little for one scene that is looked at, if there is anything to do; is there more?"""
+    shown = {window.scene.session_uid for window in windows.all_windows()}
+    for gone in set(_sketched) - shown:
+        del _sketched[gone]
+
+    looked_at = {window.scene.session_uid: window for window, _ in views()}
+    if work.is_busy():
+        return False
+
+    for uid, window in looked_at.items():
+        sketched = _sketched.setdefault(uid, Sketched())
+        sketched.poll(window.scene)
+        is_held = bool(len(window.modal_operators)) or window.screen.is_animation_playing
+        if sketched.steps is None and sketched.is_due(is_held):
+            begin(sketched, window)
+        if sketched.steps is not None:
+            advance(sketched, uid)
+            return True
+    return False
+
+
+def begin(sketched: Sketched, window: bpy.types.Window) -> None:
+    """Read the scene that a window shows, and begin a sketch if anything is different."""
+    started = perf_counter()
+    with bpy.context.temp_override(window=window):
+        context = bpy.context
+        context.view_layer.update()
+        sketched.changed_at = None  # the change that the update above told of is in the reading
+        sketched.is_short = sketched.kept.is_whole
+        scene = context.scene
+        try:
+            rig = read_places(context.evaluated_depsgraph_get(), scene, sketched.kept)
+        except KirikoError:
+            rig = Rig(viewers=(), glasses=(), plates=(), displays=())
+
+        settings = work.settings_of(scene)
+        can_be_solved = not needed.lacking(scene)
+        metres = length_of_unit(scene)
+
+    key = _key(rig, settings, can_be_solved, metres)
+    sketched.spent = 0.0
+    sketched.lasted.pop(sketched.is_short, None)
+    sketched.took(perf_counter() - started)
+    if key != sketched.key:
+        sketched.key, sketched.rig = key, rig  # held, so that no other mesh gets their ids
+        sketched.steps = _sketching(sketched, rig, settings if can_be_solved else None, metres)
+
+
+def advance(sketched: Sketched, scene_uid: int) -> None:
+    """Go on with a sketch for a turn."""
+    stop = perf_counter() + TURN
+    while sketched.steps is not None and (started := perf_counter()) < stop:
+        if next(sketched.steps, DONE) is DONE:
+            sketched.steps = None
+            redraw(scene_uid)
+        sketched.took(perf_counter() - started)
+
+
+def _sketching(
+    sketched: Sketched, rig: Rig, settings: Settings | None, metres: float
+) -> Generator[object, None, None]:
+    """Make the rig ready, as far as it can be, and sketch it;
+    without settings no light, for it cannot be solved.
+    """
+    sketch = None
+    if settings is not None:
+        with suppress(KirikoError):
+            rig.check()
+            settings.check()
+            plan = yield from sketched.planning(rig, settings)
+            sketch = yield from sketching(rig, plan)
+
+    if sketch is None:
+        sketch = yield from sketching(rig, None)
+    sketched.drawing = Drawing(sketch, metres)
+
+
+def _key(rig: Rig, *others: object) -> str:
+    """Tells a rig from others, and all else that is drawn; meshes
+    that may be large, and are kept from reading to reading, by their ids.
+    """
+    parts = tuple(
+        (id(part.mesh), replace(part, mesh=None)) if role.is_curved else part
+        for role, part in rig.parts()
+    )
+    return fingerprint(parts, *others)
+
+
+@persistent
+def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Blender evaluated a change; whether it counts shows when the scene is read."""
+    for sketched in _sketched.values():
+        sketched.kept.notice(depsgraph.updates)
+        sketched.touch()
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """Meshes that are kept may have been put back."""
+    for sketched in _sketched.values():
+        sketched.kept = KeptPlaces()
+        sketched.touch()
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file: nothing of the one before is drawn over it."""
+    _sketched.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", on_update),
+    ("frame_change_post", on_update),  # animated objects may stand elsewhere
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+    ("load_post", on_load),
+)
+
+
+def register() -> None:
+    """Begin to look."""
+    work.listen(HANDLERS)
+    bpy.app.timers.register(tick, first_interval=IDLE, persistent=True)
+
+
+def unregister() -> None:
+    """Look no more."""
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    work.stop_listening(HANDLERS)
+    _sketched.clear()

@@ -1,0 +1,69 @@
+"""The overlay: the light's way through the rig, drawn over the viewport while the Kiriko tab is
+open.
+
+All of it is plain data that `operators/sketcher.py` keeps up to date; here it is only handed to the
+GPU. Nothing is read, traced or changed while a viewport is drawn.
+"""
+
+from collections.abc import Callable
+
+import bpy
+
+from ...operators import sketcher, telling
+from ...operators.sketcher import Drawing
+from . import batches, lines, words
+
+_handlers: list[object] = []
+_failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
+
+
+def draw_in_space() -> None:
+    """Called by Blender for each viewport, within the scene."""
+    _draw(lines.draw)
+
+
+def draw_in_pixels() -> None:
+    """Called by Blender for each viewport, over it."""
+    _draw(words.draw)
+
+
+def _draw(function: Callable[[bpy.types.Context, Drawing], None]) -> None:
+    """Draw, if a viewport is looked at that has anything to draw. An error ends the overlay, not
+    the drawing of Blender.
+    """
+    context = bpy.context
+    if _failed or not context.window_manager.kiriko.show_overlay:
+        return
+    if not sketcher.is_looked_at(context.area):
+        return
+
+    drawing = sketcher.drawing_of(context.scene)
+    if drawing is None:
+        return
+    try:
+        function(context, drawing)
+    except Exception as error:
+        # which prints errors that were not foreseen
+        _failed.append(telling.sentence(error, "The overlay"))
+
+
+def draw_toggle(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """One line in the viewport's overlays."""
+    menu.layout.prop(context.window_manager.kiriko, "show_overlay")
+
+
+def register() -> None:
+    """Begin to draw."""
+    _failed.clear()
+    space = bpy.types.SpaceView3D
+    for function, when in ((draw_in_space, "POST_VIEW"), (draw_in_pixels, "POST_PIXEL")):
+        _handlers.append(space.draw_handler_add(function, (), "WINDOW", when))
+    bpy.types.VIEW3D_PT_overlay.append(draw_toggle)
+
+
+def unregister() -> None:
+    """Draw no more."""
+    bpy.types.VIEW3D_PT_overlay.remove(draw_toggle)
+    while _handlers:
+        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
+    batches.forget()

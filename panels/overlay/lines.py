@@ -1,0 +1,46 @@
+"""Lines in the scene, in front of everything."""
+
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+from ...operators.sketcher import Drawing
+from . import colours
+from .batches import made_once
+from .shapes import Strokes, strokes_of
+
+SHADER = "POLYLINE_UNIFORM_COLOR"
+
+
+def draw(context: bpy.types.Context, drawing: Drawing) -> None:
+    """Draw the lines of a drawing, each over a shadow."""
+    shader = gpu.shader.from_builtin(SHADER)
+    scale = context.preferences.system.ui_scale
+    region = context.region
+
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("NONE")
+    shader.bind()
+    shader.uniform_float("viewportSize", (region.width, region.height))
+    for strokes, batch in made_once(drawing, "lines", _batches_of):
+        if strokes.width >= colours.OUTLINE_PX:
+            shader.uniform_float("lineWidth", (strokes.width + colours.SHADOW_PX) * scale)
+            shader.uniform_float("color", (*colours.SHADOW, colours.SHADOW_ALPHA * strokes.alpha))
+            batch.draw(shader)
+
+        shader.uniform_float("lineWidth", strokes.width * scale)
+        shader.uniform_float("color", (*strokes.colour, strokes.alpha))
+        batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _batches_of(drawing: Drawing) -> list[tuple[Strokes, object]]:
+    """The strokes of a drawing, each with its batch."""
+    shader = gpu.shader.from_builtin(SHADER)
+    return [
+        (
+            strokes,
+            batch_for_shader(shader, "LINES", {"pos": strokes.ends.reshape(-1, 3).tolist()}),
+        )
+        for strokes in strokes_of(drawing)
+    ]

@@ -1,0 +1,108 @@
+"""The lines and words of a drawing, sorted by their look, in Blender units: plain arrays."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.arrays import Floats
+from ...core.bench.sketch import Sketch
+from ...operators.sketcher import Drawing
+from . import colours
+
+N_DASHES = 16  # along each edge of the aerial plane
+BEYOND = 1.06  # of the way to a dimension line: so far go the lines that lead to it
+
+
+class Strokes(NamedTuple):
+    """Lines of one look: ends (n, 2, 3), colour and alpha, width in px."""
+
+    ends: Floats
+    colour: tuple[float, float, float]
+    alpha: float
+    width: float
+
+
+class Label(NamedTuple):
+    """Words at a place (3,), or a length, m, where that is not None."""
+
+    place: Floats
+    text: str
+    length: float | None
+    colour: tuple[float, float, float]
+
+
+class Mark(NamedTuple):
+    """The end (3,) of a way: a dot where light arrives, a cross where it is lost."""
+
+    place: Floats
+    has_arrived: bool
+
+
+def strokes_of(drawing: Drawing) -> list[Strokes]:
+    """All lines, those on top last."""
+    sketch = drawing.sketch
+    aerial, picture, lost, arrives = (
+        _segments(sketch, state) for state in ("aerial", "picture", "lost", "arrives")
+    )
+    dimensions = _dimension_lines(sketch)
+    found = [
+        Strokes(sketch.light.hatch, colours.LOST, colours.HATCH_ALPHA, colours.HATCH_PX),
+        Strokes(dimensions, colours.DIMENSION, 1.0, colours.DIMENSION_PX),
+        Strokes(_dashed(aerial), colours.AERIAL, 1.0, colours.OUTLINE_PX),
+        Strokes(picture, colours.AERIAL, 1.0, colours.OUTLINE_PX),
+        Strokes(lost, colours.LOST, 1.0, colours.WAY_PX),
+        Strokes(arrives, colours.ARRIVES, 1.0, colours.WAY_PX),
+    ]
+    return [s._replace(ends=s.ends / drawing.metres) for s in found if len(s.ends)]
+
+
+def labels_of(drawing: Drawing) -> list[Label]:
+    """All words, the most important first."""
+    sketch = drawing.sketch
+    found = [
+        Label(note.place, note.text, None, colours.OF_STATE[note.state]) for note in sketch.notes
+    ]
+    found += [
+        Label((d.start + d.end) / 2 + d.beside, "", d.length, colours.DIMENSION)
+        for d in sketch.dimensions
+    ]
+    return [label._replace(place=label.place / drawing.metres) for label in found]
+
+
+def marks_of(drawing: Drawing) -> list[Mark]:
+    """The ends of the ways."""
+    ways = drawing.sketch.light.ways
+    return [Mark(way.points[-1] / drawing.metres, way.has_arrived) for way in ways]
+
+
+def arrows_of(drawing: Drawing) -> Floats:
+    """The dimension lines (n, 2, 3), to which arrowheads are drawn."""
+    lines = [(d.start + d.beside, d.end + d.beside) for d in drawing.sketch.dimensions]
+    return np.array(lines).reshape(-1, 2, 3) / drawing.metres
+
+
+def _segments(sketch: Sketch, state: str) -> Floats:
+    """The straight pieces (n, 2, 3) of the lines of a state."""
+    pieces = [
+        np.stack([line.points[:-1], line.points[1:]], axis=1)
+        for line in sketch.lines
+        if line.state == state
+    ]
+    return np.concatenate([np.empty((0, 2, 3)), *pieces])
+
+
+def _dashed(ends: Floats) -> Floats:
+    """Dashes (m, 2, 3) in the place of lines (n, 2, 3), with one at each end."""
+    at = np.arange(2 * N_DASHES - 1) / (2 * N_DASHES - 1)
+    pairs = np.stack([at, at + at[1]], axis=1)[::2]
+    start, end = ends[:, None, None, 0], ends[:, None, None, 1]
+    return (start + pairs[..., None] * (end - start)).reshape(-1, 2, 3)
+
+
+def _dimension_lines(sketch: Sketch) -> Floats:
+    """Dimension lines, and those that lead to them from the parts (n, 2, 3)."""
+    lines = []
+    for d in sketch.dimensions:
+        lines.append((d.start + d.beside, d.end + d.beside))
+        lines += [(at, at + BEYOND * d.beside) for at in (d.start, d.end)]
+    return np.array(lines).reshape(-1, 2, 3)

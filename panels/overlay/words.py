@@ -1,0 +1,155 @@
+"""Words and marks over the viewport: reasons, distances, the ends of the light's ways."""
+
+from collections.abc import Iterator
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
+
+from ...core.arrays import Floats
+from ...core.blender.units import length_text
+from ...operators.sketcher import Drawing
+from ...operators.telling import in_words
+from . import colours
+from .shapes import arrows_of, labels_of, marks_of
+
+FONT = 0
+GAP_PX = 8  # between a place and its words
+LINE = 1.35  # of the height of letters: from line to line
+CROSS_PX = 5  # half of a cross
+DOT_PX = 3.5  # radius
+ARROW_PX = 8, 2.5  # length of an arrowhead, and half its width
+LEAST_PX = 40  # a dimension line shorter than this gets neither arrowheads nor words
+ROUND = np.stack(
+    [f(np.linspace(0, 2 * np.pi, 16, endpoint=False)) for f in (np.cos, np.sin)], axis=1
+)
+
+
+def draw(context: bpy.types.Context, drawing: Drawing) -> None:
+    """Draw the marks of a drawing, and its words over them."""
+    scale = context.preferences.system.ui_scale
+    arrows = [
+        line
+        for ends in arrows_of(drawing)
+        if (line := _on_screen(context, ends)) is not None
+        and np.linalg.norm(line[1] - line[0]) >= LEAST_PX * scale
+    ]
+    _fill(_arrowheads(arrows, scale), colours.DIMENSION)
+    for has_arrived, colour in ((True, colours.ARRIVES), (False, colours.LOST)):
+        ends = [m.place for m in marks_of(drawing) if m.has_arrived == has_arrived]
+        places = [p for end in ends if (p := _on_screen(context, end[None])) is not None]
+        shapes = [(_dot if has_arrived else _cross)(place[0], scale) for place in places]
+        _fill(np.concatenate([np.empty((0, 3, 2)), *shapes]), colour)
+    _draw_words(context, drawing, scale)
+
+
+def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> None:
+    """Draw words beside their places, none over others; the same words twice only far apart."""
+    size = colours.TEXT_PX * scale
+    blf.size(FONT, size)
+    blf.enable(FONT, blf.SHADOW)
+    blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
+    blf.shadow_offset(FONT, 0, 0)
+    taken: list[tuple[str, Floats]] = []
+
+    for label in labels_of(drawing):
+        place = _on_screen(context, label.place[None])
+        if place is None:
+            continue
+        text = in_words(label.text)
+        if label.length is not None:
+            text = length_text(context.scene, label.length)
+        box = _free_box(place[0], np.array(blf.dimensions(FONT, text)), size, scale, text, taken)
+        if box is None:
+            continue
+        taken.append((text, box))
+        blf.color(FONT, *colours.lighter(label.colour), 1.0)
+        blf.position(FONT, *box[0], 0)
+        blf.draw(FONT, text)
+    blf.disable(FONT, blf.SHADOW)
+
+
+def _free_box(
+    place: Floats, extent: Floats, size: float, scale: float, text: str, taken: list
+) -> Floats | None:
+    """A box (2, 2) px for words beside a place, free of those that are taken; None where the
+    same words stand there already.
+    """
+    for lines in _tries():
+        low = place + np.array([GAP_PX * scale, -size / 3 + lines * LINE * size])
+        box = np.stack([low, low + np.array([extent[0], size])])
+        over = [words for words, other in taken if _overlap(box, other)]
+        if text in over:
+            return None
+        if not over:
+            return box
+    return None
+
+
+def _tries() -> Iterator[int]:
+    """Lines by which words are moved up or down, nearest first."""
+    yield 0
+    for n in range(1, 5):
+        yield from (-n, n)
+
+
+def _overlap(a: Floats, b: Floats) -> bool:
+    return bool((a[0] < b[1]).all() and (b[0] < a[1]).all())
+
+
+def _on_screen(context: bpy.types.Context, places: Floats) -> Floats | None:
+    """Where places (n, 3) are in the region, px (n, 2); None where one is behind the view."""
+    found = [
+        location_3d_to_region_2d(context.region, context.region_data, place.tolist())
+        for place in places
+    ]
+    return None if None in found else np.array(found, float)
+
+
+def _arrowheads(lines: list[Floats], scale: float) -> Floats:
+    """Triangles (2 n, 3, 2) at both ends of lines, px."""
+    heads = []
+    for start, end in lines:
+        along = (end - start) / np.linalg.norm(end - start)
+        across = np.array([-along[1], along[0]]) * ARROW_PX[1] * scale
+        for tip, back in ((start, along), (end, -along)):
+            base = tip + back * ARROW_PX[0] * scale
+            heads.append([tip, base + across, base - across])
+    return np.array(heads).reshape(-1, 3, 2)
+
+
+def _dot(place: Floats, scale: float) -> Floats:
+    """Triangles (n, 3, 2) of a disc, px."""
+    rim = place + DOT_PX * scale * ROUND
+    return np.stack([np.broadcast_to(place, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
+
+
+def _cross(place: Floats, scale: float) -> Floats:
+    """Triangles (4, 3, 2) of two bars that cross, px."""
+    bars = []
+    for x, y in ((1.0, 1.0), (1.0, -1.0)):
+        along = np.array([x, y]) * CROSS_PX * scale
+        across = np.array([-y, x]) * scale
+        a, b, c, d = (
+            place + corner
+            for corner in (-along - across, along - across, along + across, -along + across)
+        )
+        bars += [[a, b, c], [a, c, d]]
+    return np.array(bars)
+
+
+def _fill(triangles: Floats, colour: tuple[float, float, float]) -> None:
+    """Fill triangles (n, 3, 2), px."""
+    if not len(triangles):
+        return
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = np.pad(triangles.reshape(-1, 2), ((0, 0), (0, 1))).tolist()
+    batch = batch_for_shader(shader, "TRIS", {"pos": corners})
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("color", (*colour, 1.0))
+    batch.draw(shader)
+    gpu.state.blend_set("NONE")

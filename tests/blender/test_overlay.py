@@ -1,0 +1,468 @@
+"""The overlay: the sketch that is kept up to date, and what is handed to the GPU of it."""
+
+import importlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import new_object, primitive, small_rig
+
+
+@pytest.fixture
+def sketcher(
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[ModuleType]:
+    """Module operators.sketcher, which takes all viewports for looked at, and does not wait."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
+    monkeypatch.setattr(module, "is_looked_at", lambda area: area.type == "VIEW_3D")
+    monkeypatch.setattr(module, "SHARE", 0.0)
+    monkeypatch.setattr(module, "QUIET", 0.0)
+    monkeypatch.setattr(module, "POLLING", 0.0)
+    yield module
+    module.on_load()
+
+
+@pytest.fixture
+def overlay(
+    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> ModuleType:
+    """Package panels.overlay, which hands all to a stand-in for the GPU, and hides no error."""
+    module = importlib.import_module(f"{kiriko.__name__}.panels.overlay")
+    for name in ("lines", "words"):
+        drawer = getattr(module, name)
+        monkeypatch.setattr(drawer, "gpu", PAPER)
+        monkeypatch.setattr(drawer, "batch_for_shader", Batch)
+    monkeypatch.setattr(module.words, "blf", PAPER.blf)
+    monkeypatch.setattr(module, "_failed", [])
+    PAPER.clear()
+    return module
+
+
+@dataclass
+class Batch:
+    """Takes the place of a batch, and checks what it is made of."""
+
+    shader: "Shader"
+    kind: str
+    content: dict[str, list]
+
+    def __post_init__(self) -> None:
+        corners = {"LINES": 2, "TRIS": 3}[self.kind]
+        for values in self.content.values():
+            assert len(values) % corners == 0
+            assert len(values)
+            assert np.isfinite(np.array(values, float)).all()
+
+    def draw(self, shader: "Shader") -> None:
+        assert shader.name == self.shader.name
+        PAPER.drawn.append((self.kind, dict(shader.values), np.array(self.content["pos"])))
+
+
+@dataclass
+class Shader:
+    """Takes the place of a shader."""
+
+    name: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def bind(self) -> None:
+        self.values.clear()
+
+    def uniform_float(self, name: str, value: Any) -> None:
+        self.values[name] = value
+
+
+class Paper:
+    """Takes the place of gpu and blf, and keeps all that is drawn."""
+
+    def __init__(self) -> None:
+        self.drawn: list[tuple[str, dict[str, Any], np.ndarray]] = []
+        self.words: list[str] = []
+        self.shader = SimpleNamespace(from_builtin=Shader)
+        self.state = SimpleNamespace(blend_set=self.nothing, depth_test_set=self.nothing)
+        self.blf = SimpleNamespace(
+            SHADOW=1,
+            dimensions=lambda font, text: (7.0 * len(text), 10.0),
+            draw=lambda font, text: self.words.append(text),
+            **dict.fromkeys(
+                ("size", "enable", "disable", "shadow", "shadow_offset", "color", "position"),
+                self.nothing,
+            ),
+        )
+
+    def nothing(self, *_: object) -> None:
+        pass
+
+    def clear(self) -> None:
+        self.drawn.clear()
+        self.words.clear()
+
+    def lines_of(self, colour: tuple[float, float, float]) -> list[np.ndarray]:
+        return [
+            ends
+            for kind, values, ends in self.drawn
+            if kind == "LINES" and values["color"][:3] == colour
+        ]
+
+
+PAPER = Paper()
+
+
+def looked(sketcher: ModuleType) -> Any:
+    """The scene's drawing once all that is to be done is done."""
+    bpy.context.view_layer.update()
+    for _ in range(1000):
+        if not sketcher.look():
+            return sketcher.drawing_of(bpy.context.scene)
+    raise AssertionError("there is no end of it")
+
+
+def drawn(overlay: ModuleType) -> list:
+    """All that is drawn over a viewport that looks at the rig."""
+    PAPER.clear()
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        overlay.draw_in_space()
+        overlay.draw_in_pixels()
+    assert not overlay._failed
+    return PAPER.drawn
+
+
+def test_the_light_of_a_rig_is_sketched_where_it_goes(sketcher: ModuleType) -> None:
+    """From viewer to display, in metres, whatever the scene's unit; distances as Add Rig made
+    them.
+    """
+    scene = bpy.context.scene
+    for metres in (1.0, 0.001):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        scene = bpy.context.scene
+        scene.unit_settings.scale_length = metres
+        mesh = primitive("cube", size=0.05 / metres)
+        glass = new_object(mesh, "GLASS")
+        glass.select_set(True)
+        glass.kiriko.use_ior = True
+        bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+        rig = {thing.kiriko.role: thing for thing in scene.objects}
+        drawing = looked(sketcher)
+        assert drawing.metres == pytest.approx(metres)
+
+        *_, middle = drawing.sketch.light.ways
+        assert middle.has_arrived
+        ends = middle.points[[0, -1]] / metres
+        places = [scene.kiriko.viewer.location, rig["DISPLAY"].location]
+        assert np.abs(ends - np.array(places)).max() < 1e-5 / metres
+        distance = (rig["PLATE"].location - glass.location).length * metres
+        assert drawing.sketch.dimensions[0].length == pytest.approx(distance, rel=1e-6)
+
+
+def test_the_sketch_follows_the_scene_and_rests_else(
+    sketcher: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A move of the glass changes it; without a change nothing is read; a change that does not
+    count leaves it as it is.
+    """
+    glass = small_rig()["GLASS"]
+    n_read = []
+    read = sketcher.read_places
+    monkeypatch.setattr(sketcher, "read_places", lambda *a: n_read.append(1) or read(*a))
+    first = looked(sketcher)
+    assert len(n_read) == 1
+    assert looked(sketcher) is first
+    assert len(n_read) == 1
+
+    glass.location.z += 0.002
+    second = looked(sketcher)
+    assert second is not first
+    moved = second.sketch.light.ways[4].points[-1] - first.sketch.light.ways[4].points[-1]
+    assert np.isfinite(moved).all()
+
+    new_object(primitive("cube", size=1.0))
+    assert looked(sketcher) is second
+    bpy.context.scene.kiriko.max_events = 2
+    third = looked(sketcher)
+    assert {note.text for note in third.sketch.notes} >= {"cut off by Max Events"}
+
+
+def test_a_mesh_is_read_and_made_ready_once_while_it_is_moved(
+    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a drag only places are read, and its glass is moved as a whole; where
+    only the viewer moves, nothing is made ready.
+    """
+    glass = small_rig()["GLASS"]
+    shapes = importlib.import_module(f"{kiriko.__name__}.core.blender.shapes")
+    solids = importlib.import_module(f"{kiriko.__name__}.core.light.kept")
+    looked(sketcher)
+    names: list[str] = []
+    read, make = shapes.read_shape, solids.making_solids
+    monkeypatch.setattr(shapes, "read_shape", lambda *a: names.append(a[1].kiriko.role) or read(*a))
+    monkeypatch.setattr(solids, "making_solids", lambda *a: names.append("made") or make(*a))
+    for _ in range(3):
+        glass.location.x += 0.001
+        assert looked(sketcher).sketch.light.ways
+    assert not {"GLASS", "made"} & set(names)
+
+    plans: list[object] = []
+    plan = sketcher.planning
+    monkeypatch.setattr(sketcher, "planning", lambda *a: plans.append(1) or plan(*a))
+    viewer = bpy.context.scene.kiriko.viewer
+    before = looked(sketcher).sketch.light.ways[4].points
+    viewer.location.x += 0.01
+    after = looked(sketcher).sketch.light.ways[4].points
+    assert after[0] - before[0] == pytest.approx([0.01, 0, 0], abs=1e-6)
+    assert not plans
+
+
+def test_it_leaves_the_session_and_the_result_as_they_are(
+    sketcher: ModuleType, kiriko: ModuleType
+) -> None:
+    """Glass that was solved is not made anew, the next solve is the same, no result gets stale."""
+    glass = small_rig()["GLASS"]
+    scene = bpy.context.scene
+    bpy.ops.kiriko.solve()
+    session = kiriko.operators.work.session()
+    before = dict(session._kept._old), session._optics, session._placed
+    solved_for = scene.kiriko.result.solved_for
+
+    bpy.context.window_manager.kiriko.show_overlay = False
+    assert looked(sketcher) is None
+    bpy.context.window_manager.kiriko.show_overlay = True
+    assert looked(sketcher).sketch.light.ways
+    glass.location.x += 0.001
+    looked(sketcher)
+    after = session._kept._old
+    assert after.keys() == before[0].keys()
+    assert all(after[key] is value for key, value in before[0].items())
+    assert (session._optics, session._placed) == before[1:]
+
+    glass.location.x -= 0.001
+    assert scene.kiriko.result.solved_for == solved_for
+    assert not kiriko.operators.watch.has_changed(bpy.context)
+
+
+def test_glass_of_the_session_is_used(
+    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Glass that a solve has made ready is not made again for the overlay."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    kept = importlib.import_module(f"{kiriko.__name__}.core.light.kept")
+    made: list[object] = []
+    make = kept.making_solids
+    monkeypatch.setattr(kept, "making_solids", lambda mesh: made.append(mesh) or make(mesh))
+    assert looked(sketcher).sketch.light.ways
+    assert not made
+
+
+def nothing(rig: dict[str, bpy.types.Object]) -> None:
+    for thing in list(bpy.context.scene.objects):
+        bpy.data.objects.remove(thing)
+
+
+def hide(role: str) -> Callable[[dict[str, bpy.types.Object]], None]:
+    return lambda rig: rig[role].hide_set(True)
+
+
+def no_camera(rig: dict[str, bpy.types.Object]) -> None:
+    bpy.context.scene.kiriko.viewer = bpy.context.scene.camera = None
+
+
+def no_image(rig: dict[str, bpy.types.Object]) -> None:
+    rig["PICTURE"].data.materials.clear()
+    rig["PICTURE"].kiriko.image = None
+
+
+def no_number(rig: dict[str, bpy.types.Object]) -> None:
+    rig["PLATE"].data.vertices[0].co.x = float("nan")
+
+
+def no_place(rig: dict[str, bpy.types.Object]) -> None:
+    rig["DISPLAY"].location.x = float("nan")
+
+
+def camera_as_glass(rig: dict[str, bpy.types.Object]) -> None:
+    new_object(bpy.data.cameras.new("c"), "GLASS")
+
+
+def bent_plate(rig: dict[str, bpy.types.Object]) -> None:
+    rig["PLATE"].data.vertices[0].co.z += 0.1
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        nothing,
+        *map(hide, ("GLASS", "PLATE", "DISPLAY", "PICTURE")),
+        no_camera,
+        no_image,
+        no_number,
+        no_place,
+        camera_as_glass,
+        bent_plate,
+    ],
+)
+def test_a_rig_that_cannot_be_solved_is_drawn_as_far_as_it_goes(
+    sketcher: ModuleType,
+    overlay: ModuleType,
+    spoil: Callable[[dict[str, bpy.types.Object]], None],
+) -> None:
+    """No light, no error, and all that is drawn has a place."""
+    rig = small_rig()
+    assert looked(sketcher).sketch.light.ways
+    spoil(rig)
+    drawing = looked(sketcher)
+    assert drawing.sketch.light.ways == ()
+    drawn(overlay)
+    assert not PAPER.lines_of(overlay.lines.colours.ARRIVES)
+    if spoil not in (nothing, camera_as_glass):
+        assert PAPER.drawn
+
+
+def test_it_is_drawn_in_the_colours_of_its_light(sketcher: ModuleType, overlay: ModuleType) -> None:
+    """Ways that arrive in one colour, those that are lost, and the hatch, in another, in Blender's
+    units.
+    """
+    colours = overlay.lines.colours
+    rig = small_rig()
+    looked(sketcher)
+    drawn(overlay)
+    (ways,) = PAPER.lines_of(colours.ARRIVES)
+    assert not PAPER.lines_of(colours.LOST)
+    assert np.abs(ways - np.array(rig["DISPLAY"].location)).max(axis=1).min() < 1e-6
+
+    rig["PLATE"].scale = (0.02, 0.02, 0.02)
+    looked(sketcher)
+    drawn(overlay)
+    assert len(PAPER.lines_of(colours.LOST)) == 2  # ways and hatch
+
+
+def test_words_are_distances_in_the_scenes_unit_and_reasons(
+    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each where it belongs, the same words once where they would stand over each other."""
+    bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
+    rig = small_rig(distance=0.15)
+    monkeypatch.setattr(
+        overlay.words,
+        "location_3d_to_region_2d",
+        lambda region, data, place: Flat(place),
+    )
+    looked(sketcher)
+    drawn(overlay)
+    assert sorted(PAPER.words) == ["150 mm", "150 mm", "aerial plane"]
+    rig["PLATE"].scale = (0.02, 0.02, 0.02)
+    looked(sketcher)
+    drawn(overlay)
+    assert "missed the plate" in PAPER.words
+
+
+class Flat(tuple):
+    """A place seen from x, 2000 px to a metre."""
+
+    def __new__(cls, place: list[float]) -> "Flat":
+        return super().__new__(cls, (2000 * place[1] + 500, 2000 * place[2] + 500))
+
+
+def test_nothing_is_drawn_where_it_is_not_asked_for(
+    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not with the toggle off, not where the tab is closed, not over another scene."""
+    small_rig()
+    looked(sketcher)
+    shown = bpy.context.window_manager.kiriko
+    shown.show_overlay = False
+    assert not drawn(overlay)
+    shown.show_overlay = True
+    assert drawn(overlay)
+
+    mine = bpy.context.scene
+    bpy.context.window.scene = bpy.data.scenes.new("other")
+    assert not drawn(overlay)
+    bpy.context.window.scene = mine
+    monkeypatch.setattr(sketcher, "is_looked_at", lambda area: False)
+    assert not drawn(overlay)
+
+
+def test_an_error_ends_the_overlay_and_is_told_once(
+    sketcher: ModuleType,
+    overlay: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Blender goes on drawing, the console has the traceback, and it is not tried again."""
+    small_rig()
+    looked(sketcher)
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("no such thing")
+
+    monkeypatch.setattr(overlay.lines, "strokes_of", fail)
+    for _ in range(2):
+        with pytest.raises(AssertionError):
+            drawn(overlay)
+    assert len(overlay._failed) == 1
+    assert capsys.readouterr().err.count("ZeroDivisionError: no such thing") == 1
+
+
+def test_it_is_looked_at_with_the_tab_open_and_overlays_on(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """A viewport counts with its sidebar open on the Kiriko tab, and Blender's overlays on."""
+    sketcher = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
+
+    def area(tab: str = "Kiriko", sidebar: bool = True, overlays: bool = True, of: str = "VIEW_3D"):
+        space = SimpleNamespace(
+            show_region_ui=sidebar, overlay=SimpleNamespace(show_overlays=overlays)
+        )
+        regions = [SimpleNamespace(type="WINDOW"), SimpleNamespace(type="UI")]
+        regions[1].active_panel_category = tab
+        return SimpleNamespace(type=of, spaces=SimpleNamespace(active=space), regions=regions)
+
+    assert sketcher.is_looked_at(area())
+    assert not sketcher.is_looked_at(area(tab="Item"))
+    assert not sketcher.is_looked_at(area(sidebar=False))
+    assert not sketcher.is_looked_at(area(overlays=False))
+    assert not sketcher.is_looked_at(area(of="IMAGE_EDITOR"))
+    # as Blender has them
+    for real in bpy.context.window_manager.windows[0].screen.areas:
+        assert sketcher.is_looked_at(real) in (False, True)
+
+
+def test_a_scene_that_is_long_to_read_waits_until_nothing_is_dragged(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While something is held, only short readings are done at once; after
+    each reading there is a pause as long as several of it.
+    """
+    sketcher = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
+    now = [100.0]
+    monkeypatch.setattr(sketcher, "monotonic", lambda: now[0])
+    sketched = sketcher.Sketched(changed_at=100.0)
+    assert not sketched.is_due(is_held=True)  # how long it takes is not known
+    now[0] += 1.01 * sketcher.QUIET
+    assert sketched.is_due(is_held=True)
+
+    now[0] = 100.0
+    sketched.lasted = {False: 0.01}
+    assert sketched.is_due(is_held=True)
+    sketched.lasted = {False: 0.5}
+    now[0] += 1.01 * sketcher.QUIET
+    assert sketched.is_due(is_held=False)
+    assert not sketched.is_due(is_held=True)
+    now[0] += sketcher.SHARE * 0.5
+    assert sketched.is_due(is_held=True)
+
+    sketched.ended_at, sketched.spent = now[0], 0.5
+    now[0] += 0.99 * sketcher.SHARE * 0.5
+    assert not sketched.is_due(is_held=False)
+    now[0] += 0.5
+    assert sketched.is_due(is_held=False)
+    sketched.changed_at = None
+    assert not sketched.is_due(is_held=False)
