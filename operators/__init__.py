@@ -23,6 +23,7 @@ from . import (
     plate_material,
     plate_preset,
     preview,
+    remove_rig,
     report,
     simulate,
     sketcher,
@@ -34,6 +35,7 @@ from . import (
 
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
+    remove_rig.KIRIKO_OT_remove_rig,
     plate_material.KIRIKO_OT_add_plate_material,
     plate_material.KIRIKO_OT_add_asset_library,
     plate_preset.KIRIKO_OT_plate_preset,

@@ -31,6 +31,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
 
         self._draw_parts(layout.column(align=True), context)
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
+        layout.operator("kiriko.remove_rig", icon="TRASH")
 
     def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         """The viewer's pixels, and whether Blender's own view is the same."""
