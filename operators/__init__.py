@@ -18,7 +18,9 @@ from . import (
     keep_calibration,
     lattice_picture,
     live,
+    look_over,
     make_glass,
+    mend,
     parts,
     plate_material,
     plate_preset,
@@ -44,6 +46,13 @@ CLASSES = (
     make_glass.KIRIKO_OT_make_glass,
     parts.KIRIKO_OT_select_part,
     parts.KIRIKO_OT_show_part,
+    mend.KIRIKO_OT_leave_out,
+    mend.KIRIKO_OT_reset_scale,
+    mend.KIRIKO_OT_thicken,
+    mend.KIRIKO_OT_merge_flat,
+    mend.KIRIKO_OT_turn_out,
+    mend.KIRIKO_OT_select_faults,
+    mend.KIRIKO_OT_rescale_scene,
     choose_picture.KIRIKO_OT_choose_picture,
     choose_picture.KIRIKO_OT_open_picture,
     fit_picture.KIRIKO_OT_fit_picture,
@@ -74,11 +83,13 @@ def register() -> None:
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     watch.register()
     sketcher.register()
+    look_over.register()
 
 
 def unregister() -> None:
     """Take them back, end all that is running, and empty the session."""
     sketcher.unregister()
+    look_over.unregister()
     watch.unregister()
     live.unregister()
     work.forget()

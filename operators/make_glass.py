@@ -5,10 +5,13 @@ import bpy
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.material import refracts
 from ..core.blender.viewport_look import be_seen_as_glass, draw_as_solid
+from ..core.errors import RigError
 from ..core.messages import Message
 from . import needed, telling
+from .parts import NamesPart
 
 NAME = "Kiriko Glass"
+NOTHING = Message("Select glass whose material does not refract")
 
 
 def can_be_given(thing: bpy.types.Object) -> bool:
@@ -24,8 +27,12 @@ def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [thing for thing in things if thing is not None and can_be_given(thing)]
 
 
-class KIRIKO_OT_make_glass(bpy.types.Operator):
-    """Give the selected glass a material that refracts, where its own does not; its own is kept"""
+def _is_any(scene: bpy.types.Scene) -> bool:
+    return any(map(can_be_given, needed.parts(scene).get("GLASS", ())))
+
+
+class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
+    """Give glass a material that refracts, where its own does not; its own is kept"""
 
     bl_idname = "kiriko.make_glass"
     bl_label = "Make It Glass"
@@ -33,13 +40,15 @@ class KIRIKO_OT_make_glass(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(
-            cls, [] if _chosen(context) else ["Select glass whose material does not refract"]
-        )
+        is_there = _chosen(context) or _is_any(context.scene)
+        return needed.can_run(cls, [] if is_there else [NOTHING])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        things = _chosen(context)
         with telling.told(self):
+            things = [self.found(context)] if self.part else _chosen(context)
+            if not things or not all(map(can_be_given, things)):
+                raise RigError("{reason}.", reason=NOTHING)
+
             glass = bpy.data.materials.new(NAME)
             try:
                 be_seen_as_glass(glass, DEFAULT_IOR)

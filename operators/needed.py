@@ -73,10 +73,10 @@ def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 
 def missing(scene: bpy.types.Scene) -> list[str]:
     """One phrase for each part that the rig still lacks, or that is hidden."""
-    return list(_missing(scene).values())
+    return list(missing_by_role(scene).values())
 
 
-def _missing(scene: bpy.types.Scene) -> dict[str, str]:
+def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     """Parts that the rig lacks, by role, and a phrase on each."""
     found = parts(scene)
     ours = scene.kiriko
@@ -104,7 +104,7 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
     """Missing parts that cannot be there all the same: modifiers
     may instance objects from anywhere in a file.
     """
-    lacks = _missing(scene)
+    lacks = missing_by_role(scene)
     if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
         lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}

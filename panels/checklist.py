@@ -2,8 +2,10 @@
 
 import bpy
 
+from ..core.blender.to_do import Entry
 from ..core.messages import Message
-from ..operators import needed
+from ..operators import look_over, needed
+from ..operators.telling import in_words
 from .add_menu import add_rig
 from .words import Sidebar, sentence
 
@@ -11,6 +13,9 @@ FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"
     " plate where the picture is to be in the glass."
 )
+
+READY = Message("Ready.")
+SOLVE = Message("Ready: press Solve.")
 
 
 class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
@@ -33,8 +38,20 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             add_rig(column, "Add Rig")
             return
 
-        missing = needed.missing(context.scene)
-        for phrase in missing:
-            sentence(layout, context, Message("{reason}.", reason=phrase), icon="ERROR")
-        if not missing:
-            sentence(layout, context, "Ready.", icon="CHECKMARK")
+        found = look_over.found(context)
+        for entry in found:
+            draw_entry(layout, context, entry)
+        if not found:
+            is_solved = context.scene.kiriko.result.source is not None
+            sentence(layout, context, READY if is_solved else SOLVE, icon="CHECKMARK")
+
+
+def draw_entry(layout: bpy.types.UILayout, context: bpy.types.Context, entry: Entry) -> None:
+    """A sentence, and under it the buttons that do what it asks for."""
+    column = layout.column(align=True)
+    sentence(column, context, entry.text, icon=entry.icon)
+    row = column if len(entry.buttons) > 2 else column.row(align=True)
+    for button in entry.buttons:
+        made = row.operator(button.operator, text=in_words(button.label), icon=button.icon)
+        for name, value in button.properties:
+            setattr(made, name, value)

@@ -11,7 +11,7 @@ from ..operators.telling import in_words
 
 FONT = 0  # Blender's own, which its labels are drawn in
 POINTS = 11.0  # its size at a scale of 1, where the theme does not tell
-MARGIN = 60  # px beside the text: borders, icon
+MARGIN = 76  # px beside the text: borders, icon, scroll bar
 LEAST = 60.0  # px: in a sidebar that is narrower the text is cut off
 WIDE = {"W", "F"}  # Unicode's word for letters of scripts that are written without spaces
 ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # marks that end and begin words

@@ -1,0 +1,232 @@
+"""The checklist: the things that are left to do for a rig, each with the button that does it.
+
+A look at the scene goes in, a list of entries comes out: nothing here reads the scene, and nothing
+is drawn. An entry is a record, so that any operator may be a remedy.
+"""
+
+from collections.abc import Callable, Iterator
+from math import floor, log10
+
+from ..light.landings import REASON_WORDS, Reason
+from ..messages import Message
+from ..rig import ROLES
+from ..words import millimetres, percent
+from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Named, Thing
+
+LARGEST = 0.5  # m: glass that is wider was hardly meant to be
+MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
+WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
+SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
+
+# Remedies for a share of the picture that is lost, by its reason: the words after the share,
+# and the buttons. Operators that make a part as large as needed add themselves here.
+REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
+    REASON_WORDS[Reason.MISSED_PLATE]: (
+        Message("make the plate larger, or the picture smaller"),
+        (),
+    ),
+    REASON_WORDS[Reason.MISSED_DISPLAY]: (
+        Message("make the display larger, or the picture smaller"),
+        (),
+    ),
+    REASON_WORDS[Reason.MISSED_GLASS]: (
+        Message("move the picture into the glass, or make it smaller"),
+        (),
+    ),
+}
+
+
+def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
+    """All that is left to do, the gravest first.
+
+    length_text : a length, m, in words
+    """
+    found = [
+        *_on_missing(look),
+        *_on_too_many(look),
+        *_on_hidden(look),
+        *(entry for thing in _shown(look) for entry in _on_thing(thing)),
+        *_on_result(look),
+        *_on_size(look, length_text),
+    ]
+    return sorted(found, key=lambda entry: entry.icon == ADVICE)
+
+
+def _shown(look: Look) -> list[Thing]:
+    return [thing for thing in look.things if not thing.hidden_by]
+
+
+def _naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
+    return (("part", named.name), ("library", named.library), *more.items())
+
+
+def _on_missing(look: Look) -> Iterator[Entry]:
+    """What is not there can be made as long as there is no rig; a hidden part is shown."""
+    roles = {thing.role for thing in look.things}
+    is_new = not roles & set(SINGLE)
+    for role, phrase in look.missing:
+        hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
+        buttons: tuple[Button, ...] = ()
+        if hidden is not None:
+            buttons = (_show(hidden),)
+        elif role == "VIEWER" and look.cameras:
+            name = look.cameras[0]
+            values = (("data_path", "scene.kiriko.viewer"), ("value", name))
+            label = Message("Use '{camera}'", camera=name)
+            buttons = (Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA"),)
+        elif is_new:
+            buttons = (Button("kiriko.add_rig", "Add Rig", (), "ADD"),)
+            is_new = False  # once is enough
+        yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
+
+
+def _show(thing: Thing) -> Button:
+    return Button("kiriko.show_part", "Show", _naming(thing.named), "HIDE_OFF")
+
+
+def _on_too_many(look: Look) -> Iterator[Entry]:
+    for role, label in SINGLE.items():
+        things = [thing for thing in _shown(look) if thing.role == role]
+        if len(things) < 2:
+            continue
+        text = Message(
+            "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+            n=len(things),
+            role=label,
+        )
+        buttons = [
+            Button(
+                "kiriko.leave_out",
+                Message("Leave Out '{name}'", name=thing.named.name),
+                _naming(thing.named),
+                "X",
+            )
+            for thing in things
+        ]
+        yield Entry(text, PROBLEM, tuple(buttons))
+
+
+def _on_hidden(look: Look) -> Iterator[Entry]:
+    """Hidden parts that the rig can do without; those it needs are missing."""
+    missing = {role for role, _ in look.missing}
+    for thing in look.things:
+        if thing.hidden_by and thing.role not in missing:
+            text = Message(
+                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
+            )
+            yield Entry(text, ADVICE, (_show(thing),))
+
+
+def _on_thing(thing: Thing) -> Iterator[Entry]:
+    """The trouble with one part that is shown."""
+    name = thing.named.name
+    if thing.is_opaque:
+        text = Message("'{name}' is no glass: its material does not refract.", name=name)
+        properties = _naming(thing.named)
+        button = Button("kiriko.make_glass", "Make It Glass", properties, "MATSPHERE")
+        yield Entry(text, PROBLEM, (button,))
+
+    if thing.is_pictureless:
+        button = Button("kiriko.open_picture", "Choose Image", (), "FILE_FOLDER")
+        yield Entry(Message("{why}.", why=thing.is_pictureless), PROBLEM, (button,))
+
+    if thing.has_no_scale:
+        text = Message("'{name}' is scaled to nothing.", name=name)
+        button = Button("kiriko.reset_scale", "Reset Scale", _naming(thing.named), "LOOP_BACK")
+        yield Entry(text, PROBLEM, (button,))
+    elif thing.is_flat and thing.role == "GLASS":
+        text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
+        button = Button("kiriko.thicken", "Thicken", _naming(thing.named), "MOD_SOLIDIFY")
+        yield Entry(text, PROBLEM, (button,))
+    elif thing.faults is not None and not thing.is_flat:
+        yield from _on_mesh(thing, thing.faults, thing.own_faults or Counts())
+
+
+def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
+    """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
+    name = thing.named.name
+    n_open, n_flat, is_inside_out = faults
+    if n_flat:
+        text = Message(
+            "'{name}' has {n} triangle{s} without area.",
+            name=name,
+            n=n_flat,
+            s="s" if n_flat > 1 else "",
+        )
+        label = "Remove" if own.n_flat else "Weld"
+        button = Button("kiriko.merge_flat", label, _naming(thing.named), "AUTOMERGE_ON")
+        yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
+
+    if n_open and thing.role == "GLASS":
+        text = Message(
+            "'{name}' is not closed: {n} edge{s}.", name=name, n=n_open, s="s" if n_open > 1 else ""
+        )
+        yield Entry(text, PROBLEM, _select(thing, "OPEN", own.n_open) or (_select_part(thing),))
+
+    if n_open and is_inside_out and thing.role == "GLASS":
+        text = Message("The faces of '{name}' look into the glass.", name=name)
+        button = Button("kiriko.turn_out", "Turn Out", _naming(thing.named), "NORMALS_FACE")
+        yield Entry(text, PROBLEM, (button,))
+
+
+def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
+    if not n:
+        return ()
+    properties = _naming(thing.named, kind=kind)
+    return (Button("kiriko.select_faults", "Select", properties, "RESTRICT_SELECT_OFF"),)
+
+
+def _select_part(thing: Thing) -> Button:
+    return Button("kiriko.select_part", "Select Part", _naming(thing.named), "RESTRICT_SELECT_OFF")
+
+
+def _on_result(look: Look) -> Iterator[Entry]:
+    """Is there one, of the scene as it is, of all of the picture?"""
+    solve = (Button("kiriko.solve", "Solve", (), "LIGHT_SUN"),)
+    if look.missing:
+        return
+    if look.is_coarse:
+        yield Entry("The source image is a first, coarse one.", PROBLEM, solve)
+        return
+    if look.is_stale:
+        yield Entry("The scene has changed since it was solved.", PROBLEM, solve)
+        return
+
+    for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
+        if reason in REMEDIES and share >= WORTH:
+            remedy, buttons = REMEDIES[reason]
+            text = Message(
+                "{share} of the picture {reason}: {remedy}.",
+                share=percent(share),
+                reason=reason,
+                remedy=remedy,
+            )
+            yield Entry(text, ADVICE, buttons)
+
+    if look.is_solved and look.is_unsaved:
+        text = "The export goes beside this file, which was never saved."
+        yield Entry(text, ADVICE, (Button("wm.save_mainfile", "Save", (), "FILE_TICK"),))
+
+
+def meant_factor(width: float) -> float:
+    """The power of ten that makes a width, m, one of things that are held in a hand."""
+    return 10.0 ** -(floor(log10(width / MEANT) - 1e-9) + 1)
+
+
+def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """Glass that was drawn in Blender's units, with no size in mind."""
+    glass = [thing for thing in _shown(look) if thing.role == "GLASS"]
+    widest = max(glass, key=lambda thing: thing.width, default=None)
+    if widest is None or widest.width <= LARGEST:
+        return
+
+    factor = meant_factor(widest.width)
+    text = Message(
+        "'{name}' is {width} wide: meant as {meant}?",
+        name=widest.named.name,
+        width=length_text(widest.width),
+        meant=millimetres(factor * widest.width),
+    )
+    label = Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}")
+    button = Button("kiriko.rescale_scene", label, (("factor", factor),), "EMPTY_ARROWS")
+    yield Entry(text, ADVICE, (button,))

@@ -1,0 +1,84 @@
+"""Faults of a mesh that cost light: edges at which it is not closed, triangles without area."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..arrays import Bools, Ints
+from ..glass.meshes import volume_of
+from .mesh import column, has_area, read_local
+
+
+@dataclass(frozen=True, eq=False)
+class Faults:
+    """Faults of a mesh as the rig is read: open edges that lie in one place are one.
+
+    n_triangles : in all
+    is_flat : (p,) which polygons have triangles without area
+    n_flat : how many triangles have none
+    is_open : (e,) which edges have one face, or more than two
+    is_inside_out : is it open, so that nothing tells its inside but
+        the faces, and do these look into it?
+    """
+
+    n_triangles: int
+    is_flat: Bools
+    n_flat: int
+    is_open: Bools
+    is_inside_out: bool
+
+    @property
+    def n_open(self) -> int:
+        return int(self.is_open.sum())
+
+
+def faults_of(mesh: bpy.types.Mesh) -> Faults:
+    """Of a Blender mesh, evaluated or as it is drawn."""
+    local = read_local(mesh)
+    n = len(local.triangles)
+    edges = column(mesh.edges, "vertices", 2, np.int32).astype(np.int64).reshape(-1, 2)
+    if not n or not np.isfinite(local.vertices).all():
+        empty = np.zeros(len(mesh.polygons), bool)
+        return Faults(n, empty, 0, np.zeros(len(edges), bool), False)
+
+    # one vertex for those that are welded
+    mesh.calc_loop_triangles()
+    drawn = column(mesh.loop_triangles, "vertices", 3, np.int32).reshape(-1, 3)
+    by_loop = column(mesh.loops, "vertex_index", 1, np.int32)
+    one = np.arange(len(mesh.vertices))
+    one[by_loop[local.loops]] = local.triangles
+
+    has_no_area = ~has_area(local.vertices, drawn)
+    is_flat = np.zeros(len(mesh.polygons), bool)
+    polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
+    is_flat[polygons[has_no_area]] = True
+
+    is_open = open_edges(one[edges], local.triangles)
+    volume = volume_of(local.vertices[local.triangles]) if is_open.any() else 0.0
+    return Faults(n, is_flat, int(has_no_area.sum()), is_open, volume < 0)
+
+
+def open_edges(edges: Ints, triangles: Ints) -> Bools:
+    """Which edges (e, 2) are those of one triangle, or of more than two, of triangles (t, 3).
+
+    An edge of no triangle at all is a wire, which no light meets; one between twice the same
+    vertex is a point.
+    """
+    n = int(max(triangles.max(), edges.max(initial=0))) + 1
+    sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    keys, counts = np.unique(_keys(sides, n), return_counts=True)
+    own = _keys(edges, n)
+    at = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
+    is_side = (keys[at] == own) & (edges[:, 0] != edges[:, 1])
+    is_open = is_side & (counts[at] != 2)
+
+    # of two edges in one place only the first counts
+    _, first = np.unique(own, return_index=True)
+    is_first = np.zeros(len(own), bool)
+    is_first[first] = True
+    return is_open & is_first
+
+
+def _keys(edges: Ints, n: int) -> Ints:
+    return edges.min(axis=1) * n + edges.max(axis=1)

@@ -1,0 +1,120 @@
+"""Looks at a scene for its checklist: cheap, but for the meshes, which are kept."""
+
+from collections.abc import Mapping
+
+import bpy
+import numpy as np
+
+from ..errors import ImageError
+from ..messages import Message
+from .faults import Faults, faults_of
+from .kept import Numbers
+from .material import refracts
+from .picture import check_readable
+from .plane import image_of
+from .to_do import Counts, Look, Named, Thing
+from .units import length_of_unit
+
+CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
+Found = Mapping[str, Mapping[bpy.types.Object, str]]
+
+
+def look_at(
+    scene: bpy.types.Scene,
+    found: Found,
+    missing: Mapping[str, str],
+    meshes: Mapping[int, tuple[Counts, Counts]],
+    is_stale: bool = False,
+) -> Look:
+    """A scene as its checklist needs it.
+
+    Parameters
+    ----------
+    found : objects by role, each with what hides it
+    missing : phrases on roles that are not there
+    meshes : faults of objects by their session uid, as read and before modifiers
+    is_stale : is the result that of another scene?
+    """
+    result = scene.kiriko.result
+    things = [
+        _thing(scene, thing, role, by, meshes.get(thing.session_uid))
+        for role, members in found.items()
+        for thing, by in members.items()
+    ]
+    return Look(
+        things=tuple(things),
+        missing=tuple(missing.items()),
+        cameras=tuple(thing.name for thing in scene.objects if thing.type == "CAMERA"),
+        misses=Numbers.read(result.details).by_name.get("misses", {}),
+        is_coarse=result.is_coarse,
+        is_stale=is_stale,
+        is_solved=result.source is not None,
+        is_unsaved=scene.kiriko.export_path.startswith("//") and not bpy.data.filepath,
+    )
+
+
+def _thing(
+    scene: bpy.types.Scene,
+    thing: bpy.types.Object,
+    role: str,
+    by: str,
+    faults: tuple[Counts, Counts] | None,
+) -> Thing:
+    sides = thing.dimensions
+    has_mesh = thing.data is not None and thing.type not in {"EMPTY", "META"}
+    return Thing(
+        named=Named(thing.name, "" if thing.library is None else thing.library.filepath),
+        role=role,
+        hidden_by=by,
+        width=max(sides) * length_of_unit(scene),
+        is_opaque=has_mesh and role == "GLASS" and not (thing.kiriko.use_ior or refracts(thing)),
+        has_no_scale=min(map(abs, thing.scale)) == 0,
+        is_flat=has_mesh and min(sides) == 0,
+        is_pictureless=_why_no_picture(scene, thing) if role == "PICTURE" else "",
+        faults=None if faults is None else faults[0],
+        own_faults=None if faults is None else faults[1],
+    )
+
+
+def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
+    """Why a plane shows no picture, without a full stop; '' where it does."""
+    if scene.kiriko.picture_source == "IMAGE":
+        return ""
+    image = image_of(picture)
+    if image is None:
+        return Message("'{picture}' shows no image", picture=picture.name)
+    try:
+        check_readable(image, Message("the picture '{picture}'", picture=picture.name))
+    except ImageError as error:
+        return Message("{reason}", reason=str(error).rstrip("."))
+    return ""
+
+
+def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
+    """Is an object one whose mesh is worth a look, and evaluated as it stands?"""
+    return (
+        thing.kiriko.role in CHECKED
+        and thing.type not in {"EMPTY", "META"}
+        and thing.mode == "OBJECT"
+        and thing.name in layer.objects
+        and thing.visible_get(view_layer=layer)
+    )
+
+
+def mesh_faults(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Counts, Counts]:
+    """Faults of an object's mesh as it is read, and of the one before modifiers."""
+    shown = thing.evaluated_get(depsgraph)
+    try:
+        as_read = counts_of(faults_of(shown.to_mesh()))
+    finally:
+        shown.to_mesh_clear()
+    if thing.type != "MESH":
+        return as_read, Counts()
+    if not any(m.show_viewport for m in thing.modifiers) and thing.data.shape_keys is None:
+        return as_read, as_read
+    return as_read, counts_of(faults_of(thing.data))
+
+
+def counts_of(faults: Faults) -> Counts:
+    """How many there are."""
+    return Counts(int(np.count_nonzero(faults.is_open)), faults.n_flat, faults.is_inside_out)

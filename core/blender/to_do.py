@@ -1,0 +1,84 @@
+"""The nouns of the checklist: a look at a scene, and the entries that come of it."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+PROBLEM, ADVICE = "ERROR", "INFO"  # as Blender's icons are called
+
+
+class Named(NamedTuple):
+    """An object by its name, and the file it is linked from, '' for none."""
+
+    name: str
+    library: str = ""
+
+
+class Counts(NamedTuple):
+    """How many faults a mesh has, and whether it is open and its faces look inwards."""
+
+    n_open: int = 0
+    n_flat: int = 0
+    is_inside_out: bool = False
+
+
+@dataclass(frozen=True)
+class Button:
+    """An operator, the words on its button, and the values of its properties."""
+
+    operator: str
+    label: str
+    properties: tuple[tuple[str, object], ...] = ()
+    icon: str = "NONE"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing to do.
+
+    icon : PROBLEM where light is lost or nothing can be solved, ADVICE else
+    """
+
+    text: str
+    icon: str = PROBLEM
+    buttons: tuple[Button, ...] = ()
+
+
+@dataclass(frozen=True)
+class Thing:
+    """An object with a role, as far as a list of faults needs it.
+
+    hidden_by : to follow "is hidden"; '' where it is shown
+    width : m, the longest side of its box
+    faults : of its mesh as it is read; None where not known yet, or of no interest
+    own_faults : of its mesh before modifiers, which can be edited
+    """
+
+    named: Named
+    role: str
+    hidden_by: str = ""
+    width: float = 0.0
+    is_opaque: bool = False
+    has_no_scale: bool = False
+    is_flat: bool = False
+    is_pictureless: str = ""
+    faults: Counts | None = None
+    own_faults: Counts | None = None
+
+
+@dataclass(frozen=True)
+class Look:
+    """A scene as far as its checklist needs it.
+
+    missing : phrases on the roles that a rig needs and has not, by role
+    cameras : names of the scene's cameras
+    misses : shares of the picture by the reason why they are lost, of the last result
+    """
+
+    things: tuple[Thing, ...] = ()
+    missing: tuple[tuple[str, str], ...] = ()
+    cameras: tuple[str, ...] = ()
+    misses: dict[str, float] = field(default_factory=dict)
+    is_coarse: bool = False
+    is_stale: bool = False
+    is_solved: bool = False
+    is_unsaved: bool = False  # and the export goes beside the file

@@ -1,0 +1,179 @@
+"""Looks over a scene for its checklist, beside the drawing of panels and never within it.
+
+A panel asks for the entries and gets those of the last look. That it asks has a timer look again,
+and Blender draws panels whenever something changes. Meshes are looked at one by one, when they have
+been left alone for a while, and again only when Blender tells that they changed.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+from time import monotonic, perf_counter
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.blender.checklist import entries
+from ..core.blender.look import is_checked, look_at, mesh_faults
+from ..core.blender.to_do import Counts, Entry
+from ..core.blender.units import length_text
+from . import needed, telling, watch, windows, work
+
+TICK = 0.2  # s between two turns
+QUIET = 0.4  # s without a change of a mesh before it is looked at
+SHARE = 5.0  # times as long as the last look at a mesh took it has to be quiet
+RESTING = 50.0  # times as long as a look took there is none at the same scene
+
+
+@dataclass(eq=False)
+class Looked:
+    """A scene that was looked at.
+
+    meshes : faults of objects by session uid; one that has changed is not among them
+    asked : has a panel asked since the last look?
+    """
+
+    entries: list[Entry] = field(default_factory=list)
+    meshes: dict[int, tuple[Counts, Counts]] = field(default_factory=dict)
+    asked: bool = True
+    rests_until: float = 0.0
+    changed_at: float = 0.0
+    lasted: float = 0.0
+
+    @property
+    def is_quiet(self) -> bool:
+        """Have meshes been left alone for a while?"""
+        return monotonic() - self.changed_at >= max(QUIET, SHARE * self.lasted)
+
+
+_looked: dict[int, Looked] = {}  # by session uid of the scene
+
+
+def found(context: bpy.types.Context) -> list[Entry]:
+    """The entries by the last look; a first one is taken here, without any mesh.
+
+    In the background no timer runs, and each is a first one.
+    """
+    uid = context.scene.session_uid
+    if uid not in _looked or bpy.app.background:
+        _look(_looked.setdefault(uid, Looked()), context.scene)
+    _looked[uid].asked = True
+    return _looked[uid].entries
+
+
+def look_now(context: bpy.types.Context) -> list[Entry]:
+    """Look over a scene at once, with all of its meshes."""
+    looked = _looked.setdefault(context.scene.session_uid, Looked())
+    context.view_layer.update()
+    while _look_at_mesh(looked, context):
+        pass
+    _look(looked, context.scene)
+    return looked.entries
+
+
+def _look(looked: Looked, scene: bpy.types.Scene) -> None:
+    """All but the meshes."""
+    started = perf_counter()
+    look = look_at(
+        scene,
+        needed.parts(scene),
+        needed.missing_by_role(scene),
+        looked.meshes,
+        watch.is_told_changed(scene),
+    )
+    looked.entries = entries(look, partial(length_text, scene))
+    looked.asked = False
+    looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
+
+
+def _look_at_mesh(looked: Looked, context: bpy.types.Context) -> bool:
+    """Look at one mesh that is not known yet; returns whether there was one."""
+    layer = context.view_layer
+    for members in needed.parts(context.scene).values():
+        for thing, by in members.items():
+            if not by and thing.session_uid not in looked.meshes and is_checked(thing, layer):
+                started = perf_counter()
+                depsgraph = context.evaluated_depsgraph_get()
+                looked.meshes[thing.session_uid] = mesh_faults(thing, depsgraph)
+                looked.lasted = perf_counter() - started
+                return True
+    return False
+
+
+def tick() -> float:
+    """Called by the timer."""
+    try:
+        _turn()
+    except Exception as error:
+        telling.sentence(error, "The checklist")  # prints errors that were not foreseen
+        return watch.PATIENCE
+    return TICK
+
+
+def _turn() -> None:
+    """One look at one of the scenes whose panel asks for it."""
+    if work.is_busy():
+        return
+    for window in windows.all_windows():
+        scene = window.scene
+        looked = _looked.get(scene.session_uid)
+        if looked is None or not looked.asked or monotonic() < looked.rests_until:
+            continue
+        if any(w.screen.is_animation_playing for w in windows.all_windows()):
+            return
+
+        with bpy.context.temp_override(window=window):
+            is_more = looked.is_quiet and _look_at_mesh(looked, bpy.context)
+            is_waiting = not looked.is_quiet
+            before = looked.entries
+            _look(looked, scene)
+        looked.asked = is_more or is_waiting  # come back, whether or not it is drawn
+        if looked.entries != before:
+            windows.redraw()
+        return
+
+
+@persistent
+def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Forget the meshes that Blender evaluated anew."""
+    for update in depsgraph.updates:
+        block = update.id.original
+        if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
+            for looked in _looked.values():
+                looked.meshes.pop(block.session_uid, None)
+                looked.changed_at, looked.asked = monotonic(), True
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """Any mesh may be another one."""
+    for looked in _looked.values():
+        looked.meshes.clear()
+        looked.asked = True
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file."""
+    _looked.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", on_update),
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+    ("load_post", on_load),
+)
+
+
+def register() -> None:
+    """Begin to look."""
+    work.listen(HANDLERS)
+    bpy.app.timers.register(tick, first_interval=TICK, persistent=True)
+
+
+def unregister() -> None:
+    """Look no more."""
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    work.stop_listening(HANDLERS)
+    _looked.clear()

@@ -1,0 +1,236 @@
+"""Mend a part: the buttons of the checklist that change an object, its mesh or the scene's unit."""
+
+import bmesh
+import bpy
+import numpy as np
+
+from ..core.blender.faults import faults_of
+from ..core.blender.units import length_of_unit, length_text
+from ..core.errors import MeshError, RigError
+from ..core.messages import Message
+from . import needed, telling
+from .parts import NamesPart
+
+JOINED = 1e-5  # of an object's size: vertices nearer than this are one after Weld
+THICKNESS = 0.1  # of its width: a thickness that a flat glass gets
+WELD = "Kiriko Weld"
+
+
+class MendsPart(NamesPart):
+    """Mix-in for an operator that mends an object: `mend` does it and returns the sentence."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            thing = self.found(context)
+            if not thing.is_editable:
+                raise RigError(
+                    "'{name}' is linked from another file: mend it there.", name=thing.name
+                )
+            telling.report(self, "INFO", self.mend(context, thing))
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
+    """Make this object no part of the rig; it stays where it is"""
+
+    bl_idname = "kiriko.leave_out"
+    bl_label = "Leave Out"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        thing.kiriko.role = "NONE"
+        return Message("'{name}' is no part of the rig now: its role is None.", name=thing.name)
+
+
+class KIRIKO_OT_reset_scale(MendsPart, bpy.types.Operator):
+    """Set the scale along axes in which the object is scaled to nothing to 1"""
+
+    bl_idname = "kiriko.reset_scale"
+    bl_label = "Reset Scale"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        thing.scale = [value or 1.0 for value in thing.scale]
+        return Message("The scale of '{name}' is 1 where it was 0.", name=thing.name)
+
+
+class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
+    """Give a flat object a thickness, by a Solidify modifier"""
+
+    bl_idname = "kiriko.thicken"
+    bl_label = "Thicken"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
+            raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
+        modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
+        across = max(abs(value) for value in thing.scale) or 1.0
+        modifier.thickness = THICKNESS * max(thing.dimensions) / across
+        modifier.offset = 0.0
+        thickness = length_text(
+            context.scene, modifier.thickness * across * length_of_unit(context.scene)
+        )
+        return Message(
+            "'{name}' is {thickness} thick now, by the modifier '{modifier}'.",
+            name=thing.name,
+            thickness=thickness,
+            modifier=modifier.name,
+        )
+
+
+class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
+    """Remove triangles without area: merge their vertices, or divide their faces another way"""
+
+    bl_idname = "kiriko.merge_flat"
+    bl_label = "Remove Flat Triangles"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type != "MESH":
+            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+
+        n_before = faults_of(thing.data).n_flat
+        size = max((vertex.co.length for vertex in thing.data.vertices), default=1.0)
+        if n_before:
+            _merge(thing.data, JOINED * size)
+            return Message(
+                "{n} of {all} triangles without area are gone from '{mesh}'.",
+                n=n_before - faults_of(thing.data).n_flat,
+                all=n_before,
+                mesh=thing.data.name,
+            )
+
+        modifier = thing.modifiers.new(WELD, "WELD")
+        modifier.merge_threshold = JOINED * size
+        return Message(
+            "Modifiers make them: '{modifier}', the last one of '{name}', joins their vertices.",
+            modifier=modifier.name,
+            name=thing.name,
+        )
+
+
+def _merge(mesh: bpy.types.Mesh, distance: float) -> None:
+    """Take triangles without area out of a mesh: first those that are short, then those whose
+    corners lie in a line, which a larger face is divided into.
+    """
+    shape = bmesh.new()
+    try:
+        shape.from_mesh(mesh)
+        bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
+        shape.to_mesh(mesh)
+        is_flat = faults_of(mesh).is_flat
+        if is_flat.any():
+            shape.faces.ensure_lookup_table()
+            faces = [shape.faces[k] for k in np.flatnonzero(is_flat)]
+            bmesh.ops.triangulate(shape, faces=faces, ngon_method="EAR_CLIP", quad_method="BEAUTY")
+            bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
+            shape.to_mesh(mesh)
+    finally:
+        shape.free()
+    mesh.update()
+
+
+class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
+    """Turn all faces of the mesh round, so that they look out of the glass"""
+
+    bl_idname = "kiriko.turn_out"
+    bl_label = "Turn Out"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type != "MESH":
+            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+        thing.data.flip_normals()
+        thing.data.update()
+        return Message("The faces of '{mesh}' look out now.", mesh=thing.data.name)
+
+
+FAULTS = (
+    ("OPEN", "Open Edges", "Edges with one face, or more than two"),
+    ("FLAT", "Flat Faces", "Faces with triangles without area"),
+)
+
+
+class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
+    """Go to edit mode, with the faults of the mesh selected"""
+
+    bl_idname = "kiriko.select_faults"
+    bl_label = "Select Faults"
+
+    kind: bpy.props.EnumProperty(
+        name="Faults", description="The faults to select", items=FAULTS, options={"SKIP_SAVE"}
+    )
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type != "MESH":
+            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+
+        bpy.ops.kiriko.select_part(part=self.part, library=self.library)
+        faults = faults_of(thing.data)
+        is_open = self.kind == "OPEN"
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_mode(type="EDGE" if is_open else "FACE")
+        bpy.ops.mesh.reveal(select=False)
+        bpy.ops.mesh.select_all(action="DESELECT")
+        shape = bmesh.from_edit_mesh(thing.data)
+        members = shape.edges if is_open else shape.faces
+        members.ensure_lookup_table()
+        chosen = np.flatnonzero(faults.is_open if is_open else faults.is_flat)
+        for k in chosen:
+            members[k].select_set(True)
+        shape.select_flush_mode()
+        bmesh.update_edit_mesh(thing.data)
+
+        if is_open:
+            return Message(
+                "{n} open edges of '{name}' are selected: F fills, M merges.",
+                n=len(chosen),
+                name=thing.name,
+            )
+        return Message(
+            "{n} faces of '{name}' without area are selected.", n=len(chosen), name=thing.name
+        )
+
+
+class KIRIKO_OT_rescale_scene(bpy.types.Operator):
+    """Change the size of the scene's unit: all stays where it is drawn, and is as much smaller"""
+
+    bl_idname = "kiriko.rescale_scene"
+    bl_label = "Rescale Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    factor: bpy.props.FloatProperty(
+        name="Factor",
+        description="Times as large as it was is the scene then",
+        default=0.01,
+        min=1e-6,
+        max=1e6,
+        precision=4,
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(
+            cls, [] if context.scene.is_editable else ["The scene is linked from another file"]
+        )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        units = context.scene.unit_settings
+        unit = self.factor * length_of_unit(context.scene)
+        if units.system == "NONE":
+            units.system = "METRIC"
+        units.scale_length = unit
+        if units.system == "METRIC":
+            units.length_unit = "MILLIMETERS"
+        text = Message(
+            "A unit of the scene is {length} now (Scene > Units): nothing has moved, and all is"
+            " {factor} times as large.",
+            length=length_text(context.scene, unit),
+            factor=f"{self.factor:g}",
+        )
+        telling.report(self, "INFO", text)
+        return {"FINISHED"}
