@@ -20,18 +20,19 @@ SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.num
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
 # and the buttons. Operators that make a part as large as needed add themselves here.
+FIT_PICTURE = Button("kiriko.fit_picture_size", "Fit Picture")
 REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     REASON_WORDS[Reason.MISSED_PLATE]: (
         Message("make the plate larger, or the picture smaller"),
-        (),
+        (Button("kiriko.fit_plate", "Fit Plate"), FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_DISPLAY]: (
         Message("make the display larger, or the picture smaller"),
-        (),
+        (Button("kiriko.fit_display", "Fit Display"), FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_GLASS]: (
         Message("move the picture into the glass, or make it smaller"),
-        (),
+        (FIT_PICTURE,),
     ),
 }
 

@@ -291,6 +291,13 @@ def test_a_loss_has_its_remedy_s_place(core: ModuleType) -> None:
     (entry,) = checklist.entries(look, str)
     assert entry.text == f"3 % of the picture {reason}: {words}."
     assert entry.buttons == buttons
+    assert [button.operator for button in buttons] == [
+        "kiriko.fit_plate",
+        "kiriko.fit_picture_size",
+    ]
+    for _, fits in checklist.REMEDIES.values():
+        for button in fits:
+            getattr(bpy.ops.kiriko, button.operator.split(".")[1]).get_rna_type()
 
 
 @pytest.mark.parametrize("state", ["is_stale", "is_coarse"])
