@@ -98,17 +98,29 @@ def why_not(form: str, without: Container[str] = ()) -> str:
     )
 
 
-def encode(linear: ArrayLike) -> np.ndarray:
-    """sRGB-encoded values 0..1 of linear ones (IEC 61966-2-1), clipped to 0..1, float64."""
+def encode(linear: ArrayLike, gamma: float | None = None) -> np.ndarray:
+    """Encoded values 0..1 of linear ones, clipped to 0..1, float64.
+
+    gamma : a display's, whose light is a value to this power; None: sRGB (IEC 61966-2-1)
+    """
     linear = np.clip(np.nan_to_num(np.asarray(linear, float)), 0.0, 1.0)
+    if gamma is not None:
+        return linear ** (1 / gamma)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _quantised(pixels: np.ndarray, form: Format) -> np.ndarray:
+def _quantised(pixels: np.ndarray, form: Format, gamma: float | None) -> np.ndarray:
     if form.is_linear:
         return np.ascontiguousarray(pixels, np.float32)
     top = np.iinfo(form.number).max
-    return np.ascontiguousarray(np.rint(encode(pixels) * top).astype(form.number))
+    return np.ascontiguousarray(np.rint(encode(pixels, gamma) * top).astype(form.number))
+
+
+def _colour_space(form: Format, gamma: float | None) -> tuple[str, str]:
+    """Of a file's numbers: OpenImageIO's name, and the words for its description."""
+    if form.is_linear:
+        return "lin_rec709", "linear Rec.709"
+    return ("sRGB", "sRGB") if gamma is None else (f"g{gamma:g}_rec709", f"gamma {gamma:g}")
 
 
 def _spec(
@@ -117,12 +129,14 @@ def _spec(
     shape: tuple[int, int, int],
     size: tuple[float, float] | None,
     title: str,
+    gamma: float | None,
 ) -> Any:
     height, width, channels = shape
     spec = oiio.ImageSpec(width, height, channels, form.number)
-    spec.attribute("oiio:ColorSpace", "lin_rec709" if form.is_linear else "sRGB")
+    name, about = _colour_space(form, gamma)
+    spec.attribute("oiio:ColorSpace", name)
     spec.attribute("Software", "Kiriko")
-    about = [title, "linear Rec.709" if form.is_linear else "sRGB"]
+    about = [title, about]
 
     if form.suffix == ".exr":
         spec.attribute("chromaticities", "float[8]", REC709)
@@ -153,6 +167,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     *,
     size: tuple[float, float] | None = None,
     title: str = "Kiriko source image",
+    gamma: float | None = None,
     overwrite: bool = False,
     save_png: Callable[[Path, NDArray[Any]], None] | None = None,
 ) -> Path:
@@ -162,10 +177,11 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     ----------
     path : the file; its suffix is set by the format
     pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0
-        at the top; sRGB-encoded for formats not linear
+        at the top; encoded for formats not linear
     form : a key of FORMATS
     size : width and height in m of the area that the image covers, for the metadata
     title : first words of the description in the metadata
+    gamma : by which numbers of formats not linear are encoded; None: sRGB
     overwrite : replace an existing file
     save_png : writes integers (h, w, c) to a new file where
         there is no OpenImageIO, without metadata
@@ -193,7 +209,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     )
     oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
-    pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind)
+    pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind, gamma)
 
     with together(path.parent) as new:
         part = new / path.name
@@ -203,7 +219,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
 
         out = oiio.ImageOutput.create(str(part))
         is_written = out is not None and out.open(
-            str(part), _spec(oiio, kind, pixels.shape, size, title)
+            str(part), _spec(oiio, kind, pixels.shape, size, title, gamma)
         )
         is_written = is_written and out.write_image(pixels) and out.close()
         if not is_written:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .arrays import Floats
 from .errors import MeshError, RigError
+from .fingerprint import ADDED
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import Mesh
 from .mirror_array import MirrorArray
@@ -93,12 +94,43 @@ class Blocker(Part):
 class Display(Part):
     """A surface with a UV map that shows the source image on its front; (width, height)
     in pixels.
+
+    black_level : share of white's light that a black pixel shines all the same, 0 up to below 1
     """
 
     name: str
     mesh: Mesh
     width: int
     height: int
+    black_level: float = field(default=0.0, metadata=ADDED)
+
+    def check_numbers(self, owner: str) -> None:
+        """Raise RigError when its black is no darker than its white."""
+        if not 0 <= self.black_level < 1:
+            raise RigError(
+                "{owner} has a black level of {black_level:g}: set one from 0 to below 1.",
+                owner=owner,
+                black_level=self.black_level,
+            )
+
+    def light_of(self, source: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The light of its pixels, white being 1, where it shows a source image, linear."""
+        if self.black_level == 0:
+            return source
+        return self.black_level + (1 - self.black_level) * source
+
+    def nearest(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The light that its pixels can have nearest to what is wanted, white being 1 or more."""
+        return light if self.black_level == 0 else np.maximum(light, self.black_level)
+
+    def source_for(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The source image, linear, whose pixels shine as is wanted, or the least they can.
+
+        What is wanted of a pixel is least squares, so that the nearest that it can show is best.
+        """
+        if self.black_level == 0:
+            return light
+        return (self.nearest(light) - self.black_level) / (1 - self.black_level)
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError or RigError when no image can be put on it."""

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.blender.elements import tone_of
 from ..core.blender.viewer import frame_of
 from . import needed, work
 
@@ -22,6 +23,8 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             o.surface,
             *o.resolution,
             uid(o.image),
+            tone_of(o.picture),
+            o.display.black_level,
             mirrors_of(o),
         )
         for things in needed.parts(scene).values()
@@ -33,6 +36,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
         *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
         None if camera is None else frame_of(camera, scene.render),
         ours.picture_source,
+        tone_of(ours.picture),
         ours.calibration.offset,
         tuple(sorted(objects)),
     )

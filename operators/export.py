@@ -39,6 +39,14 @@ def target(path: str, form: str) -> Path:
     return image_io.named_for(full, form, bpy.path.extensions_image)
 
 
+def gamma_of(scene: bpy.types.Scene) -> float | None:
+    """The power by which a scene's display encodes light; None: as sRGB does."""
+    for thing in needed.parts(scene).get("DISPLAY", {}):
+        ours = thing.kiriko.display
+        return ours.gamma if ours.encoding == "POWER" else None
+    return None
+
+
 def unwritable(form: str) -> list[str]:
     """The reason why a format cannot be exported, where there is one."""
     why = image_io.why_not(form, WITHOUT_OPENIMAGEIO)
@@ -186,6 +194,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 pixels_from_image(ours.result.source)[..., :3],
                 form,
                 size=tuple(size) if size else None,
+                gamma=gamma_of(context.scene),
                 overwrite=self.overwrite or ours.export_overwrite or is_shown,
                 save_png=save_png,
             )

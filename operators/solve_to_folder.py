@@ -19,6 +19,7 @@ from ..core.errors import RigError
 from ..core.image.simulation import simulate
 from ..core.messages import Message
 from . import folder, needed, work
+from .export import gamma_of
 
 Result = TypeVar("Result")
 
@@ -118,7 +119,12 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     with disk.together(arguments.out) as scratch:
         for image, pixels, form, area in jobs:
             image_io.write(
-                scratch / files[image].name, pixels, form, size=area, title=f"Kiriko {image} image"
+                scratch / files[image].name,
+                pixels,
+                form,
+                size=area,
+                title=f"Kiriko {image} image",
+                gamma=gamma_of(scene) if image == "source" else None,
             )
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
 

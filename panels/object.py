@@ -107,6 +107,7 @@ def draw_object(
         _draw_product(layout, "kiriko.display_preset", display_product(context, thing))
         layout.prop(ours, "resolution")
         layout.operator("kiriko.fit_display", icon="FULLSCREEN_ENTER")
+        _draw_light_of(layout, ours.display)
     elif ours.role == "PICTURE":
         _draw_picture(layout, thing)
 
@@ -163,6 +164,28 @@ def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None
     row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
     layout.operator("kiriko.fit_picture_size", icon="FULLSCREEN_ENTER")
+    draw_tone(layout, picture.kiriko.picture)
+
+
+def draw_tone(layout: bpy.types.UILayout, ours: bpy.types.PropertyGroup) -> None:
+    """How light a picture is wanted."""
+    column = layout.column(align=True)
+    for name, text in (
+        ("brightness", "Picture Brightness"),
+        ("gamma", "Gamma"),
+        ("black_level", "Black Level"),
+    ):
+        column.prop(ours, name, text=text)
+
+
+def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup) -> None:
+    """How a display shines."""
+    column = layout.column(align=True)
+    column.prop(display, "white")
+    column.prop(display, "black_level")
+    column.prop(display, "encoding")
+    if display.encoding == "POWER":
+        column.prop(display, "gamma")
 
 
 def _draw_plate(layout: bpy.types.UILayout, plate: bpy.types.PropertyGroup) -> None:

@@ -131,6 +131,7 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
 
         draw_shares(layout, details)
         draw_cost(layout, context, details)
+        draw_white(layout, context, details)
         for read in details["materials"]:
             sentence(layout, context, index_words(read), icon="MATERIAL")
 
@@ -149,6 +150,19 @@ def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
     column.label(text=in_words(Message("{share} of the picture is shown", share=coverage)))
     for words in shares_in_words(details.get("misses", {})):
         column.label(text=words)
+
+
+def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
+    """The luminance of the display's white as seen by way of the plate; glass is left out."""
+    plate = details.get("plate")
+    # where Brightness is on, the source image makes up for the plate
+    share = 1.0 if plate is None or context.scene.kiriko.brightness else plate["brightness"]
+    for display in needed.parts(context.scene).get("DISPLAY", {}):
+        luminance = number(share * display.kiriko.display.white)
+        text = Message(
+            "White is seen at about {luminance} cd/m\N{SUPERSCRIPT TWO}", luminance=luminance
+        )
+        sentence(layout, context, text, icon="LIGHT")
 
 
 def index_words(read: dict) -> Message:

@@ -7,7 +7,7 @@ from ..core.blender.viewer import frame_of, frame_of_render
 from ..core.messages import Message
 from ..operators import needed
 from ..operators.parts import name_part
-from .object import draw_resolution, labelled
+from .object import draw_resolution, draw_tone, labelled
 from .words import OfRig, sentence
 
 
@@ -28,6 +28,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
         column.prop(ours, "picture_source")
         if ours.picture_source == "IMAGE":
             column.template_ID(ours, "picture_image", open="image.open")
+            draw_tone(column, ours.picture)
 
         self._draw_parts(layout.column(align=True), context)
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")

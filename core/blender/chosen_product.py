@@ -97,7 +97,8 @@ def give_display(
     product: DisplayProduct,
     is_upright: bool = False,
 ) -> Given:
-    """Give a display the pixels of a product, and its size, about its middle.
+    """Give a display the pixels of a product, and its size, about its middle; its white, too,
+    where its maker tells it.
 
     is_upright : its longer side goes up, along the UV map's v
     """
@@ -132,6 +133,8 @@ def give_display(
         )
 
     display.kiriko.resolution = pixels
+    if product.luminance is not None:
+        display.kiriko.display.white = product.luminance
     return given
 
 

@@ -7,6 +7,7 @@ import bpy
 from ..catalogue import GLASSES
 from ..errors import RigError
 from ..glass.meshes import geometric_normals
+from ..image.tone import Tone
 from ..messages import Message
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
@@ -191,11 +192,17 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
     return image, notes
 
 
+def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
+    """How light a picture's settings want it."""
+    return Tone(ours.brightness, ours.gamma, ours.black_level)
+
+
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
     name = part.owner.name
     image, notes = shown_image(part)
-    pixels = kept.pixels(image, Message("the picture '{name}'", name=name))
+    tone = tone_of(part.owner.kiriko.picture)
+    pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone)
 
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
         notes.append(
@@ -212,13 +219,13 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
 
 
 def read_picture_image(
-    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept
+    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept, tone: Tone
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewer's own pixels, with a note when it has another shape than they."""
     if image is None:
         return [], []
 
-    pixels = kept.pixels(image, "the scene's picture")
+    pixels = kept.pixels(image, "the scene's picture", tone)
     place = place_of(image, image.name)
     notes = about(image)
 

@@ -20,6 +20,7 @@ from .scene import Reading
 
 SOURCE = "Kiriko Source"
 MATERIAL_MARK = "kiriko_display"  # marks a material that Kiriko made and may write to
+BLACK_LEVEL = "kiriko_black_level"  # of the display that a material of ours was made for
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -82,11 +83,13 @@ def pack_source(scene: bpy.types.Scene) -> None:
 
 
 def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Does a display show an image by materials of ours on all its slots?"""
+    """Does a display show an image by materials of ours on all its slots, as dark as it can?"""
+    black_level = display.kiriko.display.black_level
     materials = [slot.material for slot in display.material_slots]
     return bool(materials) and all(
         m is not None
         and m.get(MATERIAL_MARK)
+        and m.get(BLACK_LEVEL, 0.0) == black_level
         and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
         for m in materials
     )
@@ -135,7 +138,8 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
 
     try:
         ours[MATERIAL_MARK] = True
-        shaders.show_image(ours, image)
+        ours[BLACK_LEVEL] = display.kiriko.display.black_level
+        shaders.show_image(ours, image, display.kiriko.display.black_level)
     except BaseException:
         bpy.data.materials.remove(ours)
         raise

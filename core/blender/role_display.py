@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..rig import Display
+from ..rig import Display, Rig
 from . import shaders
 from .parts import Part
 from .roles import Found, InBlender, Studio
@@ -10,16 +10,23 @@ from .shapes import Kept
 
 
 def read(part: Part, kept: Kept) -> Found:
-    """A display with its pixels."""
-    return Found(Display(part.name, part.mesh, *part.owner.kiriko.resolution), [], [])
+    """A display with its pixels, and the light of its black."""
+    ours = part.owner.kiriko
+    width, height = ours.resolution
+    return Found(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])
 
 
-def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:
-    """Show the source image, or the display's own coordinates."""
+def looks(rig: Rig) -> tuple[dict[str, float], list[str]]:
+    """The black levels of all displays."""
+    return {display.name: display.black_level for display in rig.displays}, []
+
+
+def shade(material: bpy.types.Material, look: float, studio: Studio) -> None:
+    """Show the source image over the black level, or the display's own coordinates."""
     if studio.source is None:
         shaders.show_coordinates(material)
     else:
-        shaders.show_image(material, studio.source)
+        shaders.show_image(material, studio.source, look)
 
 
-IN_BLENDER = InBlender(read, shade)
+IN_BLENDER = InBlender(read, shade, looks)

@@ -15,7 +15,7 @@ from ..bench.offset import with_offset
 from ..errors import KirikoError, RigError
 from ..messages import Message
 from ..rig import ROLES, Picture, Rig, Viewer
-from .elements import MaterialReading, read_picture_image
+from .elements import MaterialReading, read_picture_image, tone_of
 from .kept import Offset
 from .parts import Part, is_placed, parts_by_role, read_parts
 from .rectangle import flat_size
@@ -154,7 +154,8 @@ def _read_image(
     scene: bpy.types.Scene, viewer: Viewer | None, planes: list[Part], kept: Kept
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewer's own pixels, with notes, also on planes that are not used."""
-    pictures, notes = read_picture_image(scene.kiriko.picture_image, viewer, kept)
+    ours = scene.kiriko
+    pictures, notes = read_picture_image(ours.picture_image, viewer, kept, tone_of(ours.picture))
     unused = [
         Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
         for part in planes

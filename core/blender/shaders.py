@@ -33,9 +33,13 @@ def _front_only(tree: Any, output: Any, shader: Any) -> None:
         node.location = (220 * column - 440, 0)
 
 
-def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
+def show_image(
+    material: bpy.types.Material, image: bpy.types.Image, black_level: float = 0.0
+) -> None:
     """Make a material emit the texels of an image, as the
     pixels of a screen: square, sharp, on the front only.
+
+    black_level : share of white's light that a black texel emits all the same
     """
     tree, output = cleared(material)
     emission = tree.nodes.new("ShaderNodeEmission")
@@ -47,7 +51,17 @@ def show_image(material: bpy.types.Material, image: bpy.types.Image) -> None:
     # unnamed: the map used in renders, which is the one Kiriko reads
     uv = tree.nodes.new("ShaderNodeUVMap")
     tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
-    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    colour = texture.outputs["Color"]
+    if black_level:
+        raised = tree.nodes.new("ShaderNodeVectorMath")
+        raised.operation = "MULTIPLY_ADD"
+        tree.links.new(colour, raised.inputs[0])
+        raised.inputs[1].default_value = (1 - black_level,) * 3
+        raised.inputs[2].default_value = (black_level,) * 3
+        raised.location = (-300, -220)
+        colour = raised.outputs["Vector"]
+
+    tree.links.new(colour, emission.inputs["Color"])
     _front_only(tree, output, emission)
     texture.location = (-520, -220)
     uv.location = (-740, -220)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
+from ..image.tone import Tone
 from ..rig import ROLES, Mesh
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
@@ -52,7 +53,7 @@ class Shape:
 class KeptPixels:
     """The pixels of an image as the painter has them, and all that tells whether they still are.
 
-    settings : of the image, by which they were decoded
+    settings : of the image and the picture, by which they were decoded
     stored : fingerprint of the pixels as Blender keeps them
     pixels : (h, w, 4), which nobody can write to: the same array is the same picture
     """
@@ -118,8 +119,13 @@ class Kept:
         self._met[key] = self._shapes.get(key) or read_shape(instance.object, owner)
         return self._met[key]
 
-    def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
-        """As by `read_pixels`; the same array as before while the image holds the same numbers."""
+    def pixels(
+        self, image: bpy.types.Image, owner: str, tone: Tone | None = None
+    ) -> NDArray[np.float32]:
+        """As by `read_pixels`, as light as a tone has them; the
+        same array as before while the image holds the same numbers.
+        """
+        tone = tone or Tone()
         space = image.colorspace_settings
         settings = (
             image.session_uid,
@@ -128,13 +134,14 @@ class Kept:
             space.is_data,
             image.alpha_mode,
             image.is_float,
+            tone,
         )
         before = self._pixels
         if before is None or before.settings != settings or self._is_stale:
             stored = stored_pixels(image, owner)
             content = fingerprint(stored[::-1])  # in the order of memory: else it is copied
             if before is None or (before.settings, before.stored) != (settings, content):
-                pixels = frozen(decoded(image, stored, owner))
+                pixels = frozen(tone.of(decoded(image, stored, owner)))
                 self._pixels = KeptPixels(settings, content, pixels)
 
         self._is_stale = False

@@ -42,9 +42,9 @@ class LightBeside:
     throughput: Floats
     is_beside: NDArray[np.bool_]
 
-    def seen_of(self, source: NDArray[np.float32]) -> Glare:
-        """The glare of a source image (H, W, 3), linear."""
-        light = dot(source.reshape(-1, 3)[self.pixel].astype(float), LUMINANCE) * self.throughput
+    def seen_of(self, shown: NDArray[np.float32]) -> Glare:
+        """The glare of the display's light (H, W, 3), linear."""
+        light = dot(shown.reshape(-1, 3)[self.pixel].astype(float), LUMINANCE) * self.throughput
         beside = light * self.is_beside
         total = light.sum()
         if not total or not beside.sum():

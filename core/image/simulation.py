@@ -60,7 +60,8 @@ def simulate(
     viewer = plan.viewer
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
     has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
-    texels = source.reshape(-1, source.shape[2])[:, :3].astype(float)
+    shown = plan.rig.display.light_of(source[..., :3])
+    texels = shown.reshape(-1, 3).astype(float)
     n = viewer.width * viewer.height
     passes = 2 * ((max(spp, 1) + 1) // 2)
     halves = np.zeros((2, 3, n))

@@ -151,4 +151,4 @@ def splat(
             yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))
 
     image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
-    return image.reshape(*shape, 3).astype(np.float32)
+    return display.source_for(image.reshape(*shape, 3).astype(np.float32))

@@ -104,10 +104,11 @@ class Channel:
         beside : and by way of the plate alone, beside the glass; that
             is traced when first asked for, see `look_beside`
         """
-        seen = seen_image(self._seen_shares, source)
+        shown = self.plan.rig.display.light_of(source)
+        seen = seen_image(self._seen_shares, shown)
         if not beside or self._seen_beside is None:
             return seen
-        return seen + seen_image(self._seen_beside, source)
+        return seen + seen_image(self._seen_beside, shown)
 
     @cached_property
     def _seen_shares(self) -> ShareBatches:

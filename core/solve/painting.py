@@ -170,7 +170,8 @@ def finished(
     beside: Sequence[Floats | None],
     settings: Settings,
 ) -> NDArray[np.float32]:
-    """The source image of a painting to which all shares of all channels were added.
+    """The light (H, W, 3) that is wanted of the display's pixels, by a painting to
+    which all shares of all channels were added.
 
     beside : for each channel the weight (H, W) of light beside the glass, where it counts
     """

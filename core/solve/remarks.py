@@ -1,20 +1,20 @@
 """Remarks on a solution: each names the cause that was measured, and a remedy for it."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..image.glare import Glare
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.view_map import MapError
 from ..messages import Length, Message, joined
 from ..rig import Rig
-from ..words import millimetres, number, percent
+from ..words import number, percent
 from .channel import Channel
+from .light_remarks import on_black, on_glare, on_white
+from .remark import Remark, note, warning
 from .remedies import facetted_glass, name_of, remedy_for, remedy_for_irregular
 from .tessellation import NOTED_ERROR_PX, Tessellation
 
@@ -25,50 +25,20 @@ BEYOND = 0.01  # share of what is seen that may be off by more than the toleranc
 UNDECIDED = 0.01  # share of the light whose way may be another one
 # of the light that is cut off: where more never comes free, to raise the limit does not help
 MOST_CAUGHT = 0.9
-# of the light that the viewer gets: more that comes beside the glass is worth a remark
-GLARE = 0.05
-# linear: half a step of 8 bits, sRGB-encoded, above white
-WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4
 
 
-@dataclass(frozen=True)
-class Remark:
-    """A note to the user.
-
-    text : with lengths as `Length`
-    is_warning : does it tell of light that is lost or goes another way?
-    """
-
-    text: Message
-    is_warning: bool = False
-
-    def told(self, length_text: Callable[[float], str] = millimetres) -> str:
-        """The sentence, with lengths in words as a function of metres has them."""
-        return self.text.told(length_text=length_text)
-
-
-def note(template: str, /, **values: object) -> Remark:
-    """A remark that informs."""
-    return Remark(Message(template, **values))
-
-
-def warning(template: str, /, **values: object) -> Remark:
-    """A remark on light that is lost or goes another way."""
-    return Remark(Message(template, **values), is_warning=True)
-
-
-def remarks_on(channels: Sequence[Channel], source: NDArray[np.float32]) -> tuple[Remark, ...]:
+def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple[Remark, ...]:
     """Remarks on the channels of a solution, each sentence once.
 
-    source : (H, W, 3) linear
+    light : (H, W, 3) that is wanted of the display's pixels, linear
     """
     remarks: list[Remark] = []
     for channel in channels:
-        remarks += [remark for remark in _on_channel(channel, source) if remark not in remarks]
+        remarks += [remark for remark in _on_channel(channel, light) if remark not in remarks]
     return tuple(remarks)
 
 
-def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remark]:
+def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark]:
     """Remarks on one channel, the gravest first."""
     plan = channel.plan
     rig = plan.rig
@@ -83,8 +53,9 @@ def _on_channel(channel: Channel, source: NDArray[np.float32]) -> Iterator[Remar
     yield from _beyond_tolerance(rig, accuracy.tessellation, error)
     yield from _on_the_mesh(rig, plan, accuracy.tessellation)
     yield from _on_rounding(plan, accuracy.rounding)
-    yield from _on_white(rig, plan, source)
-    yield from _on_glare(plan, channel.glare)
+    yield from on_white(rig, plan, light)
+    yield from on_black(rig, light)
+    yield from on_glare(plan, channel.glare)
 
 
 def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]:
@@ -251,43 +222,3 @@ def _on_rounding(plan: Plan, rounded: float) -> Iterator[Remark]:
             error=number(rounded),
             gap=Length(touching),
         )
-
-
-def _on_white(rig: Rig, plan: Plan, source: NDArray[np.float32]) -> Iterator[Remark]:
-    # rows of three are slow
-    brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
-    bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)
-    if not bright:
-        return
-
-    remedy = Message("turn Brightness off, make") if plan.settings.brightness else Message("make")
-    yield note(
-        "{share} of the source image is brighter than a display's white and would be clipped:"
-        " {remedy} the image of '{picture}' darker in an image editor, or export OpenEXR,"
-        " which keeps it.",
-        share=percent(bright),
-        remedy=remedy,
-        picture=rig.picture.name,
-    )
-
-
-def _on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
-    if glare is None or glare.share < GLARE:
-        return
-
-    part = "plate" if plan.needs_plate else "display"
-    remedy = (
-        Message("cover the part of the {part} that is seen there", part=part)
-        if plan.settings.suppress_glare == 1
-        else Message(
-            "raise Suppress Glare, or cover the part of the {part} that is seen there", part=part
-        )
-    )
-
-    yield note(
-        "Glare: {share} of the light that the viewer gets comes beside the glass, {where}:"
-        " {remedy}.",
-        share=percent(glare.share),
-        where=glare.where,
-        remedy=remedy,
-    )

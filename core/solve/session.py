@@ -75,7 +75,9 @@ class Session:
         started = perf_counter()
         rig.check()
         settings.check()
-        key = fingerprint(replace(rig, pictures=()), settings.of_optics)
+        # light lands where it does, however dark the display's black is
+        displays = tuple(replace(display, black_level=0.0) for display in rig.displays)
+        key = fingerprint(replace(rig, pictures=(), displays=displays), settings.of_optics)
         clock.lap("fingerprint")
 
         optics, told = self._optics, 0.0
@@ -103,14 +105,14 @@ class Session:
             self._optics = optics
 
         beside = [traced.weight_beside for traced in optics.channels]
-        source = finished(painting, placed.channels, beside, settings)
+        light = finished(painting, placed.channels, beside, settings)
         clock.lap("painting")
 
         yield STAGES.painted
         channels = tuple(
             # of an equal rig, perhaps with other names
             _channel(
-                replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, one, source
+                replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, one, light
             )
             for viewer, traced, one in zip(
                 rig.viewers, optics.channels, placed.channels, strict=True
@@ -121,7 +123,7 @@ class Session:
         clock.lap("coverage")
 
         yield 1.0
-        return _solution(rig, source, channels, clock.seconds, is_new)
+        return _solution(rig, light, channels, clock.seconds, is_new)
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
         """The source image of a coarse rig alone, of which
@@ -159,7 +161,7 @@ class Session:
             )
             beside.append((yield from at(1.0, weight_beside(view_map, settings))))
 
-        return finished(painting, channels, beside, settings)
+        return rig.display.source_for(finished(painting, channels, beside, settings))
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
         """The whole of a rig ready to be traced, with all that is kept from before."""
@@ -250,30 +252,31 @@ class Session:
 
 def _solution(
     rig: Rig,
-    source: NDArray[np.float32],
+    light: NDArray[np.float32],
     channels: tuple[Channel, ...],
     seconds: dict[str, float],
     is_new: bool,
 ) -> Solution:
-    """The result; is_new: were the view maps traced for it?"""
+    """The result, by the light that is wanted of the display; is_new: were view maps traced?"""
     plan = channels[0].plan
     left_out = () if is_new else ("tracing (the optics have not changed)",)
     return Solution(
         rig=rig,
-        source=source,
+        source=rig.display.source_for(light),
         channels=channels,
         seconds=seconds,
         n_rays=sum(channel.view_map.n_rays for channel in channels) if is_new else 0,
         used=plan.used,
         left_out=plan.left_out + left_out,
-        remarks=remarks_on(channels, source),
+        remarks=remarks_on(channels, light),
     )
 
 
-def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.float32]) -> Channel:
-    """A channel, all shares of which are painted, in a source image (H, W, 3).
+def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
+    """A channel, all shares of which are painted.
 
     plan : as traced, of the very rig that is solved
+    light : (H, W, 3) that is wanted of the display
     """
     if placed.covered is None:
         placed.view_coverage = placed.view_coverage_in(traced.view_map)
@@ -288,7 +291,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, source: NDArray[np.floa
         view_map=traced.view_map,
         accuracy=traced.accuracy,
         plate=traced.plate,
-        glare=None if traced.beside is None else traced.beside.seen_of(source),
+        glare=traced.beside and traced.beside.seen_of(plan.rig.display.nearest(light)),
         shares=placed.shares,
         coverage=placed.coverage,
         view_coverage=placed.view_coverage,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..rig import ConstantIndex, Rig
 from .channel import Channel
-from .remarks import Remark
+from .remark import Remark
 
 
 @dataclass(frozen=True, eq=False)

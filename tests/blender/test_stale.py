@@ -107,6 +107,10 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "ghosts": lambda rig: setattr(ours(), "ghosts", "STRONGEST"),
     "through glass": lambda rig: setattr(ours(), "only_through_glass", False),
     "through plate": lambda rig: setattr(ours(), "only_through_plate", False),
+    "picture brightness": lambda rig: setattr(rig["PICTURE"].kiriko.picture, "brightness", 0.9),
+    "picture gamma": lambda rig: setattr(rig["PICTURE"].kiriko.picture, "gamma", 1.1),
+    "picture black level": lambda rig: setattr(rig["PICTURE"].kiriko.picture, "black_level", 0.1),
+    "black level": lambda rig: setattr(rig["DISPLAY"].kiriko.display, "black_level", 0.01),
     "offset": lambda rig: setattr(ours().calibration, "offset", '[{"Cube: shift x": 0.1}]'),
     "role": lambda rig: setattr(rig["PLATE"].kiriko, "role", "MIRROR"),
     "new part": lambda rig: setattr(

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, PointerProperty
 
 from .calibration import KirikoCalibration
+from .light import KirikoDisplay, KirikoPicture
 from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
@@ -14,6 +15,8 @@ from .view import KirikoView, redraw
 
 classes = (
     KirikoPlate,
+    KirikoPicture,
+    KirikoDisplay,
     KirikoObject,
     KirikoMaterial,
     KirikoRig,

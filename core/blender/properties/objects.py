@@ -15,6 +15,7 @@ from bpy.props import (
 from ...catalogue import PLATES
 from ...rig import MOST_CROSSING_ERROR, ROLES
 from ..plane import show
+from .light import KirikoDisplay, KirikoPicture
 
 # None, then the roles by their numbers, which Blender's files keep
 ROLE_ITEMS = (
@@ -199,6 +200,12 @@ class KirikoObject(bpy.types.PropertyGroup):
         soft_max=10,
     )
     plate: PointerProperty(name="Plate", description="The plate's make", type=KirikoPlate)
+    picture: PointerProperty(
+        name="Picture", description="How light the picture is wanted", type=KirikoPicture
+    )
+    display: PointerProperty(
+        name="Display", description="How the display shines", type=KirikoDisplay
+    )
     surface: EnumProperty(
         name="Surface",
         description="The surface that smooth shading stands for; facets bend the picture where a"

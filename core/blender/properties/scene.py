@@ -12,6 +12,7 @@ from bpy.props import (
 
 from ..paths import RELATIVE_PATH
 from .calibration import KirikoCalibration
+from .light import KirikoPicture
 from .result import KirikoResult
 
 PICTURE_SOURCES = (
@@ -63,6 +64,11 @@ class KirikoScene(bpy.types.PropertyGroup):
         name="Picture Image",
         description="Picture in the viewer's own pixels, over the whole camera frame",
         type=bpy.types.Image,
+    )
+    picture: PointerProperty(
+        name="Picture",
+        description="How light the picture image is wanted",
+        type=KirikoPicture,
     )
     tolerance: FloatProperty(
         name="Tolerance",
