@@ -7,6 +7,7 @@ from ..core.messages import Message
 from ..core.words import number, percent, pixels, shares_in_words
 from ..operators import needed, watch
 from ..operators.telling import in_words
+from .remedies import draw_remedies
 from .words import MARGIN, OfRig, sentence
 
 ICON = 20.0  # px at a scale of 1 that an icon is wide
@@ -39,6 +40,8 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         warnings, _ = notes_of(result)
         for note in warnings:
             sentence(layout, context, note, icon="ERROR")
+
+        draw_remedies(layout, context)
 
 
 def icons_across(context: bpy.types.Context) -> float:

@@ -1,0 +1,269 @@
+"""The best place for a picture, and turn of its glass: most of it arrives, with the least blur.
+
+Which rays arrive depends on the glass alone. So the light around the picture is traced once, with
+the derivatives of its landings, and all places and turns of the picture within its limits are
+compared by it: coordinates first, then in ever finer steps around the best. A display pixel is
+seen blurred where the map from viewer to display is flat: as large as it is, divided by the
+smallest stretch of the map. Turns of the glass are traced anew each. The answer is settled by a
+fine trace of the rig before and after.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ..arrays import Floats
+from ..glass.motion import Motion
+from ..rig import Rig
+from ..steps import within
+from .light import Light, light_of
+from .offset import moved, turned
+from .picture_room import Plane, plane_of
+from .room import ROOM, PlanOf, Traced, traced
+from .squares import grid_over
+from .turn_back import axes_around
+from .turned import light_turned, with_glass_turned
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far a picture may move in its plane, m, and turn there, and its glass may turn, rad."""
+
+    shift: float
+    turn: float = np.radians(15)
+    glass: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlaceSearch:
+    """How places are compared.
+
+    n_rays : along each side of all that the picture may take
+    n_points : of a picture, along each side
+    n_first : places along each way, and turns, at first; n_rounds : of three, in half the step
+    n_grid : points along each edge of a triangle of the picture, for turns of the glass
+    n_halvings : of the step of these turns
+    blur_weight : of its doubling, as a share of the picture
+    motion_weight : of a motion to its limit, the same: of equal places the nearest is taken
+    worth_it : gain in the picture's share for which it is moved; glass_worth_it : glass, too
+    most_blur : that is told apart
+    """
+
+    n_rays: int = 121
+    n_points: int = 24
+    n_first: tuple[int, int, int] = (9, 9, 5)
+    n_rounds: int = 5
+    n_grid: int = 24
+    n_halvings: int = 4
+    blur_weight: float = 1e-3
+    motion_weight: float = 2e-4
+    worth_it: float = 1e-3
+    glass_worth_it: float = 5e-3
+    most_blur: float = 32.0
+
+
+PLACE_SEARCH = PlaceSearch()
+
+
+@dataclass(frozen=True, eq=False)
+class BestPlace:
+    """Where a picture, and its glass, are to go.
+
+    motion : of the picture; shift : (2,) m along its sides, turn : rad in its plane
+    glass_turn : (3,) rad about its direction through the glass's middle
+    before, after : shares of the picture that arrive; lost : shares that still do not, by reason
+    blur_before, blur_after : how many times as large as it is a display's pixel is seen, on average
+    """
+
+    motion: Motion
+    shift: Floats
+    turn: float
+    glass_turn: Floats
+    before: float
+    after: float
+    lost: dict[str, float]
+    blur_before: float
+    blur_after: float
+
+    @property
+    def is_better(self) -> bool:
+        """Is it worth the motion?"""
+        gain = self.after - self.before
+        sharper = np.log2(self.blur_before / self.blur_after)
+        return bool(gain + PLACE_SEARCH.blur_weight * sharper > PLACE_SEARCH.worth_it)
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """The light around a picture: of rays on a grid (n, n) about its middle, rows going up.
+
+    is_good : does it arrive? log_blur : as a power of two; half : m, from the middle to the
+    first and last ray along each side
+    """
+
+    is_good: Floats
+    log_blur: Floats
+    half: Floats
+
+    def scores(self, places: Floats, moves: Floats) -> Floats:
+        """Shares (m,) of the picture that arrive, less its blur.
+
+        places : (m, k, 2) m from the middle; moves : (m,) of the limits
+        """
+        n = len(self.is_good)
+        at = np.rint((places / self.half + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
+        good = self.is_good[at[..., 1], at[..., 0]]
+        blur = (good * self.log_blur[at[..., 1], at[..., 0]]).sum(axis=1)
+        blur /= np.maximum(good.sum(axis=1), 1)
+        search = PLACE_SEARCH
+        return good.mean(axis=1) - search.blur_weight * blur - search.motion_weight * moves
+
+    def blur(self, places: Floats) -> float:
+        """The mean blur of a picture whose points are at places (k, 2)."""
+        n = len(self.is_good)
+        at = np.rint((places / self.half + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
+        good = self.is_good[at[:, 1], at[:, 0]].astype(bool)
+        values = self.log_blur[at[good, 1], at[good, 0]]
+        return float(2.0 ** values.mean()) if len(values) else PLACE_SEARCH.most_blur
+
+
+def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, None, BestPlace]:
+    """Find the best place within limits; yields progress 0..1.
+
+    Raises
+    ------
+    RigError : the picture has no plane of its own, or is no flat rectangle
+    """
+    plane_of(rig)  # refuses
+    before = yield from within(traced(rig, plan_of), 0.0, 0.1)
+    still = yield from within(_placed(rig, plan_of, limits, before, np.zeros(3)), 0.1, 0.3)
+    if not limits.glass:
+        return still
+
+    turn = yield from within(_glass_turn(rig, plan_of, limits.glass), 0.3, 0.8)
+    if not turn.any():
+        return still
+    changed = with_glass_turned(rig, turn)
+    other = yield from within(_placed(changed, plan_of, limits, before, turn), 0.8, 1.0)
+    gain = other.after - still.after
+    return (
+        replace(other, blur_before=still.blur_before)
+        if (gain > PLACE_SEARCH.glass_worth_it)
+        else still
+    )
+
+
+def _placed(
+    rig: Rig, plan_of: PlanOf, limits: Limits, before: Traced, glass_turn: Floats
+) -> Generator[float, None, BestPlace]:
+    """The picture's best place in glass as it stands, settled by a fine trace."""
+    plane = plane_of(rig)
+    sizes = np.linalg.norm(plane.sides, axis=1)
+    axes = plane.sides / sizes[:, None]
+    field = yield from within(_field(rig, plan_of, plane, limits.shift), 0.0, 0.5)
+
+    line = np.linspace(-0.5, 0.5, PLACE_SEARCH.n_points) * ROOM.spare
+    points = np.stack(np.meshgrid(*(line * size for size in sizes)), axis=-1).reshape(-1, 2)
+    x, y, turn = _best(field, points, limits)
+
+    about = turned(np.cross(*axes), np.degrees(turn), plane.middle)
+    motion = Motion(about.rotation, about.shift + np.array([x, y]) @ axes)
+    place = rig.picture_place
+    changed = replace(rig, pictures=(moved(place, motion),))
+    after = yield from within(traced(changed, plan_of), 0.5, 1.0)
+    return BestPlace(
+        motion=motion,
+        shift=np.array([x, y]),
+        turn=float(turn),
+        glass_turn=glass_turn,
+        before=before.share,
+        after=after.share,
+        lost=after.lost,
+        blur_before=field.blur(points),
+        blur_after=field.blur(_placed_points(points, np.array([[x, y, turn]]))[0]),
+    )
+
+
+def _field(rig: Rig, plan_of: PlanOf, plane: Plane, shift: float) -> Generator[float, None, _Field]:
+    """The light of all places that a picture may take."""
+    sizes = np.linalg.norm(plane.sides, axis=1)
+    reach = np.full(2, np.linalg.norm(sizes) / 2 + shift)
+    at, step = grid_over(reach, PLACE_SEARCH.n_rays)
+    points = plane.middle + at @ (plane.sides / sizes[:, None])
+    light = yield from light_of(plan_of(rig), points)
+    n = PLACE_SEARCH.n_rays
+    return _Field(
+        light.has_arrived.reshape(n, n).astype(float), _log_blur(light, n, step), reach - step / 2
+    )
+
+
+def _log_blur(light: Light, n: int, step: float) -> Floats:
+    """How large a display's pixel is seen (n, n), as a power
+    of two, by the derivatives of the landings.
+    """
+    landed = np.where(light.has_arrived[:, None], light.positions, np.nan).reshape(n, n, 3)
+    up, right = np.gradient(landed, step, axis=(0, 1))
+    a, b, c = ((p * q).sum(axis=-1) for p, q in ((right, right), (right, up), (up, up)))
+    # the smaller eigenvalue of the metric
+    least = (a + c) / 2 - np.sqrt(((a - c) / 2) ** 2 + b**2)
+    worst = np.log2(PLACE_SEARCH.most_blur)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        blur = -0.5 * np.log2(np.maximum(least, 0.0))
+    return np.nan_to_num(blur, nan=0.0, posinf=worst).clip(-worst, worst)
+
+
+def _placed_points(points: Floats, candidates: Floats) -> Floats:
+    """Points (m, k, 2) of a picture in places (m, 3): shifts, m, and turn, rad."""
+    sine, cosine = np.sin(candidates[:, 2:]), np.cos(candidates[:, 2:])
+    x, y = points.T
+    turned = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+    return turned + candidates[:, None, :2]
+
+
+def _best(field: _Field, points: Floats, limits: Limits) -> Floats:
+    """The best shifts, m, and turn, rad, (3,) of a picture with points (k, 2)."""
+    reach = np.array([limits.shift, limits.shift, limits.turn])
+    scale = np.where(reach > 0, reach, 1.0)
+    counts = PLACE_SEARCH.n_first
+    ways = [np.linspace(-r, r, n) for r, n in zip(reach, counts, strict=True)]
+    candidates = np.array(list(product(*ways)))
+    step = 2 * reach / (np.array(counts) - 1)
+
+    best = np.zeros(3)
+    for _ in range(1 + PLACE_SEARCH.n_rounds):
+        candidates = np.concatenate([best[None], candidates.clip(-reach, reach)])
+        moves = np.linalg.norm(candidates / scale, axis=1)
+        parts = np.array_split(np.arange(len(candidates)), 1 + len(candidates) // 100)
+        scores = np.concatenate(
+            [field.scores(_placed_points(points, candidates[some]), moves[some]) for some in parts]
+        )
+        best = candidates[scores.argmax()]
+        step = step / 2
+        candidates = best + step * np.array(list(product((-1, 0, 1), repeat=3)))
+    return best
+
+
+def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, None, Floats]:
+    """The turn (3,) of the glass, up to a limit, rad, by which most of the picture arrives."""
+
+    def score(turn: Floats) -> Generator[float, None, float]:
+        light = yield from light_turned(rig, turn, plan_of, PLACE_SEARCH.n_grid)
+        return light.share - PLACE_SEARCH.motion_weight * float(np.linalg.norm(turn)) / limit
+
+    best = np.zeros(3)
+    most = yield from within(score(best), 0.0, 0.0)
+    step = limit / 2
+    for n in range(1 + PLACE_SEARCH.n_halvings):
+        ways = axes_around()
+        for k, way in enumerate(ways):
+            done = (n + k / len(ways)) / (1 + PLACE_SEARCH.n_halvings)
+            turn = best + step * way
+            if np.linalg.norm(turn) > limit:
+                continue
+            value = yield from within(score(turn), done, done)
+            if value > most:
+                best, most = turn, value
+        step /= 2
+    return best

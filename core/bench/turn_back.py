@@ -1,0 +1,187 @@
+"""The smallest turn of the glass that brings a lost part of the picture back.
+
+Turns about axes all around are tried, in growing angles, until one brings the lost light to the
+display, and costs no other part of the picture as much. Its angle is then made smaller by halving,
+and its axis is tilted as long as that makes it smaller still. The answer is settled by a finer
+trace.
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..arrays import Bools, Floats
+from ..errors import RigError
+from ..rig import Rig
+from ..steps import within
+from ..vectors import normalise
+from .room import PlanOf, Traced
+from .turned import light_turned
+
+
+@dataclass(frozen=True)
+class TurnSearch:
+    """How turns are tried.
+
+    n_angles : up to the limit; n_halvings : of the first angle that does it
+    tilts_rad : of its axis, one after the other
+    n_grid, n_fine : points along each edge of a triangle of the picture, and to settle it
+    enough : share of the lost light that has to come back
+    n_growths, growth : how often, and how much, an angle grows that the finer trace finds too small
+    """
+
+    n_angles: int = 10
+    n_halvings: int = 6
+    tilts_rad: tuple[float, ...] = (0.35, 0.17, 0.09, 0.04)
+    n_grid: int = 24
+    n_fine: int = 64
+    enough: float = 0.95
+    n_growths: int = 5
+    growth: float = 1.03
+
+
+TURN_SEARCH = TurnSearch()
+
+
+@dataclass(frozen=True, eq=False)
+class TurnBack:
+    """A turn of the glass about its middle.
+
+    turn : (3,) rad about its direction, world
+    brought : share of the lost light that comes back
+    before, after : shares of the picture that arrive
+    does_it : does enough come back? Else it is the turn that brings back most
+    """
+
+    turn: Floats
+    brought: float
+    before: float
+    after: float
+    does_it: bool
+
+    @property
+    def angle(self) -> float:
+        """Rad."""
+        return float(np.linalg.norm(self.turn))
+
+
+def axes_around() -> Floats:
+    """Directions (26, 3) all around: of a cube's faces, edges and corners."""
+    ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)], float)
+    return normalise(ways)
+
+
+def turn_back(
+    rig: Rig, plan_of: PlanOf, limit: float = np.radians(30)
+) -> Generator[float, None, TurnBack]:
+    """Find the smallest turn, of up to `limit` rad, that brings the lost
+    light of the picture back; yields progress 0..1.
+
+    Raises
+    ------
+    RigError : no light is lost
+    """
+    search = _Search(rig, plan_of, TURN_SEARCH.n_grid)
+    yield from within(search.begin(), 0.0, 0.05)
+    axes = axes_around()
+    step = limit / TURN_SEARCH.n_angles
+
+    for k in range(TURN_SEARCH.n_angles):
+        found = []
+        for n, axis in enumerate(axes):
+            done = (k + n / len(axes)) / TURN_SEARCH.n_angles
+            does = yield from within(search.does(axis, (k + 1) * step), *_at(0.05 + 0.7 * done))
+            if does:
+                found.append(axis)
+        if found:
+            return (yield from _smallest(search, found, k * step, (k + 1) * step))
+
+    return (yield from within(search.told(search.best, False), 0.9, 1.0))
+
+
+def _at(progress: float) -> tuple[float, float]:
+    return progress, progress
+
+
+def _smallest(
+    search: "_Search", axes: list[Floats], low: float, high: float
+) -> Generator[float, None, TurnBack]:
+    """The smallest turn about axes that do it by `high`, and not by `low`, rad."""
+    angles = []
+    for axis in axes:
+        angles.append((yield from within(search.halved(axis, low, high), *_at(0.8))))
+    angle = min(angles)
+    axis = axes[angles.index(angle)]
+
+    for tilt in TURN_SEARCH.tilts_rad:
+        for way in _tilted(axis, tilt):
+            less = angle * (1 - 0.2 * tilt)
+            if (yield from within(search.does(way, less), *_at(0.85))):
+                angle = yield from within(search.halved(way, low * 0.8, less), *_at(0.85))
+                axis = way
+
+    # a finer trace may find some light that needs more
+    fine = _Search(search.rig, search.plan_of, TURN_SEARCH.n_fine)
+    yield from within(fine.begin(), *_at(0.9))
+    for _ in range(TURN_SEARCH.n_growths):
+        if (yield from within(fine.does(axis, angle), *_at(0.95))):
+            break
+        angle *= TURN_SEARCH.growth
+    return (yield from within(fine.told(angle * axis, True), 0.97, 1.0))
+
+
+def _tilted(axis: Floats, tilt: float) -> Iterator[Floats]:
+    """An axis tilted to four sides."""
+    side = normalise(np.cross(axis, np.eye(3)[np.abs(axis).argmin()]))
+    for way in (side, -side, np.cross(axis, side), -np.cross(axis, side)):
+        yield normalise(axis + np.tan(tilt) * way)
+
+
+class _Search:
+    """The light of a rig whose glass is turned, and the turn that brought back most so far."""
+
+    def __init__(self, rig: Rig, plan_of: PlanOf, n_grid: int) -> None:
+        self.rig = rig
+        self.plan_of = plan_of
+        self.n_grid = n_grid
+        self.best = np.zeros(3)
+        self._most = -1.0
+
+    def begin(self) -> Generator[float, None, None]:
+        """Note the light that is lost."""
+        before = yield from self._light(np.zeros(3))
+        self.lost: Bools = before.light.is_seen & ~before.light.has_arrived
+        self.before = before.share
+        if not before.weight[self.lost].sum() > 0:
+            raise RigError("All of the picture arrives: there is nothing to bring back.")
+
+    def does(self, axis: Floats, angle: float) -> Generator[float, None, bool]:
+        """Does a turn bring the lost light back, and lose no more elsewhere?"""
+        light = yield from self._light(angle * axis)
+        brought = self.brought(light)
+        gain = min(brought, 1.0 + light.share - self.before)
+        if light.share > self.before and gain > self._most:
+            self._most, self.best = gain, angle * axis
+        return brought >= TURN_SEARCH.enough and light.share > self.before
+
+    def halved(self, axis: Floats, low: float, high: float) -> Generator[float, None, float]:
+        """The smallest angle between two that does it, where `high` does."""
+        for _ in range(TURN_SEARCH.n_halvings):
+            middle = (low + high) / 2
+            does = yield from self.does(axis, middle)
+            low, high = (low, middle) if does else (middle, high)
+        return high
+
+    def brought(self, light: Traced) -> float:
+        """The share of the lost light that arrives."""
+        weight = light.weight[self.lost]
+        return float(weight[light.light.has_arrived[self.lost]].sum() / weight.sum())
+
+    def told(self, turn: Floats, does_it: bool) -> Generator[float, None, TurnBack]:
+        light = yield from self._light(turn)
+        return TurnBack(turn, self.brought(light), self.before, light.share, does_it)
+
+    def _light(self, turn: Floats) -> Generator[float, None, Traced]:
+        return (yield from light_turned(self.rig, turn, self.plan_of, self.n_grid))

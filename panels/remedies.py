@@ -1,0 +1,30 @@
+"""Buttons that bring back the lost part of the picture, and the change that is proposed."""
+
+import bpy
+
+from ..operators import proposal
+from .words import sentence
+
+WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
+
+
+def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The proposal where there is one; else the remedies where some of the picture is lost."""
+    scene = context.scene
+    proposed = proposal.current(scene)
+    if proposed is not None:
+        box = layout.box()
+        sentence(box, context, proposed.text, icon="QUESTION")
+        row = box.row(align=True)
+        row.operator_context = "EXEC_DEFAULT"  # the panel has the sentence already
+        row.operator("kiriko.take_proposal", icon="CHECKMARK")
+        row.operator("kiriko.drop_proposal", icon="X")
+    elif scene.kiriko.result.source is not None and scene.kiriko.result.coverage < WHOLE:
+        column = layout.column(align=True)
+        row = column.row(align=True)
+        row.operator("kiriko.fit_picture_size", text="Fit Picture")
+        row.operator("kiriko.fit_display")
+        row.operator("kiriko.fit_plate")
+        row = column.row(align=True)
+        row.operator("kiriko.best_place")
+        row.operator("kiriko.turn_back")

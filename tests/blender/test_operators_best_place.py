@@ -1,0 +1,133 @@
+"""Best Place and Turn It Back: a change is proposed with its gain, and made by a second click."""
+
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import cube, small_rig
+
+
+def place(thing: bpy.types.Object) -> np.ndarray:
+    bpy.context.view_layer.update()
+    return np.array(thing.matrix_world)
+
+
+def coverage() -> float:
+    bpy.ops.kiriko.solve()
+    return bpy.context.scene.kiriko.result.coverage
+
+
+def off_rig() -> dict[str, bpy.types.Object]:
+    """A picture 4 mm beside its display, which is as large as the picture."""
+    rig = small_rig(ior=1.0, picture_size=0.02, display_size=0.021)
+    rig["PICTURE"].location.x += 0.004
+    return rig
+
+
+def tilted_rig() -> dict[str, bpy.types.Object]:
+    """A tilted slab that moves the picture past the display's edge."""
+    slab = cube(side=0.1, turn=np.radians(35))
+    slab.scale = (1.0, 0.5, 1.0)
+    slab.kiriko.use_ior, slab.kiriko.ior = True, 1.5
+    bpy.ops.kiriko.add_rig(
+        viewer_resolution=64,
+        display_resolution=(64, 64),
+        field=0.06,
+        picture_size=0.02,
+        display_size=0.028,
+    )
+    rig = {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
+    # where it would stand without glass: the picture in the middle of the slab
+    rig["PICTURE"].location = (0, 0, 0)
+    rig["DISPLAY"].location.x = 0
+    return rig
+
+
+def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> None:
+    """The gain is told before anything moves; Take It moves the
+    picture, and the solve finds the share that was told.
+    """
+    rig = off_rig()
+    before = place(rig["PICTURE"])
+    assert not bpy.ops.kiriko.take_proposal.poll()
+    assert bpy.ops.kiriko.best_place() == {"FINISHED"}
+    assert (place(rig["PICTURE"]) == before).all()
+    text = re.search(
+        r"([\d.]+) % of the picture arrives; ([\d.]+) % with the picture ([\d.]+) mm to the left",
+        capfd.readouterr().out,
+    )
+    assert float(text[3]) == pytest.approx(3.8, abs=0.6)
+    assert float(text[1]) == pytest.approx(100 * coverage(), abs=1.5)
+
+    assert bpy.ops.kiriko.take_proposal() == {"FINISHED"}
+    assert place(rig["PICTURE"])[0, 3] == pytest.approx(before[0, 3] - 0.0038, abs=6e-4)
+    assert 100 * coverage() == pytest.approx(float(text[2]), abs=1.0)
+    assert not bpy.ops.kiriko.take_proposal.poll()
+    bpy.ops.kiriko.best_place()
+    assert "stands in the best place within these limits" in capfd.readouterr().out
+
+
+def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
+    """Where the picture has moved since it cannot be taken; it can be left, too."""
+    rig = off_rig()
+    bpy.ops.kiriko.best_place()
+    assert bpy.ops.kiriko.take_proposal.poll()
+    rig["PICTURE"].location.x += 0.001
+    bpy.context.view_layer.update()
+    assert not bpy.ops.kiriko.take_proposal.poll()
+    rig["PICTURE"].location.x -= 0.001
+    bpy.context.view_layer.update()
+    assert bpy.ops.kiriko.take_proposal.poll()
+    bpy.ops.kiriko.drop_proposal()
+    assert not bpy.ops.kiriko.take_proposal.poll()
+
+
+def test_the_glass_turns_back_what_is_lost(scene: bpy.types.Scene, capfd) -> None:
+    """About the upright axis, by the angle that it says; scale and children's ties stay."""
+    rig = tilted_rig()
+    lost = coverage()
+    assert lost < 0.98
+    scale = np.linalg.norm(place(rig["GLASS"])[:3, :3], axis=0)
+    middle = place(rig["GLASS"])[:3, 3]
+    assert bpy.ops.kiriko.turn_back(take=True) == {"FINISHED"}
+    text = re.search(
+        r"turned ([\d.]+) degrees about the upright axis brings the lost part back: ([\d.]+) %",
+        capfd.readouterr().out,
+    )
+    after = place(rig["GLASS"])
+    assert np.linalg.norm(after[:3, :3], axis=0) == pytest.approx(scale, rel=1e-5)
+    assert after[:3, 3] == pytest.approx(middle, abs=1e-6)
+    angle = np.degrees(rig["GLASS"].matrix_world.to_euler().z)
+    assert abs(35 - angle) == pytest.approx(float(text[1]), abs=0.5)
+    found = coverage()
+    assert found > lost
+    assert 100 * found == pytest.approx(float(text[2]), abs=1.0)
+
+
+def test_what_no_turn_brings_back_is_said(scene: bpy.types.Scene, capfd) -> None:
+    """As a warning, and nothing is proposed; nor where nothing is lost."""
+    small_rig(ior=1.0, picture_size=0.02, display_size=0.015)
+    assert bpy.ops.kiriko.turn_back(limit=np.radians(2)) == {"FINISHED"}
+    assert "Warning: No turn of the glass up to 2 degrees" in capfd.readouterr().out
+    assert not bpy.ops.kiriko.take_proposal.poll()
+
+
+def test_glass_that_is_held_stays(scene: bpy.types.Scene) -> None:
+    """The picture does not move either, where the glass cannot turn."""
+    rig = tilted_rig()
+    before = {role: place(thing) for role, thing in rig.items()}
+    rig["GLASS"].lock_rotation[2] = True
+    with pytest.raises(RuntimeError, match="keeps its place, for its place is locked"):
+        bpy.ops.kiriko.turn_back(take=True)
+    assert all((place(thing) == before[role]).all() for role, thing in rig.items())
+
+
+def test_buttons_are_grey_without_a_rig(scene: bpy.types.Scene) -> None:
+    """And where the picture has no plane to be moved."""
+    for name in ("best_place", "turn_back", "take_proposal"):
+        assert not getattr(bpy.ops.kiriko, name).poll()
+    small_rig()
+    scene.kiriko.picture_source = "IMAGE"
+    assert not bpy.ops.kiriko.best_place.poll()

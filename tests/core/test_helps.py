@@ -1,0 +1,68 @@
+"""What helps where some of a picture is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kiriko.core.bench.flat import outline_of
+from kiriko.core.bench.helps import what_helps
+from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
+from kiriko.core.bench.room import fit_plate
+from kiriko.core.rig import ConstantIndex, Glass, Rig
+from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.steps import finish
+from known.reference_rigs import box
+
+SLAB = Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0))
+
+
+def rig_around(**wishes: float) -> Rig:
+    proposal = propose(SLAB.mesh.bounds, Wishes(**wishes))
+    bench = Rig(viewers=(), glasses=(SLAB,), plates=(), displays=())
+    return rig_of(proposal, bench, viewer_of(proposal, (64, 64)), (64, 64))
+
+
+def plan_of():
+    session = Session()
+    return lambda rig: session.plan(rig, Settings())
+
+
+def test_each_remedy_is_told_with_its_amount() -> None:
+    """A display too small by 5 mm: it may be 5 mm larger, the picture smaller by as much; no place
+    is better than the middle.
+    """
+    found = finish(what_helps(rig_around(picture=0.025, display=0.02), plan_of()))
+    assert found.share == pytest.approx((0.02 / 0.025) ** 2, abs=0.04)  # 32 rays
+    assert list(found.lost) == ["missed the display"]
+    assert {help.operator for help in found.helps} == {
+        "kiriko.fit_display",
+        "kiriko.fit_picture_size",
+    }
+    assert all(help.after > 0.999 for help in found.helps)
+    assert "missed the display: make the display 5.3 mm larger" in found.text
+    assert "make the picture 20 mm wide" in found.text
+
+
+def test_a_plate_that_is_too_small_is_named() -> None:
+    """With the amount that its own button gives it; a picture beside the display may move, too."""
+    rig = rig_around(picture=0.02, display=0.03, plate=0.02)
+    found = finish(what_helps(rig, plan_of()))
+    fitted = finish(fit_plate(rig, plan_of()))
+    help = next(help for help in found.helps if help.operator == "kiriko.fit_plate")
+    assert help.text.values["more"].metres == pytest.approx(fitted.more, rel=1e-2)
+
+    rig = rig_around(picture=0.02, display=0.03)
+    plane = outline_of(rig.picture_place.mesh, np.array([1.0, 0, 0]), "It")
+    moved = plane.changed(rig.picture_place.mesh, 1.0, np.array([0.009, 0, 0]))
+    rig = replace(rig, pictures=(replace(rig.picture_place, mesh=moved),))
+    found = finish(what_helps(rig, plan_of()))
+    assert "kiriko.best_place" in {help.operator for help in found.helps}
+    assert "move it" in found.text
+
+
+def test_where_all_arrives_nothing_is_told() -> None:
+    """No remedy for a picture that is whole."""
+    found = finish(what_helps(rig_around(picture=0.02, display=0.03), plan_of()))
+    assert (found.share, found.lost, found.helps) == (1.0, {}, ())
