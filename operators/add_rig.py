@@ -40,6 +40,27 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
     )
 
 
+def _automatic(name: str) -> bpy.props.BoolProperty:
+    """A checkbox for a length that is automatic while it is 0.
+
+    Without it the length begins with the one that the last rig got.
+    """
+
+    def set_automatic(ours: bpy.types.OperatorProperties, is_on: bool) -> None:
+        setattr(ours, name, 0.0 if is_on else _taken.get(name, LEAST))
+
+    return bpy.props.BoolProperty(
+        name="Automatic",
+        description="As the glass and the picture's light ask for",
+        get=lambda ours: getattr(ours, name) == 0,
+        set=set_automatic,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+
+_taken: dict[str, float] = {}  # Blender units: automatic lengths of the last rig, by property
+LEAST = 0.01  # Blender units: a length that nothing is known of
+
 KINDS = (
     (
         "IN_GLASS",
@@ -55,6 +76,12 @@ KINDS = (
 )
 # properties that only one kind of rig has
 OF_KIND = {"tilt": "IN_GLASS", "plate_size": "IN_GLASS", "look_down": "BEHIND_GLASS"}
+# the box at the lower left of the view, in groups
+GROUPS = (
+    ("Glass", ("distance", "tilt", "plate_size", "picture_size")),
+    ("Viewer", ("viewer_distance", "azimuth", "look_down", "field", "viewer_resolution")),
+    ("Display", ("display_size", "max_display_size", "display_resolution")),
+)
 
 
 class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
@@ -127,6 +154,14 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         max=16384,
     )
 
+    auto_distance: _automatic("distance")
+    auto_picture_size: _automatic("picture_size")
+    auto_viewer_distance: _automatic("viewer_distance")
+    auto_field: _automatic("field")
+    auto_plate_size: _automatic("plate_size")
+    auto_display_size: _automatic("display_size")
+    auto_max_display_size: _automatic("max_display_size")
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
@@ -135,9 +170,27 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in self.rna_type.properties.keys():  # noqa: SIM118 - of Blender's own kind
-            if name != "rna_type" and OF_KIND.get(name, self.kind) == self.kind:
-                layout.prop(self, name)
+        layout.prop(self, "kind")
+        for title, names in GROUPS:
+            layout.label(text=title)
+            column = layout.column()
+            for name in names:
+                if OF_KIND.get(name, self.kind) == self.kind:
+                    self._draw_one(column, context, name)
+
+    def _draw_one(self, column: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
+        """A property; a length with its checkbox, and the length taken while that is on."""
+        if f"auto_{name}" not in self.rna_type.properties:
+            column.prop(self, name)
+            return
+
+        row = column.row(heading=self.rna_type.properties[name].name)
+        row.prop(self, f"auto_{name}", text="Automatic")
+        if getattr(self, name):
+            row.prop(self, name, text="")
+        elif name in _taken:
+            metres = _taken[name] * length_of_unit(context.scene)
+            row.label(text=length_text(context.scene, metres), translate=False)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -165,6 +218,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
 
+        _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
         text = _on_display(scene, proposal, limit, spread, aspect)
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
@@ -175,6 +229,27 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         self.level = "WARNING" if is_short or remarks else "INFO"
 
         return joined([text, *remarks, *_on_camera(scene)])
+
+
+def _remember(proposal: Proposal, bench: Bench, limit: float, metres: float) -> None:
+    """Keep the lengths of a new rig, for the checkboxes of the next one.
+
+    limit : m, of a display that is as wide as it has to be; 0 where its width was given
+    """
+    plate = proposal.placement.plate
+    lengths = {
+        "picture_size": proposal.picture,
+        "viewer_distance": proposal.viewer_distance,
+        "field": proposal.field,
+        "plate_size": proposal.plate,
+        "display_size": proposal.display,
+        "max_display_size": limit,
+    }
+    if plate is not None:
+        middle = np.mean(bench.bounds, axis=0)
+        lengths["distance"] = float(np.linalg.norm(plate[:3, 3] - middle))
+    _taken.clear()
+    _taken.update({name: length / metres for name, length in lengths.items() if length})
 
 
 def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:

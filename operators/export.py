@@ -79,6 +79,11 @@ class KIRIKO_OT_export(bpy.types.Operator):
         description="Export the image although the scene has changed since it was solved",
         options={"SKIP_SAVE", "HIDDEN"},
     )
+    choose: bpy.props.BoolProperty(
+        name="Choose File",
+        description="Ask for the file, beginning with the one of the last export",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
     # the file dialogue asks an operator for these: show
     # names that are taken in red, and only images
     check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
@@ -105,7 +110,8 @@ class KIRIKO_OT_export(bpy.types.Operator):
             is_nowhere = not bpy.data.filepath and (
                 self.filepath or ours.export_path or "//"
             ).startswith("//")
-            if is_nowhere and is_stale:
+            is_asked = is_nowhere or self.choose
+            if is_asked and is_stale:
                 self.is_to_ask = self.allow_stale = True
                 return ask(
                     self,
@@ -115,10 +121,11 @@ class KIRIKO_OT_export(bpy.types.Operator):
                     confirm_text=ALL_THE_SAME,
                 )
 
-            if is_nowhere:
-                name = Path(self.filepath or ours.export_path).name or "source"
+            if is_asked:
+                path = self.filepath or ours.export_path
+                path = Path(path).name or "source" if is_nowhere else absolute(path)
                 self.filepath = str(
-                    image_io.named_for(name, self._form(context), bpy.path.extensions_image)
+                    image_io.named_for(path, self._form(context), bpy.path.extensions_image)
                 )
                 self.is_in_dialogue = True
                 context.window_manager.fileselect_add(self)
@@ -216,7 +223,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
         An operator of a dialogue cannot open another.
         """
         try:
-            bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True)
+            bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True, choose=self.choose)
             return {"FINISHED"}
         except RuntimeError as error:  # its report
             telling.report(self, "ERROR", " ".join(str(error).split()).removeprefix("Error: "))

@@ -9,6 +9,7 @@ from . import (
     calibration,
     checklist,
     export,
+    menus,
     object,
     overlay,
     preferences,
@@ -38,6 +39,7 @@ CLASSES = (
     calibration.VIEW3D_PT_kiriko_found,
     calibration.VIEW3D_PT_kiriko_not_told,
     add_menu.VIEW3D_MT_kiriko_add,
+    menus.VIEW3D_MT_kiriko,
     preferences.KIRIKO_preferences,
 )
 
@@ -47,6 +49,8 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
+    bpy.types.VIEW3D_MT_object.append(menus.draw_in_object)
+    bpy.types.TOPBAR_MT_file_export.append(menus.draw_in_export)
     shown_images.register()
     overlay.register()
 
@@ -55,6 +59,8 @@ def unregister() -> None:
     """Take them away."""
     overlay.unregister()
     shown_images.unregister()
+    bpy.types.TOPBAR_MT_file_export.remove(menus.draw_in_export)
+    bpy.types.VIEW3D_MT_object.remove(menus.draw_in_object)
     bpy.types.VIEW3D_MT_add.remove(add_menu.draw)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -635,3 +635,31 @@ def test_a_plate_that_is_there_is_told_before_a_rig_without_one(scene: bpy.types
     ):
         bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS")
     assert inventory() == before
+
+
+def test_automatic_lengths_are_a_checkbox(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """On while the length is 0; turned off, the length is the one that the rig got."""
+    cube()
+    options = {"viewer_resolution": 64, "display_resolution": (64, 64), "picture_size": 0.03}
+    bpy.ops.kiriko.add_rig(**options)
+    add_rig = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
+    parts = {thing.kiriko.role: thing for thing in scene.objects}
+    asked = bpy.context.window_manager.operator_properties_last("kiriko.add_rig")
+    for name in ("distance", "plate_size", "display_size", "viewer_distance"):
+        setattr(asked, name, 0.0)
+        assert getattr(asked, f"auto_{name}")
+        setattr(asked, f"auto_{name}", False)
+        assert getattr(asked, name) > 0
+        assert not getattr(asked, f"auto_{name}")
+
+    between = parts["PLATE"].matrix_world.translation - parts["GLASS"].matrix_world.translation
+    assert asked.distance == pytest.approx(between.length, rel=1e-5)
+    assert asked.plate_size == pytest.approx(max(parts["PLATE"].dimensions), rel=1e-5)
+    assert asked.display_size == pytest.approx(max(parts["DISPLAY"].dimensions), rel=1e-5)
+    asked.auto_display_size = True
+    assert asked.display_size == 0
+    assert {name for _, names in add_rig.GROUPS for name in names} == {
+        name
+        for name in asked.bl_rna.properties.keys()  # noqa: SIM118
+        if name not in {"rna_type", "kind"} and not name.startswith("auto_")
+    }

@@ -2,10 +2,13 @@
 
 import importlib
 import json
+import re
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
+import blf
 import bpy
 import pytest
 
@@ -303,6 +306,90 @@ def test_all_of_the_picture_is_accounted_for(
         assert f"The display shows {percent(share)} of the picture" in told
         assert ("missed the plate" in told) == (round(1 - share, 6) > 0)
         assert "Tessellation: under 0.001 px" in shown
+
+
+@pytest.mark.parametrize("shape", ["cube", "flat-shaded ball", "smooth ball", "slab beside"])
+def test_the_shares_told_are_all_of_the_picture(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, shape: str
+) -> None:
+    """The share that is shown and those that are lost make 100 %, but for rounding of each."""
+    glass = small_rig()["GLASS"]
+    if shape != "cube":
+        ball = primitive("icosphere", subdivisions=3, radius=0.03)
+        ball.polygons.foreach_set("use_smooth", [shape == "smooth ball"] * len(ball.polygons))
+        glass.data = ball
+    if shape == "slab beside":
+        glass.scale = 0.2, 1, 0.5
+        glass.location.x = 0.012
+    bpy.ops.kiriko.solve()
+
+    shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    first = next(k for k, text in enumerate(shown) if text.endswith("of the picture is shown"))
+    details = json.loads(scene.kiriko.result.details)
+    told = shown[first : first + 1 + sum(round(s, 6) > 0 for s in details["misses"].values())]
+    shares = [float(re.search(r"[\d.]+(?= %)", text).group()) for text in told]
+    assert sum(shares) == pytest.approx(100, abs=0.5 * len(shares))
+    for text in told[1:]:
+        assert text in scene.kiriko.result.summary
+
+
+@pytest.mark.parametrize("version", ["menu", "entry"])
+def test_each_verb_is_in_a_menu(
+    drawn: Callable[..., Layout], kiriko: ModuleType, version: str
+) -> None:
+    """Object > Kiriko has every operator but those that need a part's name, and File > Export one.
+
+    Blender's search finds operators in menus.
+    """
+    if version == "entry":
+        menus = importlib.import_module(f"{kiriko.__name__}.panels.menus")
+        small_rig()
+        here = SimpleNamespace(layout=Layout())
+        menus.draw_in_export(here, bpy.context)
+        assert here.layout.operators == ["kiriko.export"]
+        for menu in (bpy.types.VIEW3D_MT_object, bpy.types.TOPBAR_MT_file_export):
+            drawers = [f.__module__ for f in menu._dyn_ui_initialize()]
+            assert menus.__name__ in drawers
+        return
+
+    classes = importlib.import_module(f"{kiriko.__name__}.operators").CLASSES
+    own = {"add_plate_material", "add_asset_library", "choose_picture"}  # elsewhere in menus
+    parts = importlib.import_module(f"{kiriko.__name__}.operators.parts")
+    named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}
+    verbs = {c.bl_idname for c in classes} - named - {f"kiriko.{name}" for name in own}
+    found = set(drawn("menus", "VIEW3D_MT_kiriko").operators)
+    assert verbs - found <= {"kiriko.rescale_scene"}
+    assert "kiriko.make_glass" in found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "The display shows 65 % of the picture; 1 % missed the plate, under 0.01 % missed it.",
+        "WWWWWWWW MMMMMMMMM WWWWWWWW and iiiiiiiiiiii llllllllllllll iiiiiiiiiii",
+        "/a/very/long/path/without/any/space/in/it/that/goes/on/and/on/and/on/source.png",
+        "ガラスの中の像は、「光線」が届かない所では失われます。『メッシュ』に穴があります。",
+        "写真 photo.png を選んでください。Solve を押すと、表示装置の画像ができます。",
+    ],
+)
+@pytest.mark.parametrize("width", [60.0, 130.0, 240.0])
+def test_text_wraps_by_its_measured_width(kiriko: ModuleType, text: str, width: float) -> None:
+    """No line is wider than it may be, none could take the next piece, and no letter is lost.
+
+    Japanese breaks anywhere but before a mark that closes, or after one that opens.
+    """
+    words = importlib.import_module(f"{kiriko.__name__}.panels.words")
+    lines = words.wrapped(text, width)
+    blf.size(0, words.POINTS)
+    assert all(blf.dimensions(0, line)[0] <= width for line in lines)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+    assert not any(line[0] in "、。」』,.;" for line in lines)
+    assert not any(line[-1] in "「『" for line in lines)
+    for line, after in pairwise(lines):
+        piece = words.pieces(after)[0].rstrip()
+        joint = " " if text.replace(" ", "").isascii() else ""
+        is_cut = piece not in text.split() and text.isascii()
+        assert is_cut or blf.dimensions(0, line + joint + piece)[0] > width
 
 
 def test_lost_light_and_open_glass_are_warned_of(

@@ -33,7 +33,7 @@ class KirikoCalibration(bpy.types.PropertyGroup):
         name="Rows", description="Points of the lattice down", default=7, min=2, max=99
     )
     margin: FloatProperty(
-        name="Margin",
+        name="Border",
         description="From the picture's borders to the first and last points, as a share of its"
         " width and height",
         default=1 / 14,  # as in the picture of Add Rig

@@ -160,6 +160,7 @@ class KirikoPlate(bpy.types.PropertyGroup):
         default=(0.0, 0.0),
         soft_min=0.0,
         soft_max=1.0,
+        subtype="XYZ",
     )
 
 

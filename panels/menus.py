@@ -1,0 +1,55 @@
+"""Object > Kiriko, with each verb: search, shortcuts and Quick Favourites find them there."""
+
+import bpy
+
+from ..operators import live, needed
+from .add_menu import add_rig
+
+
+class VIEW3D_MT_kiriko(bpy.types.Menu):
+    """Kiriko's verbs."""
+
+    bl_label = "Kiriko"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        add_rig(layout, "Add Rig")
+        layout.operator("kiriko.remove_rig", icon="TRASH")
+        layout.separator()
+        layout.operator("kiriko.solve", icon="LIGHT_SUN")
+        icon = "PAUSE" if live.is_on() else "PLAY"
+        layout.operator("kiriko.live", icon=icon)
+        layout.operator("kiriko.simulate", icon="IMAGE_DATA")
+        layout.operator("kiriko.preview", icon="RENDER_STILL")
+        layout.operator("kiriko.visible_range", icon="HIDE_OFF")
+        layout.separator()
+        layout.operator("kiriko.make_glass", icon="MATSPHERE")
+        layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+        layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
+        for fit in ("fit_picture_size", "fit_display", "fit_plate"):
+            layout.operator(f"kiriko.{fit}", icon="FULLSCREEN_ENTER")
+        for preset in ("plate_preset", "display_preset", "glass_preset"):
+            layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
+        layout.separator()
+        layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME")
+        layout.operator("kiriko.calibrate", icon="TRACKER")
+        layout.operator("kiriko.apply_calibration")
+        layout.operator("kiriko.remove_calibration")
+        layout.separator()
+        layout.operator("kiriko.export", icon="EXPORT").choose = True
+        layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
+        layout.operator("kiriko.report", icon="GRAPH")
+
+
+def draw_in_object(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """The last line of the Object menu."""
+    menu.layout.separator()
+    menu.layout.menu("VIEW3D_MT_kiriko", icon="MATSPHERE")
+
+
+def draw_in_export(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """A line of File > Export, where there is an image to be exported."""
+    if needed.has_rig(context.scene):
+        text = "Kiriko Source Image (.png, .tif, .exr)"
+        menu.layout.operator("kiriko.export", text=text).choose = True
