@@ -226,6 +226,9 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
         units.scale_length = unit
         if units.system == "METRIC":
             units.length_unit = "MILLIMETERS"
+        result = context.scene.kiriko.result
+        if result.source is None:
+            result.summary = ""  # of Add Rig, whose lengths are others now
         text = Message(
             "A unit of the scene is {length} now (Scene > Units): nothing has moved, and all is"
             " {factor} times as large.",
