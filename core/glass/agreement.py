@@ -21,10 +21,18 @@ class AgreementKnobs:
     trusted : part of a face's gain over its facet that its normals may jump by. Tuned by
         `dev.py irregular` on noisy balls and tori: where normals jump by 0.25 of it, it gains
         nothing
+    scattered : part of it by which the vertices of coarse faces may lie off smooth lines: there
+        jumps only tell that faces are coarse, and do no harm up to the gain. On coarse ellipsoids
+        and tori it is 0.11 and less, on nine in ten faces of remeshed and decimated ones 0.35 and
+        more; noise that makes it 0.2 spoils the gain
+    coarse : jumps of coarse faces, in parts of the gain, over the square of the turn: on ellipsoids
+        and tori 0.3 to 1.5, and 8 in the shoulder of a bottle, whose lines are smooth as well
     """
 
     agree: float = 1e-6
     trusted: float = 0.2
+    scattered: float = 0.12
+    coarse: float = 4.0
 
 
 AGREEMENT = AgreementKnobs()
@@ -138,21 +146,54 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agre
     return Agreed(agreed, jump)
 
 
-def trusted(
-    corners: Floats, coefficients: Floats, at_corners: Floats, vertex: Ints, agreed: Agreed
-) -> Bools:
-    """Which curved faces (p,) are nearer to the surface meant than
-    their facets, as far as the fit can tell by itself.
+class Trial(NamedTuple):
+    """What curved faces (p,) stand to lose and to gain over their facets, rad squared.
+
+    unsure : by how much their normals may be wrong; gained : by how much those of the facet are;
+    turn : rad, by how much the normals at their corners differ
+    """
+
+    unsure: Floats
+    gained: Floats
+    turn: Floats
+
+    @property
+    def is_coarse(self) -> Bools:
+        """Faces that turn so far that their jumps may come of it alone."""
+        return AGREEMENT.coarse * self.turn**2 > AGREEMENT.trusted
+
+    def on_lines(self, scatter: Floats) -> "Trial":
+        """The same where the vertices at their corners lie off smooth lines by scatter (p, 3)."""
+        # so much that what is believed then is unsure by as much as is trusted
+        part = np.minimum(AGREEMENT.coarse * self.turn**2, 1.0)
+        by_jump = self.unsure * (AGREEMENT.trusted / np.maximum(part, AGREEMENT.trusted)) ** 2
+        by_scatter = (scatter**2).mean(axis=1) * (AGREEMENT.trusted / AGREEMENT.scattered) ** 2
+        return self._replace(unsure=np.minimum(self.unsure, np.maximum(by_scatter, by_jump)))
+
+    def trusted(self, vertex: Ints) -> Bools:
+        """Which faces, of vertices (p, 3), are nearer to the surface meant than their facets.
+
+        What is unsure has to be small beside the gain: around each vertex of the face, on the
+        whole, or around one vertex and in the face itself, so that a spoilt face takes few with it.
+        """
+
+        def is_believed(unsure: Floats, gained: Floats) -> Bools:
+            return unsure <= AGREEMENT.trusted**2 * gained + AGREEMENT.agree**2
+
+        both = self.unsure, self.gained
+        is_fine = is_believed(*(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in both))[vertex]
+        return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_believed(*both))
+
+
+def on_trial(corners: Floats, coefficients: Floats, at_corners: Floats, agreed: Agreed) -> Trial:
+    """Curved faces on trial, as far as the fit can tell by itself.
 
     The jump of normals between neighbours is about their error. The gain of a face is the angle by
-    which its normals differ from the facet's, and by which its height turns them. Jumps have to be
-    small beside gains: around each vertex of the face, on the whole, or around one vertex and in
-    the face itself, so that a spoilt face takes few with it.
+    which its normals differ from the facet's, and by which its height turns them.
 
     Parameters
     ----------
-    corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p,
-        3, 3) unit normals of the vertices (p, 3)
+    corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals
     agreed : normals that neighbours agree on
     """
     away = agreed.normals - normalise(np.matmul(NODES, at_corners))
@@ -162,13 +203,5 @@ def trusted(
     height = length_of(np.matmul(AT_NODES, coefficients)).max(axis=1)
     along, turn = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in (corners, at_corners))
 
-    unsure = (agreed.jump**2).mean(axis=1)
     gained = (np.sqrt(turned) + height * turn / along) ** 2
-
-    def is_believed(unsure: Floats, gained: Floats) -> Bools:
-        return unsure <= AGREEMENT.trusted**2 * gained + AGREEMENT.agree**2
-
-    is_fine = is_believed(
-        *(np.bincount(vertex.ravel(), np.repeat(x, 3)) for x in (unsure, gained))
-    )[vertex]
-    return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_believed(unsure, gained))
+    return Trial((agreed.jump**2).mean(axis=1), gained, turn)

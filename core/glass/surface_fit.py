@@ -15,9 +15,10 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints, taken
 from ..steps import Pauses
 from ..vectors import length_of
-from .agreement import AGREEMENT, Agreed, Beside, agree, trusted
+from .agreement import AGREEMENT, Agreed, Beside, agree, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces
+from .grid_lines import find_scatter
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
 from .vertex_fields import fit_fields
@@ -111,7 +112,7 @@ def make_curved(
     is_doubted = np.zeros(n_triangles, bool)
 
     if is_automatic:
-        is_trusted = _are_trusted(v, faces, flat_face, corners, agreed)
+        is_trusted = yield from _are_trusted(v, fields.size, faces, flat_face, corners, agreed)
         if not is_trusted.all():
             is_doubted[faces.chosen] = ~is_trusted
             faces = faces.at(is_trusted)
@@ -214,16 +215,21 @@ def _in_agreement(
 
 
 def _are_trusted(
-    v: Vertices, faces: Faces, flat_face: Ints, corners: Floats, agreed: Agreed
-) -> Bools:
+    v: Vertices, size: Floats, faces: Faces, flat_face: Ints, corners: Floats, agreed: Agreed
+) -> Pauses[Bools]:
     """Which faces (n,) are nearer to the surface meant than their facets.
 
-    All parts of a flat face (t,), or none.
+    All parts of a flat face (t,), or none. size (f,) of the vertices' fields.
     """
     vertex = v.of_corner[faces.chosen]
     at = taken(corners, faces.chosen)
-    at_corners = taken(v.normal, vertex)
-    is_near = trusted(at, faces.coefficients, at_corners, vertex, agreed)
+    trial = on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
+    is_near = trial.trusted(vertex)
+    if (~is_near & trial.is_coarse).any():
+        yield 0
+        scatter = yield from find_scatter(v, size)
+        is_near = trial.on_lines(scatter[vertex]).trusted(vertex)
+
     is_trusted = ~faces.is_swollen & is_near
     if is_trusted.all():
         return is_trusted

@@ -25,7 +25,7 @@ from kiriko.core.rig import Mesh, SurfaceChoice
 from kiriko.core.settings import Settings
 from known.reference_rigs import icosphere, mean_normals, rig, torus
 
-from .surface import BALL, OPTIONS, SHAPES, TORUS, judged
+from .surface import BALL, BLENDERS, OPTIONS, SHAPES, TORUS, judged
 
 Floats = NDArray[np.float64]
 
@@ -72,11 +72,12 @@ REBUILT: dict[str, tuple[str, Callable[[], Mesh], float, dict[str, object]]] = {
     )
 }
 
-# segments
+# shapes of regular meshes, and their segments
 COARSE = {
     "ball": (8, 12),
-    "ellipsoid": (8, 12, 16),
-    "torus": (12, 16, 24),
+    "ellipsoid": (8, 10, 12, 14, 16),
+    "torus": (12, 16, 20, 24),
+    "Blender's torus": (32, 48),
     "wavy slab": (16, 24, 32),
 }
 
@@ -122,6 +123,11 @@ def rebuilt(name: str) -> Mesh:
     return glasses.rebuilt(replace(fine, vertices=fine.vertices + away), **options)
 
 
+def coarse(shape: str, segments: int) -> Mesh:
+    """A regular mesh of so many segments around, with mean normals."""
+    return mean_normals((SHAPES | BLENDERS)[shape].mesh(segments))
+
+
 def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
     """How far a mesh that stands for a shape is off by one choice of surface."""
     rays = judged(shape)
@@ -144,9 +150,9 @@ def main() -> None:
         "--mesh", nargs="+", metavar="NAME", choices=every, default=every, help="only these"
     )
     arguments = parser.parse_args()
-    print(f"{'':<34}" + "".join(f"{choice:>30}" for choice in CHOICES))
+    print(f"{'':<38}" + "".join(f"{choice:>30}" for choice in CHOICES))
     columns = f"{'median':>10}{'rms':>10}{'99 % px':>10}" * 3
-    print(f"{'mesh':<16}{'aside':>8}{'noise':>8}  {columns}{'curved':>9}{'worse':>9}")
+    print(f"{'mesh':<20}{'aside':>8}{'noise':>8}  {columns}{'curved':>9}{'worse':>9}")
 
     worst = 0.0
     for name in arguments.mesh:
@@ -170,9 +176,7 @@ def main() -> None:
     )
     for shape, numbers in COARSE.items() if arguments.mesh == every else ():
         for segments in numbers:
-            print_row(
-                f"{shape}, {segments}", shape, mean_normals(SHAPES[shape].mesh(segments)), 0.0, 0.0
-            )
+            print_row(f"{shape}, {segments}", shape, coarse(shape, segments), 0.0, 0.0)
 
 
 def print_row(name: str, shape: str, mesh: Mesh, aside: float, noise: float) -> float:
@@ -184,7 +188,7 @@ def print_row(name: str, shape: str, mesh: Mesh, aside: float, noise: float) -> 
     told = "".join(
         f"{e.median:10.3g}{e.rms:10.3g}{e.p99:10.3g}" for e in (drawn, smooth, automatic)
     )
-    print(f"{name:<16}{aside:8g}{noise:8g}  {told}{automatic.curved:9.3f}{worse:9.3f}", flush=True)
+    print(f"{name:<20}{aside:8g}{noise:8g}  {told}{automatic.curved:9.3f}{worse:9.3f}", flush=True)
     return worse
 
 

@@ -35,6 +35,7 @@ OPTIONS = {"display": 0.2, "display_pixels": 512, "ior": N}
 BALL = (0.025,) * 3
 ELLIPSOID = (0.025, 0.020, 0.015)
 TORUS = (0.018, 0.007)
+BLENDERS_TORUS = (0.020, 0.005)  # of the proportions that Add > Mesh > Torus gives it
 SEGMENTS = (10, 16, 32, 64, 128, 256, 512, 1024)
 FIT_FROM = 64  # segments: coarser meshes do not yet show an order
 FLOOR = 1e-6  # px: below, rounding and the end of the Newton steps set the error, not the mesh
@@ -81,6 +82,13 @@ SHAPES = {
         lambda o, d: closed_forms.through_wavy_slab(o, d, 0.075, 0.02, 0.001, N, GRAZING),
     ),
 }
+# judged elsewhere only: of some segments x a quarter as many around the tube
+BLENDERS = {
+    "Blender's torus": Shape(
+        lambda s: torus(*BLENDERS_TORUS, s, s // 4),
+        lambda o, d: closed_forms.through_torus(o, d, *BLENDERS_TORUS, N, GRAZING),
+    )
+}
 KINDS = ("facet normals", "interpolated normals", "curved faces")
 
 
@@ -101,12 +109,13 @@ class Judged:
 @cache
 def judged(shape: str) -> Judged:
     """The rays that all curves of a shape are judged by."""
-    a_rig = rig(SHAPES[shape].mesh(16), **OPTIONS)
+    solid = (SHAPES | BLENDERS)[shape]
+    a_rig = rig(solid.mesh(16), **OPTIONS)
     viewer, display = a_rig.viewer, a_rig.display
     o, d = viewer.rays(
         np.random.default_rng(3).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
     )
-    p, e, is_regular = SHAPES[shape].through(o, d)
+    p, e, is_regular = solid.through(o, d)
     xy = closed_forms.landing(a_rig, p, e)
     known = np.isfinite(p[:, 0])
     is_regular = known & is_regular

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from bench.irregular import CHOICES, MESHES, disturbed, errors
+from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.curved_hull import count_parts
 from kiriko.core.glass.curved_roots import Lines
@@ -477,6 +477,25 @@ def test_vertices_that_lie_on_the_surface_tell_its_normals(name):
     drawn, _, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
     assert automatic.curved == 1
     assert automatic.rms < drawn.rms / 100
+
+
+@pytest.mark.parametrize(
+    ("shape", "segments"),
+    [
+        ("ball", 8),
+        ("ellipsoid", 10),
+        ("ellipsoid", 12),
+        ("torus", 16),
+        ("Blender's torus", 32),
+    ],
+)
+def test_automatic_follows_coarse_regular_meshes_as_curved(shape, segments):
+    """Though their normals jump: they are nearer to the shape so, two times and more."""
+    drawn, smooth, automatic = (
+        errors(shape, coarse(shape, segments), choice) for choice in CHOICES
+    )
+    assert automatic.curved == 1
+    assert automatic.rms == smooth.rms < drawn.rms / 2
 
 
 # m: radius of the rims, half of the length
