@@ -164,7 +164,7 @@ class Trial(NamedTuple):
 
     def on_lines(self, scatter: Floats) -> "Trial":
         """The same where the vertices at their corners lie off smooth lines by scatter (p, 3)."""
-        # so much that what is believed then is unsure by as much as is trusted
+        # in a scale on which as much as may be believed of each is what is trusted
         part = np.minimum(AGREEMENT.coarse * self.turn**2, 1.0)
         by_jump = self.unsure * (AGREEMENT.trusted / np.maximum(part, AGREEMENT.trusted)) ** 2
         by_scatter = (scatter**2).mean(axis=1) * (AGREEMENT.trusted / AGREEMENT.scattered) ** 2

@@ -27,7 +27,7 @@ class LineKnobs:
     ----------
     bent : of an edge's length, in the tangent plane: by less the edge that goes on may differ from
         it, in direction and length together; where none does a line ends
-    vertices : whose highest difference is looked at: it is 0 on curves of a lower degree, and 3 %
+    vertices : whose highest difference is looked at: it is 0 on curves of a lower degree, and 9 %
         of the sag on a circle of eight faces
     ends : so many of the smoothest lines that start at a vertex are smooth: two lines cross there,
         with four ends. The diagonals of quads need not be smooth, and one line alone is the circle
