@@ -228,7 +228,12 @@ def _are_trusted(
     if (~is_near & trial.is_coarse).any():
         yield 0
         scatter = yield from find_scatter(v, size)
-        is_near = trial.on_lines(scatter[vertex]).trusted(vertex)
+        is_fine = trial.on_lines(scatter[vertex]).trusted(vertex)
+
+        # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
+        along = np.concatenate([vertex[:, :2], vertex[:, 1:]]).T
+        piece = components(len(v.at), *along)[vertex[:, 0]]
+        is_near |= ~np.isin(piece, piece[~is_fine])
 
     is_trusted = ~faces.is_swollen & is_near
     if is_trusted.all():
