@@ -20,6 +20,7 @@ from . import (
     lattice_picture,
     live,
     look_over,
+    look_through,
     make_glass,
     mend,
     parts,
@@ -68,6 +69,7 @@ CLASSES = (
     proposal.KIRIKO_OT_drop_proposal,
     solve.KIRIKO_OT_solve,
     live.KIRIKO_OT_live,
+    look_through.KIRIKO_OT_look_through,
     preview.KIRIKO_OT_preview,
     visible_range.KIRIKO_OT_visible_range,
     simulate.KIRIKO_OT_simulate,
@@ -87,6 +89,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     live.register()
+    look_through.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     watch.register()
     sketcher.register()
@@ -98,6 +101,7 @@ def unregister() -> None:
     sketcher.unregister()
     look_over.unregister()
     watch.unregister()
+    look_through.unregister()
     live.unregister()
     work.forget()
     while _commands:

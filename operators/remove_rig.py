@@ -4,7 +4,7 @@ import bpy
 
 from ..core.blender.remove_rig import remove_rig, rig_of
 from ..core.messages import Message, joined
-from . import live, needed, telling, work
+from . import live, look_through, needed, telling, work
 
 
 class KIRIKO_OT_remove_rig(bpy.types.Operator):
@@ -25,6 +25,8 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
+            if context.scene.kiriko.looking:
+                look_through.leave(context.scene)
             followed = live.followed()
             if followed is not None and followed.uid == context.scene.session_uid:
                 live.stop()

@@ -18,6 +18,8 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
         is_on = live.is_on()
         buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)
+        is_looking = bool(context.scene.kiriko.looking)
+        buttons.operator("kiriko.look_through", icon="VIEW_CAMERA", depress=is_looking)
         buttons.operator("kiriko.simulate", icon="IMAGE_DATA")
         buttons.operator("kiriko.preview", icon="RENDER_STILL")
         text, is_problem = live.status()

@@ -54,6 +54,11 @@ class KirikoScene(bpy.types.PropertyGroup):
     """How the scene's rig is solved and exported."""
 
     # viewer: see `register`
+    looking: StringProperty(
+        name="Looking",
+        description="Settings that Look Through Viewer changed and will put back, as JSON",
+        options={"HIDDEN"},
+    )
     picture_source: EnumProperty(
         name="Picture",
         description="Source of the picture that the viewer shall see",

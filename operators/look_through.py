@@ -1,0 +1,174 @@
+"""Look through viewer: a 3D view shows what the viewer sees, and shows again what it showed.
+
+The scene's text is the truth: where undo or another file changes it, the views follow.
+"""
+
+from collections.abc import Iterator
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.blender import looking_through
+from ..core.blender.framing import Window
+from ..core.messages import Message, joined
+from . import framing, live, make_glass, needed, telling, work
+from .windows import redraw, view_of
+
+_entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
+_saving: dict[int, tuple[str, list]] = {}  # text and views, while a file is being saved
+_live_began: list[int] = []  # scenes whose Live was begun here
+
+
+def scenes() -> Iterator[bpy.types.Scene]:
+    """Scenes that a view looks at through the viewer."""
+    return (scene for scene in bpy.data.scenes if scene.kiriko.looking)
+
+
+def enter(context: bpy.types.Context) -> None:
+    """Look through, and begin Live."""
+    scene = context.scene
+    area = view_of(context)
+    space = area.spaces.active
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    window = Window(
+        max(region.width, 1),
+        max(region.height, 1),
+        *framing.covered(area, region),
+        space.lens,
+        is_perspective=True,
+    )
+    screen = next(s.name for s in bpy.data.screens if area in list(s.areas))
+    looking_through.enter(scene, screen, space, window)
+    _entered[scene.session_uid] = scene.kiriko.looking
+
+    followed = live.followed()
+    if followed is None or followed.uid != scene.session_uid:
+        live.start(scene)
+        _live_began.append(scene.session_uid)
+
+
+def leave(scene: bpy.types.Scene) -> None:
+    """Put everything back; Live stops where it was begun here."""
+    looking_through.leave(scene)
+    _forget(scene)
+
+
+def _forget(scene: bpy.types.Scene) -> None:
+    _entered.pop(scene.session_uid, None)
+    if scene.session_uid in _live_began:
+        _live_began.remove(scene.session_uid)
+        followed = live.followed()
+        if followed is not None and followed.uid == scene.session_uid:
+            live.stop()
+
+
+def follow() -> None:
+    """Have views and settings follow the scenes' texts, which undo or a file may have changed."""
+    for scene in bpy.data.scenes:
+        text = _entered.get(scene.session_uid, "")
+        if scene.kiriko.looking and scene.kiriko.looking != text:
+            leave(scene)
+        elif text and not scene.kiriko.looking:
+            looking_through.put_views_back(scene, text)
+            _forget(scene)
+    redraw()
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """Settings may not be changed before undo is over."""
+    if (_entered or any(scenes())) and not bpy.app.timers.is_registered(follow):
+        bpy.app.timers.register(follow, first_interval=0.0)
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """A file that was saved by force, as by auto-save, may have the settings in it."""
+    _entered.clear()
+    _saving.clear()
+    _live_began.clear()
+    for scene in list(scenes()):
+        looking_through.leave(scene, is_loaded=True)
+
+
+@persistent
+def before_save(*_: object) -> None:
+    """The artist's own settings are saved."""
+    for scene in list(scenes()):
+        _saving[scene.session_uid] = scene.kiriko.looking, looking_through.views(scene)
+        looking_through.leave(scene)
+
+
+@persistent
+def after_save(*_: object) -> None:
+    """The view goes on."""
+    for scene in bpy.data.scenes:
+        if scene.session_uid in _saving:
+            looking_through.enter_again(scene, *_saving.pop(scene.session_uid))
+
+
+HANDLERS = (
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+    ("load_post", on_load),
+    ("save_pre", before_save),
+    ("save_post", after_save),
+    ("save_post_fail", after_save),
+)
+
+
+def register() -> None:
+    """Follow undo and files."""
+    work.listen(HANDLERS)
+
+
+def unregister() -> None:
+    """Put everything back, and follow no more."""
+    for scene in list(scenes()):
+        leave(scene)
+    if bpy.app.timers.is_registered(follow):
+        bpy.app.timers.unregister(follow)
+    work.stop_listening(HANDLERS)
+
+
+class KIRIKO_OT_look_through(bpy.types.Operator):
+    """Show what the viewer sees, in Cycles, with Live on; press again to have your view back"""
+
+    bl_idname = "kiriko.look_through"
+    bl_label = "Look Through Viewer"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        scene = context.scene
+        if scene.kiriko.looking:
+            return True
+
+        reasons = list(needed.lacking(scene))
+        if not hasattr(scene, "cycles"):
+            reasons.insert(0, Message("It needs Cycles: enable the add-on Cycles Render Engine"))
+        if view_of(context) is None:
+            reasons.append(Message("It needs a 3D view: open one"))
+        return needed.can_run(cls, reasons)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            scene = context.scene
+            if scene.kiriko.looking:
+                leave(scene)
+                return {"FINISHED"}
+
+            enter(context)
+            opaque = [thing for thing in scene.objects if make_glass.can_be_given(thing)]
+            if opaque:
+                notes = [
+                    Message(
+                        "The material of '{name}' does not refract, so that nothing is seen"
+                        " through it: press Make It Glass.",
+                        name=thing.name,
+                    )
+                    for thing in opaque
+                ]
+                telling.report(self, "WARNING", joined(notes))
+            return {"FINISHED"}
+        return {"CANCELLED"}

@@ -1,0 +1,212 @@
+import importlib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import pytest
+
+from small_rigs import new_object, small_rig
+from test_remove_rig import differences, plain, snapshot
+
+
+def space() -> bpy.types.SpaceView3D:
+    """The 3D view of the window, which is there in background, too."""
+    areas = bpy.context.window.screen.areas
+    return max((a for a in areas if a.type == "VIEW_3D"), key=lambda a: a.width).spaces.active
+
+
+def view() -> dict[str, Any]:
+    """All settings of that 3D view that the button may change."""
+    now = space()
+    return {
+        "shading": now.shading.type,
+        "overlays": now.overlay.show_overlays,
+        "is_local": now.use_local_camera,
+        "camera": now.camera,
+        **{
+            name: plain_value(getattr(now.region_3d, name))
+            for name in (
+                "view_perspective",
+                "view_location",
+                "view_rotation",
+                "view_distance",
+                "view_camera_zoom",
+                "view_camera_offset",
+            )
+        },
+    }
+
+
+def plain_value(value: Any) -> Any:
+    return value if isinstance(value, str | float) else [*value]
+
+
+def turned_away() -> None:
+    """A view that the artist has turned, in Wireframe."""
+    now = space()
+    now.shading.type = "WIREFRAME"
+    now.region_3d.view_perspective = "PERSP"
+    now.region_3d.view_location, now.region_3d.view_distance = (1, 2, 3), 4.5
+    now.region_3d.view_rotation = (0.5, 0.5, 0.5, 0.5)
+
+
+def button(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.look_through")
+
+
+def live(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.live")
+
+
+@pytest.fixture
+def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """A small rig in a scene with a camera of the artist's own."""
+    scene.camera = new_object(bpy.data.cameras.new("Mine"))
+    made = small_rig()
+    scene.render.engine = "BLENDER_WORKBENCH"
+    turned_away()
+    return made
+
+
+def test_there_and_back(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
+) -> None:
+    """The view has the viewer's camera, Rendered in Cycles, and Live is on; the scene's camera
+    stays. Pressed again every property of every datablock and of the view is as before.
+    """
+    before, seen = snapshot(), view()
+    assert bpy.ops.kiriko.look_through() == {"FINISHED"}
+    assert view()["camera"] == scene.kiriko.viewer
+    assert view()["shading"] == "RENDERED"
+    assert view()["view_perspective"] == "CAMERA"
+    assert scene.camera.data.name == "Mine"
+    assert scene.render.engine == "CYCLES"
+    assert not scene.cycles.use_preview_denoising
+    assert scene.cycles.preview_samples < 32
+    assert live(kiriko).is_on()
+
+    bpy.ops.kiriko.look_through()
+    assert not live(kiriko).is_on()
+    assert view() == seen
+    assert differences(before, snapshot()) == []
+
+
+def test_live_stays_on_where_it_was(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
+) -> None:
+    """The button stops only what it began."""
+    bpy.ops.kiriko.live()
+    bpy.ops.kiriko.look_through()
+    bpy.ops.kiriko.look_through()
+    assert live(kiriko).is_on()
+    bpy.ops.kiriko.live()
+
+
+def test_whatever_the_artist_changes_meanwhile_stays(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
+) -> None:
+    """Samples, and a view that is turned away; the rest is put back."""
+    bpy.ops.kiriko.look_through()
+    scene.cycles.preview_samples = 77
+    space().region_3d.view_perspective = "PERSP"
+    space().region_3d.view_distance = 9.0
+    bpy.ops.kiriko.look_through()
+    assert scene.cycles.preview_samples == 77
+    assert view()["view_distance"] == 9
+    assert (view()["shading"], scene.render.engine) == ("WIREFRAME", "BLENDER_WORKBENCH")
+
+
+def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """And the view goes on after it."""
+    bpy.ops.kiriko.look_through()
+    looking = view()
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    assert view() == looking
+    assert scene.render.engine == "CYCLES"
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
+    assert bpy.context.scene.kiriko.looking == ""
+    assert (view()["shading"], view()["is_local"]) == ("WIREFRAME", False)
+
+
+def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType, tmp_path: Path
+) -> None:
+    """Such as an auto-save, which asks no add-on before."""
+    seen = {**view(), "camera": None}
+    bpy.ops.kiriko.look_through()
+    path = str(tmp_path / "forced.blend")
+    handlers = bpy.app.handlers.save_pre
+    ours = next(f for f in handlers if f.__module__ == button(kiriko).__name__)
+    handlers.remove(ours)
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    handlers.append(ours)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
+    assert bpy.context.scene.kiriko.looking == ""
+    assert {**view(), "camera": None} == seen
+
+
+def test_a_viewer_that_is_deleted_meanwhile_keeps_nobody_there(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
+) -> None:
+    """The button is the way back all the same."""
+    seen = view()
+    bpy.ops.kiriko.look_through()
+    bpy.data.objects.remove(scene.kiriko.viewer)
+    bpy.ops.kiriko.look_through()
+    assert view() == seen
+    assert scene.render.engine == "BLENDER_WORKBENCH"
+
+
+def test_undo_to_before_takes_the_view_along(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
+) -> None:
+    """Undo knows the scene and not the view, which follows; Live stops, too."""
+    seen = {**view(), "camera": None}
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.kiriko.look_through()
+    bpy.ops.ed.undo_push(message="Look Through Viewer")
+    bpy.ops.ed.undo()
+    button(kiriko).follow()  # by a timer, which background has not
+    assert {**view(), "camera": None} == seen
+    assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
+    assert not live(kiriko).is_on()
+
+
+def test_remove_rig_leaves_the_view_first(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
+) -> None:
+    """Nothing of it stays behind."""
+    seen = view()
+    bpy.ops.kiriko.look_through()
+    bpy.ops.kiriko.remove_rig()
+    assert view() == seen
+    assert scene.render.engine == "BLENDER_WORKBENCH"
+
+
+def test_without_a_viewer_the_button_is_grey(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
+) -> None:
+    """And says why."""
+    scene.kiriko.viewer = scene.camera = None
+    with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
+        bpy.ops.kiriko.look_through()
+
+
+def test_a_plane_of_the_artists_is_no_part_of_what_is_seen(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
+) -> None:
+    """It would stand before the light that makes the picture."""
+    before = plain(rig["PICTURE"])
+    rig["PICTURE"].visible_camera = True
+    bpy.ops.kiriko.look_through()
+    assert not rig["PICTURE"].visible_camera
+    bpy.ops.kiriko.look_through()
+    assert rig["PICTURE"].visible_camera
+    rig["PICTURE"].visible_camera = False
+    assert differences(before, plain(rig["PICTURE"])) == []
