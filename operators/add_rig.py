@@ -393,8 +393,8 @@ def _on_camera(scene: bpy.types.Scene) -> list[str]:
 
     return [
         Message(
-            "Numpad 0 goes on showing '{camera}': to look through '{viewer}', make it the"
-            " scene's camera.",
+            "Numpad 0 goes on showing '{camera}': press Look Through Viewer to look through"
+            " '{viewer}'.",
             camera=camera.name,
             viewer=viewer.name,
         )

@@ -51,6 +51,9 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
         for thing in scene.objects:
             if thing.kiriko.role == "PICTURE" and thing.is_editable:
                 kept += [[f"object/{thing.name}", *one] for one in change(thing, PLANE)]
+        if viewer.type == "CAMERA" and viewer.data.is_editable:
+            frame = change(viewer, {"data.show_passepartout": False})
+            kept += [[f"object/{viewer.name}", *one] for one in frame]
         kept += [[f"screen/{screen}", *one] for one in _enter_view(scene, viewer, space, window)]
     except BaseException:
         _put_back(scene, kept)

@@ -234,7 +234,7 @@ def test_the_camera_that_blender_goes_on_showing_is_told(
     bpy.context.scene.camera = new_object(bpy.data.cameras.new("mine"))
     small_rig()
     assert (
-        "Numpad 0 goes on showing 'thing': to look through 'Kiriko Viewer', make it"
+        "Numpad 0 goes on showing 'thing': press Look Through Viewer to look through"
         in capfd.readouterr().out
     )
 
