@@ -4,11 +4,13 @@ import bpy
 
 from . import (
     add_rig,
+    before_after,
     bench_drawing,
     best_place,
     calibrate,
     choose_picture,
     command_line,
+    compared,
     display_preset,
     export,
     fit_display,
@@ -73,6 +75,9 @@ CLASSES = (
     preview.KIRIKO_OT_preview,
     visible_range.KIRIKO_OT_visible_range,
     simulate.KIRIKO_OT_simulate,
+    before_after.KIRIKO_OT_before_after,
+    before_after.KIRIKO_OT_wipe,
+    before_after.KIRIKO_OT_save_comparison,
     export.KIRIKO_OT_export,
     report.KIRIKO_OT_report,
     bench_drawing.KIRIKO_OT_bench_drawing,
@@ -104,6 +109,7 @@ def unregister() -> None:
     look_through.unregister()
     live.unregister()
     work.forget()
+    compared.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     for cls in reversed(CLASSES):

@@ -22,7 +22,8 @@ from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.solve.coarse import enlarged, ladder
 from ..core.solve.memory import check_memory
-from . import work
+from ..core.solve.solution import Solution
+from . import compared, work
 from .chosen import chosen_settings, uid
 from .telling import in_words
 from .windows import all_windows, redraw
@@ -46,6 +47,7 @@ class Step:
 
 READING = "reading the scene"
 WRITING = "writing the source image"
+COMPARING = "comparing before and after"
 
 
 class Live:
@@ -218,6 +220,8 @@ class Live:
             self._note_ours(scene)
             first = perf_counter() - started if first is None else first
             redraw()
+        if compared.is_shown(scene_by_uid(scene_uid)):
+            yield from self._compare(scene_uid, found, settings)
         self._optics = optics
         self.seconds = (first, perf_counter() - started)
         self._show_problem("")
@@ -242,6 +246,21 @@ class Live:
                 next(steps)
             except StopIteration as end:
                 return end.value
+            n += 1
+
+    def _compare(
+        self, scene_uid: int, solution: Solution, settings: Settings
+    ) -> Generator[Step, None, None]:
+        """Before and After of the solution; names each step before it."""
+        steps = compared.comparing(scene_by_uid(scene_uid), self._reading.rig, solution, settings)
+        n = 0
+        while True:
+            yield Step(COMPARING, (*_sizes(self._reading.rig), n))
+            try:
+                next(steps)
+            except StopIteration:
+                redraw()
+                return
             n += 1
 
     def _note_ours(self, scene: bpy.types.Scene) -> None:

@@ -17,6 +17,7 @@ from . import (
     rig,
     shown_images,
     solve,
+    wipe,
 )
 
 # the order in which they stand in the sidebar
@@ -41,6 +42,7 @@ CLASSES = (
     add_menu.VIEW3D_MT_kiriko_add,
     menus.VIEW3D_MT_kiriko,
     preferences.KIRIKO_preferences,
+    wipe.KIRIKO_GGT_wipe,
 )
 
 
@@ -53,10 +55,12 @@ def register() -> None:
     bpy.types.TOPBAR_MT_file_export.append(menus.draw_in_export)
     shown_images.register()
     overlay.register()
+    wipe.register()
 
 
 def unregister() -> None:
     """Take them away."""
+    wipe.unregister()
     overlay.unregister()
     shown_images.unregister()
     bpy.types.TOPBAR_MT_file_export.remove(menus.draw_in_export)

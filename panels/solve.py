@@ -22,6 +22,16 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         buttons.operator("kiriko.look_through", icon="VIEW_CAMERA", depress=is_looking)
         buttons.operator("kiriko.simulate", icon="IMAGE_DATA")
         buttons.operator("kiriko.preview", icon="RENDER_STILL")
+        view = context.window_manager.kiriko
+        buttons.operator(
+            "kiriko.before_after", icon="ARROW_LEFTRIGHT", depress=view.show_comparison
+        )
+        if view.show_comparison:
+            row = layout.row(align=True)
+            row.prop(view, "left", text="")
+            row.prop(view, "right", text="")
+            layout.prop(view, "wipe")
+            layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         text, is_problem = live.status()
         if text:
             sentence(layout, context, text, icon="ERROR" if is_problem else "INFO")

@@ -3,7 +3,7 @@ on the scene, what is shown on the window manager.
 """
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from .calibration import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
@@ -11,7 +11,7 @@ from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoScene, is_camera
-from .view import KirikoView, redraw
+from .view import IMAGES, KirikoView, redraw
 
 classes = (
     KirikoPlate,
@@ -53,6 +53,29 @@ def register() -> None:
         default=True,
         update=redraw,
     )
+    KirikoView.left = EnumProperty(
+        name="Left",
+        description="Image left of the handle",
+        items=IMAGES,
+        default="BEFORE",
+        update=redraw,
+    )
+    KirikoView.right = EnumProperty(
+        name="Right",
+        description="Image right of the handle",
+        items=IMAGES,
+        default="AFTER",
+        update=redraw,
+    )
+    KirikoView.wipe = FloatProperty(
+        name="Wipe",
+        description="Where the handle stands, from left to right",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=redraw,
+    )
     bpy.types.Object.kiriko = PointerProperty(
         name="Kiriko", description="This object's part in the rig", type=KirikoObject
     )
@@ -77,7 +100,8 @@ def unregister() -> None:
     del bpy.types.Collection.kiriko
     del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
-    del KirikoView.show_overlay
+    for name in ("wipe", "right", "left", "show_overlay"):
+        delattr(KirikoView, name)
     del KirikoScene.viewer
     del KirikoObject.image
     for cls in reversed(classes):

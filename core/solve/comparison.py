@@ -1,0 +1,87 @@
+"""A result beside the picture without it: what the viewer sees before and after."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..fingerprint import fingerprint
+from ..image.ideal_image import ideal_image
+from ..rig import Picture, Rig, Viewer
+from ..settings import Settings
+from ..steps import within
+from .session import Session
+from .solution import Solution, without_glass
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Images (h, w, 3) of the viewer's pixels; linear, row 0 at the top.
+
+    before : seen through the glass while the display shows the plain picture, as it would be right
+        for a rig whose glass does not refract
+    after : seen while it shows the source image
+    ideal : the picture as it would be seen with no glass in the way
+    source : the source image itself, as large as it fits
+    """
+
+    before: Image
+    after: Image
+    ideal: Image
+    source: Image
+
+
+class Comparer:
+    """Compares results; keeps the plain picture while only glass changes."""
+
+    def __init__(self) -> None:
+        self._session = Session()
+        self._key = ""
+        self._plain: Image | None = None
+
+    def compare(
+        self, solution: Solution, rig: Rig, settings: Settings
+    ) -> Generator[float, None, Comparison]:
+        """Compare a solution with the picture uncompensated; yields progress 0..1.
+
+        Raises
+        ------
+        RigError : the rig shows nothing even without its glass
+        """
+        bare = without_glass(rig)
+        # glass that does not refract is no matter, but the light has to go through it
+        how = replace(settings, only_through_glass=False, suppress_glare=0.0)
+        key = fingerprint(replace(bare, glasses=()), how)
+        if key != self._key:
+            found = yield from within(self._session.solve(bare, how), 0.0, 0.7)
+            self._key, self._plain = key, found.source
+
+        yield 0.7
+        before = solution.seen(self._plain)
+        yield 0.9
+        after = solution.seen()
+        yield 0.95
+        return Comparison(before, after, solution.ideal(), fitted(solution.source, rig.viewer))
+
+
+def fitted(source: Image, viewer: Viewer) -> Image:
+    """A source image (H, W, 3) as large as fits into the viewer's image (h, w, 3), on black."""
+    height, width = source.shape[:2]
+    scale = min(viewer.width / width, viewer.height / height)
+    w, h = max(1, round(scale * width)), max(1, round(scale * height))
+    opaque = np.dstack([source, np.ones((height, width), np.float32)])
+    small = ideal_image(Picture("source", opaque), replace(viewer, width=w, height=h))
+    left, top = (viewer.width - w) // 2, (viewer.height - h) // 2
+
+    image = np.zeros((viewer.height, viewer.width, 3), np.float32)
+    image[top : top + h, left : left + w] = small
+    return image
+
+
+def side_by_side(left: Image, right: Image, gap: int) -> Image:
+    """Two images (h, w, 3) of one size beside each other, with so many white pixels between."""
+    white = np.ones((left.shape[0], gap, 3), np.float32)
+    return np.concatenate([left, white, right], axis=1)

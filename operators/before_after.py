@@ -1,0 +1,164 @@
+"""Before and after: the picture with and without compensation, as the viewer sees it."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import bpy
+
+from ..core import disk, image_io
+from ..core.blender.image import save_png
+from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.errors import ImageError
+from ..core.messages import Message
+from ..core.solve.comparison import Comparison, side_by_side
+from ..core.steps import finish, within
+from . import compared, long_work, needed, telling, work
+from .export import use_bundled_modules
+from .windows import redraw
+
+GAP = 8  # px, white, between the two images of a saved comparison
+NAME = "comparison.png"
+
+
+def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Compared]:
+    """Solve the scene as it is, which is quick where it was solved before, and compare."""
+    scene = context.scene
+    rig = work.read(context).rig
+    rig.check()
+    settings = work.settings_of(scene)
+    yield 0.0
+    solution = yield from within(work.session().solve(rig, settings), 0.0, 0.7)
+    return (yield from within(compared.comparing(scene, rig, solution, settings), 0.7, 1.0))
+
+
+class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
+    """Show what the viewer sees without Kiriko and with it, side by side over the camera view.
+    Drag the handle to wipe; Live keeps it up to date. No renderer is needed
+    """
+
+    bl_idname = "kiriko.before_after"
+    bl_label = "Before and After"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_on = context.window_manager.kiriko.show_comparison
+        return is_on or needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        ours = context.window_manager.kiriko
+        if ours.show_comparison:
+            ours.show_comparison = False
+            compared.leave_view(context)
+            redraw()
+            return {"FINISHED"}
+        return super().invoke(context, event)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        yield from comparing(context)
+        context.window_manager.kiriko.show_comparison = True
+        compared.enter_view(context)
+        redraw()
+        return Message("Drag the handle in the camera view to wipe between before and after.")
+
+
+class KIRIKO_OT_wipe(bpy.types.Operator):
+    """Drag to wipe between the two images"""
+
+    bl_idname = "kiriko.wipe"
+    bl_label = "Wipe"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.region_data is not None and compared.is_shown(context.scene)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.before = context.window_manager.kiriko.wipe
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        ours = context.window_manager.kiriko
+        if event.type in {"ESC", "RIGHTMOUSE"}:
+            ours.wipe = self.before
+            return {"CANCELLED"}
+
+        frame = compared.frame_in_region(context, context.scene)
+        if frame is not None:
+            left, right = frame[:, 0].min(), frame[:, 0].max()
+            ours.wipe = (event.mouse_x - context.region.x - left) / max(right - left, 1.0)
+
+        is_over = event.value == "RELEASE" and event.type in {"LEFTMOUSE", "RET", "SPACE"}
+        return {"FINISHED"} if is_over else {"RUNNING_MODAL"}
+
+
+class KIRIKO_OT_save_comparison(bpy.types.Operator):
+    """Write both images of Before and After side by side to a PNG file"""
+
+    bl_idname = "kiriko.save_comparison"
+    bl_label = "Save Comparison"
+    bl_options = {"REGISTER"}
+
+    filepath: bpy.props.StringProperty(
+        name="File",
+        description="Where to write",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite",
+        description="Replace the file if there is one already",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+    # the file dialogue asks an operator for these
+    check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+    filter_glob: bpy.props.StringProperty(default="*.png", options={"SKIP_SAVE", "HIDDEN"})
+
+    is_in_dialogue = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.filepath = self.filepath or NAME
+        self.is_in_dialogue = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Called by the file dialogue: complete the name, so that one that is taken is red."""
+        named = bpy.path.ensure_ext(self.filepath, ".png")
+        is_other = named != self.filepath
+        self.filepath = named
+        return is_other
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            if not self.filepath:
+                raise ImageError("The comparison has no path: choose a file.")
+
+            use_bundled_modules()
+            path = absolute(bpy.path.ensure_ext(self.filepath, ".png"))
+            may_replace = self.overwrite or self.is_in_dialogue
+            if disk.is_there(path) and not may_replace:
+                raise ImageError(
+                    "The file '{path}' is there already: choose another or set Overwrite.",
+                    path=path,
+                )
+
+            made = finish(comparing(context)).comparison
+            written = write(path, made, context.window_manager.kiriko)
+            telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+def write(path: Path, made: Comparison, ours: bpy.types.PropertyGroup) -> Path:
+    """Write the two images that are chosen, side by side."""
+    left, right = (getattr(made, choice.lower()) for choice in (ours.left, ours.right))
+    both = side_by_side(left, right, GAP)
+    title = "Kiriko comparison"
+    return image_io.write(path, both, "PNG8", title=title, overwrite=True, save_png=save_png)

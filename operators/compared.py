@@ -1,0 +1,137 @@
+"""Comparisons that are shown: before and after, by scene, and where they stand in the camera view.
+
+They are kept beside Blender's data, for neither file nor undo has to know of them.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Matrix, Vector
+
+from ..core.blender.units import length_of_unit
+from ..core.rig import Rig, Viewer
+from ..core.settings import Settings
+from ..core.solve.comparison import Comparer, Comparison
+from ..core.solve.solution import Solution
+from .windows import all_windows, view_of
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A comparison, and the camera whose view it is.
+
+    corners : upper left, upper right, lower right and lower left of the viewer's
+        image, in the camera's own space
+    """
+
+    comparison: Comparison
+    camera: int
+    corners: tuple[Vector, ...]
+
+
+# what 3D views showed before, by area: perspective, and the camera of their own, if any
+_left: dict[int, tuple[str, bool, bpy.types.Object | None]] = {}
+_comparer: list[Comparer] = []
+_found: dict[int, Compared] = {}  # by session uid of the scene
+
+
+def is_shown(scene: bpy.types.Scene) -> bool:
+    """Is a scene's comparison wanted in the camera view?"""
+    return bpy.context.window_manager.kiriko.show_comparison and scene.session_uid in _found
+
+
+def found(scene: bpy.types.Scene) -> Compared | None:
+    """The last comparison of a scene."""
+    return _found.get(scene.session_uid)
+
+
+def comparing(
+    scene: bpy.types.Scene, rig: Rig, solution: Solution, settings: Settings
+) -> Generator[float, None, Compared]:
+    """Compare a solution, and keep it for the scene; yields progress 0..1."""
+    if not _comparer:
+        _comparer.append(Comparer())
+    # Blender's data may be gone after a pause
+    of_scene = scene.session_uid
+    camera = scene.kiriko.viewer or scene.camera
+    of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
+    comparison = yield from _comparer[0].compare(solution, rig, settings)
+    _found[of_scene] = made = Compared(comparison, of_camera, corners)
+    return made
+
+
+def _corners(
+    viewer: Viewer, camera: bpy.types.Object, scene: bpy.types.Scene
+) -> tuple[Vector, ...]:
+    """Corners of the viewer's image in its camera's space."""
+    width, height = viewer.width, viewer.height
+    pixels = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+    origins, directions = viewer.rays(pixels)
+    unit = length_of_unit(scene)
+    points = (origins + unit * directions) / unit
+    to_camera: Matrix = camera.matrix_world.inverted()
+    return tuple(to_camera @ Vector(point) for point in points)
+
+
+def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.ndarray | None:
+    """Where the viewer's image lies in a 3D view (4, 2), px of its region: upper left, upper
+    right, lower right, lower left. None where the view is not the viewer's.
+    """
+    made = _found.get(scene.session_uid)
+    space, view = context.space_data, context.region_data
+    if made is None or view is None or view.view_perspective != "CAMERA":
+        return None
+
+    camera = space.camera if space.use_local_camera else scene.camera
+    if camera is None or camera.session_uid != made.camera:
+        return None
+    world = camera.matrix_world
+    places = [
+        location_3d_to_region_2d(context.region, view, world @ corner) for corner in made.corners
+    ]
+    return None if None in places else np.array(places)
+
+
+def enter_view(context: bpy.types.Context) -> None:
+    """Have the 3D view that is worked in show the viewer's camera, if it does not."""
+    area = view_of(context)
+    camera = context.scene.kiriko.viewer or context.scene.camera
+    if area is None or camera is None:
+        return
+
+    space = area.spaces.active
+    view = space.region_3d
+    shown = space.camera if space.use_local_camera else context.scene.camera
+    if view.view_perspective == "CAMERA" and shown == camera:
+        return
+
+    _left[area.as_pointer()] = (view.view_perspective, space.use_local_camera, space.camera)
+    if context.scene.camera != camera:
+        space.use_local_camera, space.camera = True, camera
+    view.view_perspective = "CAMERA"
+
+
+def leave_view(context: bpy.types.Context) -> None:
+    """Have the views that were turned to the camera show what they showed before."""
+    for window in all_windows():
+        for area in window.screen.areas:
+            before = _left.pop(area.as_pointer(), None)
+            if before is None or area.type != "VIEW_3D":
+                continue
+            space = area.spaces.active
+            if space.region_3d.view_perspective == "CAMERA":  # else the artist has left it
+                space.region_3d.view_perspective = before[0]
+            space.use_local_camera = before[1]
+            if before[1]:
+                space.camera = before[2]
+    _left.clear()
+
+
+def forget() -> None:
+    """Drop all comparisons."""
+    _found.clear()
+    _comparer.clear()
+    _left.clear()

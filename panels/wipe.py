@@ -1,0 +1,134 @@
+"""Draws Before and After over the camera view, with a handle that wipes between them."""
+
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from ..operators import compared
+
+SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB"
+LINE = (1.0, 1.0, 1.0, 0.9)
+HANDLE = 14.0  # px at a scale of 1, half of its width
+
+_handles: list[Any] = []
+# by id of the comparison: it and its textures
+_textures: dict[int, tuple[object, dict[str, gpu.types.GPUTexture]]] = {}
+
+
+def draw() -> None:
+    """Called by Blender for each 3D view. Nothing but the view is changed."""
+    context = bpy.context
+    scene = context.scene
+    if not (compared.is_shown(scene) and context.space_data.overlay.show_overlays):
+        return
+    frame = compared.frame_in_region(context, scene)
+    if frame is None:
+        return
+
+    ours = context.window_manager.kiriko
+    made = compared.found(scene).comparison
+    before = gpu.state.blend_get()
+    try:
+        gpu.state.blend_set("NONE")
+        _draw(frame, _texture(made, ours.left), 0.0, ours.wipe)
+        _draw(frame, _texture(made, ours.right), ours.wipe, 1.0)
+        _draw_line(frame, ours.wipe)
+    finally:
+        gpu.state.blend_set(before)
+
+
+def _texture(made: object, choice: str) -> gpu.types.GPUTexture:
+    """An image of a comparison on the graphics card, row 0 at the bottom."""
+    if id(made) not in _textures:
+        _textures.clear()  # the last one is enough
+        _textures[id(made)] = made, {}
+    textures = _textures[id(made)][1]
+
+    if choice not in textures:
+        image = np.flipud(getattr(made, choice.lower()))
+        height, width = image.shape[:2]
+        opaque = np.dstack([image, np.ones((height, width), np.float32)])
+        numbers = gpu.types.Buffer("FLOAT", opaque.size, np.ascontiguousarray(opaque).ravel())
+        textures[choice] = gpu.types.GPUTexture((width, height), format="RGBA16F", data=numbers)
+    return textures[choice]
+
+
+def _between(frame: np.ndarray, part: float) -> tuple[Any, Any]:
+    """Upper and lower end (2,), px, of the line at a part of the frame's width."""
+    upper = frame[0] + part * (frame[1] - frame[0])
+    lower = frame[3] + part * (frame[2] - frame[3])
+    return upper, lower
+
+
+def _draw(frame: np.ndarray, texture: gpu.types.GPUTexture, start: float, stop: float) -> None:
+    if stop <= start:
+        return
+    upper, lower = _between(frame, start)
+    upper_end, lower_end = _between(frame, stop)
+    shader = gpu.shader.from_builtin(SHADER)
+    corners = [(*point, 0.0) for point in (lower, lower_end, upper_end, upper)]
+    uv = [(start, 0.0), (stop, 0.0), (stop, 1.0), (start, 1.0)]
+    batch = batch_for_shader(
+        shader, "TRIS", {"pos": corners, "texCoord": uv}, indices=[(0, 1, 2), (0, 2, 3)]
+    )
+    shader.bind()
+    shader.uniform_sampler("image", texture)
+    batch.draw(shader)
+
+
+def _draw_line(frame: np.ndarray, part: float) -> None:
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    ends = [(*point, 0.0) for point in _between(frame, part)]
+    batch = batch_for_shader(shader, "LINES", {"pos": ends})
+    shader.bind()
+    shader.uniform_float("color", LINE)
+    gpu.state.blend_set("ALPHA")
+    batch.draw(shader)
+
+
+class KIRIKO_GGT_wipe(bpy.types.GizmoGroup):
+    """The handle."""
+
+    bl_label = "Kiriko Wipe"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SCALE"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return (
+            compared.is_shown(context.scene)
+            and compared.frame_in_region(context, context.scene) is not None
+        )
+
+    def setup(self, context: bpy.types.Context) -> None:
+        handle = self.gizmos.new("GIZMO_GT_button_2d")
+        handle.icon = "ARROW_LEFTRIGHT"
+        handle.draw_options = {"BACKDROP", "OUTLINE"}
+        handle.scale_basis = HANDLE
+        handle.color, handle.alpha = (0.1, 0.1, 0.1), 0.6
+        handle.color_highlight, handle.alpha_highlight = (0.3, 0.3, 0.3), 0.9
+        handle.target_set_operator("kiriko.wipe")
+        self.handle = handle
+
+    def draw_prepare(self, context: bpy.types.Context) -> None:
+        frame = compared.frame_in_region(context, context.scene)
+        if frame is not None:
+            upper, lower = _between(frame, context.window_manager.kiriko.wipe)
+            self.handle.matrix_basis = Matrix.Translation((*((upper + lower) / 2), 0.0))
+
+
+def register() -> None:
+    """Draw from now on."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL"))
+
+
+def unregister() -> None:
+    """Draw no more."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _textures.clear()

@@ -1,0 +1,85 @@
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from small_rigs import small_rig
+
+
+@pytest.fixture
+def compared(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.compared")
+
+
+def test_images_are_those_of_the_solution(scene: bpy.types.Scene, compared: ModuleType) -> None:
+    """After is nearer to the ideal image than before, by far; nothing of the scene has changed."""
+    small_rig()
+    before = {(type(block), block.name) for block in bpy.data.user_map()}
+    assert bpy.ops.kiriko.before_after() == {"FINISHED"}
+    assert {(type(block), block.name) for block in bpy.data.user_map()} == before
+
+    made = compared.found(scene).comparison
+    error = {name: np.abs(getattr(made, name) - made.ideal).mean() for name in ("before", "after")}
+    assert made.before.shape == made.after.shape == made.source.shape == (64, 64, 3)
+    assert error["after"] < 0.6 * error["before"]
+
+
+def test_corners_are_those_of_the_cameras_frame(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    """Each against Blender's own frame of a camera that has the pixels of the render."""
+    small_rig()
+    camera = scene.kiriko.viewer
+    scene.render.resolution_x, scene.render.resolution_y = 96, 64
+    camera.data.shift_x = 0.1
+    camera.kiriko.use_resolution = False
+    bpy.ops.kiriko.before_after()
+
+    right_up, right_low, left_low, left_up = camera.data.view_frame(scene=scene)
+    for found, expected in zip(
+        compared.found(scene).corners, (left_up, right_up, right_low, left_low), strict=True
+    ):
+        assert (found / found.z - expected / expected.z).length < 1e-5 * Vector(expected).length
+
+
+def test_comparison_is_saved_with_the_images_that_are_chosen(
+    scene: bpy.types.Scene, kiriko: ModuleType, compared: ModuleType, tmp_path: Path
+) -> None:
+    """Left and right half of the file are the two images to half a step of 8 bits."""
+    small_rig()
+    bpy.context.window_manager.kiriko.left = "IDEAL"
+    bpy.context.window_manager.kiriko.right = "SOURCE"
+    path = tmp_path / "both.png"
+    try:
+        bpy.ops.kiriko.save_comparison(filepath=str(path))
+    finally:
+        for name in ("left", "right"):
+            bpy.context.window_manager.kiriko.property_unset(name)
+
+    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    numbers, _ = io.read(path)
+    made = compared.found(scene).comparison
+    assert numbers.shape == (64, 64 + 8 + 64, 3)
+    for part, image in ((numbers[:, :64], made.ideal), (numbers[:, -64:], made.source)):
+        assert np.abs(part - io.encode(np.clip(image, 0, 1))).max() <= 0.5 / 255 + 1e-6
+
+
+def test_file_that_is_there_is_kept(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    small_rig()
+    path = tmp_path / "both.png"
+    path.write_text("mine")
+    with pytest.raises(RuntimeError, match="is there already: choose another or set Overwrite"):
+        bpy.ops.kiriko.save_comparison(filepath=str(path))
+    assert path.read_text() == "mine"
+
+
+def test_rig_that_cannot_be_solved_is_one_sentence(scene: bpy.types.Scene) -> None:
+    small_rig()
+    scene.objects["Kiriko Display"].scale = (0, 0, 0)
+    with pytest.raises(RuntimeError, match=r"^Error: .*Kiriko Display.*\.$"):
+        bpy.ops.kiriko.before_after()
+    assert not bpy.context.window_manager.kiriko.show_comparison
