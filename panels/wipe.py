@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import blf
 import bpy
 import gpu
 import numpy as np
@@ -12,6 +13,7 @@ from ..operators import compared
 
 SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB"
 LINE = (1.0, 1.0, 1.0, 0.9)
+LETTERS = 11.0  # px at a scale of 1
 HANDLE = 14.0  # px at a scale of 1, half of its width
 
 _handles: list[Any] = []
@@ -36,7 +38,9 @@ def draw() -> None:
         gpu.state.blend_set("NONE")
         _draw(frame, _texture(made, ours.left), 0.0, ours.wipe)
         _draw(frame, _texture(made, ours.right), ours.wipe, 1.0)
-        _draw_line(frame, ours.wipe)
+        scale = context.preferences.system.ui_scale
+        _draw_line(frame, ours.wipe, scale)
+        _write_names(frame, ours, scale)
     finally:
         gpu.state.blend_set(before)
 
@@ -80,14 +84,37 @@ def _draw(frame: np.ndarray, texture: gpu.types.GPUTexture, start: float, stop: 
     batch.draw(shader)
 
 
-def _draw_line(frame: np.ndarray, part: float) -> None:
+def _draw_line(frame: np.ndarray, part: float, scale: float) -> None:
+    """The line between the images, and an arrow to each side of its middle."""
+    upper, lower = _between(frame, part)
+    middle = (upper + lower) / 2
+    arrows = [
+        (*(middle + scale * HANDLE * np.array([sign * x, y])), 0.0)
+        for sign in (-1, 1)
+        for x, y in ((0.3, 0.5), (0.3, -0.5), (0.9, 0.0))
+    ]
+
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    ends = [(*point, 0.0) for point in _between(frame, part)]
-    batch = batch_for_shader(shader, "LINES", {"pos": ends})
+    gpu.state.blend_set("ALPHA")
     shader.bind()
     shader.uniform_float("color", LINE)
-    gpu.state.blend_set("ALPHA")
-    batch.draw(shader)
+    batch_for_shader(shader, "LINES", {"pos": [(*upper, 0.0), (*lower, 0.0)]}).draw(shader)
+    batch_for_shader(shader, "TRIS", {"pos": arrows}).draw(shader)
+
+
+def _write_names(frame: np.ndarray, ours: bpy.types.PropertyGroup, scale: float) -> None:
+    """Which image is on which side of the line, in the frame's upper corners."""
+    blf.size(0, LETTERS * scale)
+    blf.color(0, *LINE)
+    room = LETTERS * scale
+    for side, corner in (("left", frame[0]), ("right", frame[1])):
+        name = bpy.app.translations.pgettext_iface(
+            ours.bl_rna.properties[side].enum_items[getattr(ours, side)].name
+        )
+        width, _ = blf.dimensions(0, name)
+        x = corner[0] + room if side == "left" else corner[0] - room - width
+        blf.position(0, x, corner[1] - 2 * room, 0.0)
+        blf.draw(0, name)
 
 
 class KIRIKO_GGT_wipe(bpy.types.GizmoGroup):
@@ -107,8 +134,8 @@ class KIRIKO_GGT_wipe(bpy.types.GizmoGroup):
 
     def setup(self, context: bpy.types.Context) -> None:
         handle = self.gizmos.new("GIZMO_GT_button_2d")
+        # drawn by `draw`, which covers it
         handle.icon = "ARROW_LEFTRIGHT"
-        handle.draw_options = {"BACKDROP", "OUTLINE"}
         handle.scale_basis = HANDLE
         handle.color, handle.alpha = (0.1, 0.1, 0.1), 0.6
         handle.color_highlight, handle.alpha_highlight = (0.3, 0.3, 0.3), 0.9
