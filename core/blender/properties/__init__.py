@@ -3,15 +3,16 @@ on the scene, what is shown on the window manager.
 """
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
+from bpy.props import PointerProperty
 
+from . import view
 from .calibration import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
 from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoScene, is_camera
-from .view import IMAGES, KirikoView, redraw
+from .view import KirikoView
 
 classes = (
     KirikoPlate,
@@ -46,36 +47,7 @@ def register() -> None:
         type=bpy.types.Object,
         poll=is_camera,
     )
-    KirikoView.show_overlay = BoolProperty(
-        name="Kiriko Light Path",
-        description="Draw the light's way over the viewport while the Kiriko tab is open: of the"
-        " picture's corners and middle, green where it arrives, red where it is lost",
-        default=True,
-        update=redraw,
-    )
-    KirikoView.left = EnumProperty(
-        name="Left",
-        description="Image left of the handle",
-        items=IMAGES,
-        default="BEFORE",
-        update=redraw,
-    )
-    KirikoView.right = EnumProperty(
-        name="Right",
-        description="Image right of the handle",
-        items=IMAGES,
-        default="AFTER",
-        update=redraw,
-    )
-    KirikoView.wipe = FloatProperty(
-        name="Wipe",
-        description="Where the handle stands, from left to right",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        subtype="FACTOR",
-        update=redraw,
-    )
+    view.add()
     bpy.types.Object.kiriko = PointerProperty(
         name="Kiriko", description="This object's part in the rig", type=KirikoObject
     )
@@ -100,8 +72,7 @@ def unregister() -> None:
     del bpy.types.Collection.kiriko
     del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
-    for name in ("wipe", "right", "left", "show_overlay"):
-        delattr(KirikoView, name)
+    view.take_away()
     del KirikoScene.viewer
     del KirikoObject.image
     for cls in reversed(classes):

@@ -1,7 +1,7 @@
 """What the interface shows of a rig. Neither scenes nor results depend on it."""
 
 import bpy
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 IMAGES = (
     ("BEFORE", "Uncompensated", "Seen through the glass while the display shows the plain picture"),
@@ -14,7 +14,7 @@ IMAGES = (
 class KirikoView(bpy.types.PropertyGroup):
     """What the interface shows of a rig."""
 
-    # show_overlay, left, right and wipe: see `register`
+    # show_overlay, left, right and wipe: see `add`
     show_comparison: BoolProperty(
         name="Before and After",
         description="Show what the viewer sees with and without compensation over the camera view",
@@ -27,3 +27,43 @@ def redraw(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> No
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
+
+
+def add() -> None:
+    """Add the properties that have callbacks, by hand as those of objects and scenes are."""
+    KirikoView.show_overlay = BoolProperty(
+        name="Kiriko Light Path",
+        description="Draw the light's way over the viewport while the Kiriko tab is open: of the"
+        " picture's corners and middle, green where it arrives, red where it is lost",
+        default=True,
+        update=redraw,
+    )
+    KirikoView.left = EnumProperty(
+        name="Left",
+        description="Image left of the handle",
+        items=IMAGES,
+        default="BEFORE",
+        update=redraw,
+    )
+    KirikoView.right = EnumProperty(
+        name="Right",
+        description="Image right of the handle",
+        items=IMAGES,
+        default="AFTER",
+        update=redraw,
+    )
+    KirikoView.wipe = FloatProperty(
+        name="Wipe",
+        description="Where the handle stands, from left to right",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=redraw,
+    )
+
+
+def take_away() -> None:
+    """Take them away again."""
+    for name in ("wipe", "right", "left", "show_overlay"):
+        delattr(KirikoView, name)
