@@ -9,7 +9,7 @@ is. A scene whose reading takes long is left until it is quiet, so that a drag d
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from time import monotonic, perf_counter
+from time import monotonic, perf_counter, thread_time
 
 import bpy
 from bpy.app.handlers import persistent
@@ -31,8 +31,9 @@ TAB = "Kiriko"
 IDLE = 0.1  # s between two looks
 PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.02  # s after which a turn begins no other step
-SHARE = 4.0  # times as long as the last sketch took there is none after it
-HEAVY = 0.05  # s: a sketch with a longer step waits until it is quiet, longer during a drag
+SHARE = 2.0  # times as long as the last sketch took there is none after it,
+MOST_PAUSE = 0.5  # but s at the most
+HEAVY = 0.1  # s: a sketch with a longer step waits until it is quiet, longer during a drag
 QUIET = 0.3  # s without a change, for one that waits
 POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
 PATIENCE = 10.0  # s after an error that was not foreseen
@@ -57,7 +58,8 @@ class Sketched:
     kept, light : meshes and glass that need not be made again
     changed_at : when the last change was noticed; None where all has been looked at
     ended_at, spent : when the last sketch was done, and the s that it took
-    lasted : s of its longest step, where only places and settings had changed, and else
+    lasted : s of its longest step, where only places and settings had changed, and else; of the
+        processor, so that others' work does not count
     key, plan_key : of all that was drawn last, and of the plan
     """
 
@@ -101,9 +103,11 @@ class Sketched:
 
         is_held : something is dragged, or played
         """
-        if self.changed_at is None or monotonic() < self.ended_at + SHARE * self.spent:
+        pause = min(SHARE * self.spent, MOST_PAUSE)
+        if self.changed_at is None or monotonic() < self.ended_at + pause:
             return False
-        lasted = self.lasted.get(self.kept.is_whole, HEAVY)
+        # one of which only places have changed is likely to be short
+        lasted = self.lasted.get(self.kept.is_whole, 0.0 if self.kept.is_whole else HEAVY)
         if lasted < HEAVY:
             return True
         wait = max(QUIET, SHARE * lasted) if is_held else QUIET
@@ -195,7 +199,7 @@ def look() -> bool:
 
 def begin(sketched: Sketched, window: bpy.types.Window) -> None:
     """Read the scene that a window shows, and begin a sketch if anything is different."""
-    started = perf_counter()
+    started = thread_time()
     with bpy.context.temp_override(window=window):
         context = bpy.context
         context.view_layer.update()
@@ -214,7 +218,7 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
     key = _key(rig, settings, can_be_solved, metres)
     sketched.spent = 0.0
     sketched.lasted.pop(sketched.is_short, None)
-    sketched.took(perf_counter() - started)
+    sketched.took(thread_time() - started)
     if key != sketched.key:
         sketched.key, sketched.rig = key, rig  # held, so that no other mesh gets their ids
         sketched.steps = _sketching(sketched, rig, settings if can_be_solved else None, metres)
@@ -223,11 +227,12 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
 def advance(sketched: Sketched, scene_uid: int) -> None:
     """Go on with a sketch for a turn."""
     stop = perf_counter() + TURN
-    while sketched.steps is not None and (started := perf_counter()) < stop:
+    while sketched.steps is not None and perf_counter() < stop:
+        started = thread_time()
         if next(sketched.steps, DONE) is DONE:
             sketched.steps = None
             redraw(scene_uid)
-        sketched.took(perf_counter() - started)
+        sketched.took(thread_time() - started)
 
 
 def _sketching(

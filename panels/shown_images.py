@@ -9,7 +9,9 @@ from gpu_extras.batch import batch_for_shader
 
 from ..core.blender.shown_images import ShownImage, shown_images
 
-SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB"
+# since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
+# all that is drawn within a viewport, and there was no other shader
+SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE"
 SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
 ROLES = {"PICTURE", "DISPLAY"}
 

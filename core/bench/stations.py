@@ -21,20 +21,18 @@ LEAST_TURN = 1e-6  # sine of the angle between two lines that count as one
 
 
 class Station(NamedTuple):
-    """A part that stands in the light's way, by its mesh."""
+    """A part that stands in the light's way: its mesh, and the
+    place (3,), m, from which its distance to others is told.
+    """
 
     kind: Kind
     mesh: Mesh
-
-    @property
-    def middle(self) -> Floats:
-        """The middle (3,) of its extent, m."""
-        return self.mesh.bounds.mean(axis=0)
+    place: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Dimension:
-    """A distance: between two middles (3,), m, drawn `beside` (3,) the line between them."""
+    """A distance: between two places (3,), m, drawn `beside` (3,) the line between them."""
 
     start: Floats
     end: Floats
@@ -49,8 +47,10 @@ class Dimension:
 def stations_of(rig: Rig, plan: Plan | None, way: Way | None) -> list[Station]:
     """The stations of a rig: the glass that light leaves last, plates and mirrors, the display.
 
-    way : of light that has arrived, by which they are told; without it the rig is taken to
-        have one glass and one plate, and where it has several none of them stands there
+    way : of light that has arrived, best of the picture's middle, by which they and their places
+        are told: half way through the glass, and where light meets the others. Without it the rig
+        is taken to have one glass and one plate; where it has several, none of them stands there.
+        Their places are their middles
     """
     by_kind = {
         Kind.GLASS: rig.glasses,
@@ -62,16 +62,26 @@ def stations_of(rig: Rig, plan: Plan | None, way: Way | None) -> list[Station]:
         single = [
             kind for kind in (Kind.GLASS, Kind.PLATE, Kind.DISPLAY) if len(by_kind[kind]) == 1
         ]
-        found = [Station(kind, by_kind[kind][0].mesh) for kind in single]
-        return [station for station in found if is_placed(station.mesh)]
+        meshes = [by_kind[kind][0].mesh for kind in single]
+        return [
+            Station(kind, mesh, mesh.bounds.mean(axis=0))
+            for kind, mesh in zip(single, meshes, strict=True)
+            if is_placed(mesh)
+        ]
 
     met = [int(part) for part in way.parts if part >= 0]
     kinds = [Kind(plan.parts.kind[part]) for part in met]
-    n_glass = max((k + 1 for k, kind in enumerate(kinds) if kind == Kind.GLASS), default=0)
+    places = way.points[way.parts >= 0]
+    last_glass = max((k for k, kind in enumerate(kinds) if kind == Kind.GLASS), default=0)
+
     stations = []
-    for part, kind in list(zip(met, kinds, strict=True))[max(n_glass - 1, 0) :]:
-        if kind in by_kind:
-            stations.append(Station(kind, by_kind[kind][_number(plan, part, kind)].mesh))
+    for k, (part, kind) in enumerate(zip(met, kinds, strict=True)):
+        if k < last_glass or kind not in by_kind:
+            continue
+        place = places[k]
+        if kind == Kind.GLASS:
+            place = (places[met.index(part)] + place) / 2
+        stations.append(Station(kind, by_kind[kind][_number(plan, part, kind)].mesh, place))
     return stations
 
 
@@ -100,7 +110,7 @@ def mirrored(points: Floats, stations: list[Station]) -> Floats | None:
         sides = corners[:, 1:] - corners[:, :1]
         across = np.cross(sides[:, 0], sides[:, 1])
         normal = normalise(across[np.argmax(length_of(across))])
-        points = station.middle + reflect(points - station.middle, normal)
+        points = station.place + reflect(points - station.place, normal)
     return points
 
 
@@ -108,9 +118,8 @@ def dimensions_between(stations: list[Station]) -> tuple[Dimension, ...]:
     """The distances from station to station, all drawn beside
     the light's way, as far as clears the glass.
     """
-    middles = [station.middle for station in stations]
     glass = next((s.mesh for s in stations if s.kind == Kind.GLASS), None)
-    pairs = list(pairwise(middles))
+    pairs = list(pairwise(station.place for station in stations))
     if not pairs:
         return ()
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..kinds import Kind
-from ..products import turn
+from ..rig import Mesh
 from ..steps import Pauses
 from ..vectors import dot
 from .landings import Landings, Reason, main_landings
@@ -18,6 +18,7 @@ from .laws import ENDS
 from .plan import Plan
 from .trace import Step, tracing
 
+PASSED_BY = {Reason.MISSED_PLATE: Kind.PLATE, Reason.MISSED_DISPLAY: Kind.DISPLAY}
 NOTHING = -1  # in the place of a part: the start of a way, or an end where nothing is met
 
 
@@ -26,8 +27,8 @@ class Tails:
     """The lengths of ways beyond their last event, m.
 
     tail : of a ray that leaves to nowhere
-    reach : of one that passes by the plate or the display: it ends on
-        their plane, if that is no further away
+    reach : of one that passes by the plate or the display: it ends on their plane, or else where
+        it is nearest to their middle, if that is no further away
     """
 
     tail: float
@@ -126,39 +127,39 @@ def _ends(
 
     # the others go on, to the plane that they pass by or into nothing
     length = np.full(len(at), tails.tail)
-    for reason, planes in (
-        (Reason.MISSED_DISPLAY, _display_planes(plan)),
-        (Reason.MISSED_PLATE, _plate_planes(plan)),
-    ):
+    for reason, kind in PASSED_BY.items():
         some = np.flatnonzero(goes_on & (landings.reason == reason))
-        if len(some) and len(planes):
-            to_plane = _distances(at[some], landings.directions[some], planes)
-            is_near = to_plane <= tails.reach
-            length[some[is_near]] = to_plane[is_near]
+        numbers = np.flatnonzero(plan.parts.kind == kind)
+        if len(some) and len(numbers):
+            rays = at[some], landings.directions[some]
+            by = np.min([_passing(plan, int(n), *rays, tails.reach) for n in numbers], axis=0)
+            length[some] = np.where(np.isfinite(by), by, tails.tail)
 
     at[goes_on] += length[goes_on, None] * landings.directions[goes_on]
     return at, part, has_landed | goes_on
 
 
-def _display_planes(plan: Plan) -> Floats:
-    """A point and the normal (1, 2, 3) of the plane of a flat display; (0, 2, 3) for any other."""
-    plane = plan.display.plane
-    return np.empty((0, 2, 3)) if plane is None else np.stack([plane.corner, plane.normal])[None]
-
-
-def _plate_planes(plan: Plan) -> Floats:
-    """A point and the normal (p, 2, 3) of the plane of each plate."""
-    numbers = np.flatnonzero(plan.parts.kind == Kind.PLATE)
-    normals = [plan.triangles.normals[plan.triangles.part == number][0] for number in numbers]
-    points = [plate.mesh.corners[0, 0] for plate in plan.rig.plates]
-    return np.stack([points, normals], axis=1) if len(numbers) else np.empty((0, 2, 3))
-
-
-def _distances(points: Floats, directions: Floats, planes: Floats) -> Floats:
-    """How far (n,) it is from points along directions (n, 3) to the
-    nearest of the planes (p, 2, 3) ahead; inf where none is.
+def _passing(plan: Plan, number: int, points: Floats, directions: Floats, reach: float) -> Floats:
+    """How far (n,) rays go from points (n, 3) until they pass by a
+    part: to its plane, or else to the place nearest to its middle;
+    inf where that is behind them or out of reach.
     """
-    place, normal = planes[:, 0], planes[:, 1]
+    its_own = plan.triangles.part == number
+    normal = plan.triangles.normals[its_own][0]
+    mesh = _mesh_of(plan, number)
+    middle = mesh.bounds.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (dot(place, normal) - turn(normal, points)) / turn(normal, directions)
-    return np.where(distance > 0, distance, np.inf).min(axis=1)
+        to_plane = dot(middle - points, normal) / dot(directions, normal)
+    nearest = dot(middle - points, directions)
+
+    is_by = [(length > 0) & (length <= reach) for length in (to_plane, nearest)]
+    is_by[0] &= mesh.is_flat
+    return np.select(is_by, [to_plane, nearest], np.inf)
+
+
+def _mesh_of(plan: Plan, number: int) -> Mesh:
+    """The mesh of a plate or of the display, by its number among the parts."""
+    kind = plan.parts.kind[number]
+    if kind == Kind.DISPLAY:
+        return plan.rig.display.mesh
+    return plan.rig.plates[int((plan.parts.kind[:number] == kind).sum())].mesh

@@ -9,10 +9,10 @@ SHADOW = (0.0, 0.0, 0.0)  # behind words and lines, so that they are read on any
 OF_STATE = {"arrives": ARRIVES, "lost": LOST, "aerial": AERIAL, "picture": AERIAL}
 
 # px at a scale of the interface of 1
-WAY_PX = 2.0
-OUTLINE_PX = 1.5
+WAY_PX = 1.5
+OUTLINE_PX = 1.25
 DIMENSION_PX = 1.0
-HATCH_PX = 1.5
+HATCH_PX = 1.25
 SHADOW_PX = 2.0  # a line's shadow is wider by this much
 TEXT_PX = 12
 

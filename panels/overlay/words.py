@@ -79,7 +79,8 @@ def _free_box(
     same words stand there already.
     """
     for lines in _tries():
-        low = place + np.array([GAP_PX * scale, -size / 3 + lines * LINE * size])
+        low = place + np.array([GAP_PX, GAP_PX / 2]) * scale
+        low[1] += lines * LINE * size
         box = np.stack([low, low + np.array([extent[0], size])])
         over = [words for words, other in taken if _overlap(box, other)]
         if text in over:

@@ -446,6 +446,9 @@ def test_a_scene_that_is_long_to_read_waits_until_nothing_is_dragged(
     monkeypatch.setattr(sketcher, "monotonic", lambda: now[0])
     sketched = sketcher.Sketched(changed_at=100.0)
     assert not sketched.is_due(is_held=True)  # how long it takes is not known
+    monkeypatch.setattr(sketcher.KeptPlaces, "is_whole", True)
+    assert sketched.is_due(is_held=True)  # only places have changed
+    monkeypatch.setattr(sketcher.KeptPlaces, "is_whole", False)
     now[0] += 1.01 * sketcher.QUIET
     assert sketched.is_due(is_held=True)
 
@@ -459,10 +462,11 @@ def test_a_scene_that_is_long_to_read_waits_until_nothing_is_dragged(
     now[0] += sketcher.SHARE * 0.5
     assert sketched.is_due(is_held=True)
 
-    sketched.ended_at, sketched.spent = now[0], 0.5
-    now[0] += 0.99 * sketcher.SHARE * 0.5
-    assert not sketched.is_due(is_held=False)
-    now[0] += 0.5
-    assert sketched.is_due(is_held=False)
+    for spent, pause in ((0.1, 0.1 * sketcher.SHARE), (5.0, sketcher.MOST_PAUSE)):
+        sketched.ended_at, sketched.spent = now[0], spent
+        now[0] += 0.99 * pause
+        assert not sketched.is_due(is_held=False)
+        now[0] += 0.02 * pause
+        assert sketched.is_due(is_held=False)
     sketched.changed_at = None
     assert not sketched.is_due(is_held=False)

@@ -125,10 +125,13 @@ def test_hatch_lines_cover_the_lost_part_evenly():
 
 @pytest.mark.parametrize("distance", [0.08, 0.15, 0.4])
 def test_distances_and_aerial_plane_are_those_of_the_bench(distance):
-    """Middle of glass to middle of plate to middle of display; the aerial plane is the display's
-    mirror image, point for point.
+    """Middle of glass to plate to display, along the middle's light: with a plate that is moved
+    within its plane, too. The aerial plane is the display's mirror image, point for point.
     """
     a_rig = rig(SLAB, distance=distance)
+    moved = rectangle(distance * Y + 0.05 * X, X, (Y + Z) / 2**0.5, 0.4, 0.4)
+    lengths = [d.length for d in sketch_of(with_plate(a_rig, moved)).dimensions]
+    assert lengths == pytest.approx([distance, distance], abs=1e-12)
     sketch = sketch_of(a_rig)
     assert [d.length for d in sketch.dimensions] == pytest.approx([distance, distance], abs=1e-12)
     assert all(np.abs(d.beside @ (d.end - d.start)) < 1e-12 for d in sketch.dimensions)

@@ -121,6 +121,12 @@ def test_light_that_is_lost_ends_at_the_place_where_it_is(way):
     _, _, (found,), _, _ = ways_of(far, middle, way=way)
     assert np.linalg.norm(found.points[-1] - found.points[-2]) == pytest.approx(TAILS.tail)
 
+    # where it is nearest to the plate, whose plane it runs along
+    aside = rectangle(np.array([0.2, 0.1, 0.0]), [0, 1, 0], [0, 0, 1], 0.1, 0.1)
+    along = replace(beside, plates=(replace(beside.plates[0], mesh=aside),))
+    _, _, (found,), _, _ = ways_of(along, middle, way=way)
+    assert np.abs(found.points[-1] - [0, 0.1, 0]).max() < 1e-12
+
     # the display
     small = rig(slab, display=0.002)
     _, _, ways, kinds, _ = ways_of(small, PIXELS[1:], way=way)
