@@ -29,6 +29,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
         for fit in ("fit_picture_size", "fit_display", "fit_plate"):
             layout.operator(f"kiriko.{fit}", icon="FULLSCREEN_ENTER")
+        for verb in ("best_place", "turn_back", "take_proposal", "drop_proposal"):
+            layout.operator(f"kiriko.{verb}")
         for preset in ("plate_preset", "display_preset", "glass_preset"):
             layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
         layout.separator()

@@ -159,8 +159,9 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
 
     if n_open and thing.role == "GLASS":
+        n = own.n_open or n_open  # as many as are selected
         text = Message(
-            "'{name}' is not closed: {n} edge{s}.", name=name, n=n_open, s="s" if n_open > 1 else ""
+            "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
         )
         yield Entry(text, PROBLEM, _select(thing, "OPEN", own.n_open) or (_select_part(thing),))
 

@@ -138,6 +138,13 @@ def test_open_edges_are_selected_and_filled(look: Callable[[], list]) -> None:
     assert told(look()) == []
 
 
+def test_as_many_edges_are_told_as_are_selected(look: Callable[[], list]) -> None:
+    """Those of the mesh that is edited, though a modifier makes more of them."""
+    glass = glass_of(holed())
+    glass.modifiers.new("finer", "SUBSURF").subdivision_type = "SIMPLE"
+    assert told(look()) == ["'Cube' is not closed: 8 edges."]
+
+
 def test_open_edges_in_one_place_are_closed(look: Callable[[], list]) -> None:
     """As the solve joins them: faces that share no vertices are one surface."""
     mesh = primitive("cube", size=SIDE)
