@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import KirikoError
+from ..image.tone import Tone
 from ..rig import ROLES, Picture, Rig, Viewer
 from .elements import read_picture_image
 from .parts import is_placed, parts_by_role, read_parts
@@ -23,7 +24,9 @@ from .viewer import read_viewer
 class KeptPlaces(Kept):
     """Keeps meshes as `Kept` does; of images it reads no pixels."""
 
-    def pixels(self, image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
+    def pixels(
+        self, image: bpy.types.Image, owner: str, tone: Tone | None = None
+    ) -> NDArray[np.float32]:
         """As many as the image has, none of which takes memory."""
         width, height = image.size
         return np.broadcast_to(np.float32(0), (height, width, 4))
