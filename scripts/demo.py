@@ -1,4 +1,5 @@
-"""The main job on the reference rigs, ball and cube, into out/. Runs inside Blender.
+"""The main job on the reference rigs, ball and cube, into out/, or on rigs without a plate:
+telephone, tablet, aquarium. Runs inside Blender.
 
 Started by dev.py.
 """
@@ -18,6 +19,7 @@ from time import perf_counter
 import bpy
 
 import kiriko
+from known import straight_rigs
 from paper.lattice import shift_in_cycles
 
 kiriko.register()
@@ -75,7 +77,8 @@ def quiet() -> Iterator[None]:
             os.close(kept)
 
 
-RIGS = {"ball": add_ball, "cube": add_cube}
+FIRST = {"ball": add_ball, "cube": add_cube}
+RIGS = {**FIRST, **straight_rigs.RIGS}
 
 
 def numbers(shift: LatticeShift) -> dict[str, object]:
@@ -172,12 +175,12 @@ def main() -> None:
         "--out", type=Path, default=Path("out"), help="folder for the results (out)"
     )
     parser.add_argument(
-        "rigs", nargs="*", choices=[*RIGS, []], help="which rigs; both when none is named"
+        "rigs", nargs="*", choices=[*RIGS, []], help="which rigs; ball and cube when none is named"
     )
     arguments = parser.parse_args()
 
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
-    for name in arguments.rigs or RIGS:
+    for name in arguments.rigs or FIRST:
         print(f"{name}: solving, rendering, measuring ...", flush=True)
         with quiet():
             rows.append(run(name, arguments.out.resolve()))

@@ -257,12 +257,14 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     uint64_t before = rays->cluster[i] == plan->cluster[part] ? rays->mask[i] : 0;
     rays->cluster[i] = plan->cluster[part];
     uint64_t after = before ^ plan->bit[part];
+    int64_t patch = plan->patch[hit->triangle]; /* of faces in one place the first one names the branch */
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
         if (plan->cluster[plan->part[other->triangle]] != plan->cluster[part]) continue; /* a mask is of one cluster */
-        if (fabs(other->distance - hit->distance) <= plan->merge_distance)
-            after ^= plan->bit[plan->part[other->triangle]];
+        if (fabs(other->distance - hit->distance) > plan->merge_distance) continue;
+        after ^= plan->bit[plan->part[other->triangle]];
+        if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
     }
     double n1 = index_of(plan, part, before), n2 = index_of(plan, part, after);
     rays->has_met_glass[i] = true;
@@ -280,7 +282,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     if (is_tir) rays->last_part[i] = part;
     rays->mask[i] = is_tir ? before : after;
     if (plan->brightness) rays->throughput[i] *= passed;
-    add_to_branch(ray, plan->patch[hit->triangle], is_tir ? TIR : PASS);
+    add_to_branch(ray, patch, is_tir ? TIR : PASS);
 }
 
 static void meet_plate(Ray *ray, const Hit *hit) {

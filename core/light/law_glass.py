@@ -18,7 +18,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     Faces of other solids at the same place are crossed together with it.
     """
     part = plan.triangles.part[hits.triangle]
-    before, after = _cross_faces(plan, rays, i, hits, by_layer)
+    before, after, patch = _cross_faces(plan, rays, i, hits, by_layer)
 
     # the media before and behind; between equal ones nothing bends
     n1 = plan.media.index(part, before)
@@ -27,7 +27,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     bends = n1 != n2
     if not bends.all():
         rays.mask[i[~bends]] = after[~bends]
-        i, n1, n2, before, after = (x[bends] for x in (i, n1, n2, before, after))
+        i, n1, n2, before, after, patch = (x[bends] for x in (i, n1, n2, before, after, patch))
         hits = hits.at(bends)
 
     if not len(i):
@@ -52,13 +52,16 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
 
-    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], np.where(is_tir, TIR, PASS))
+    rays.add_to_branch(i, patch, np.where(is_tir, TIR, PASS))
 
 
 def _cross_faces(
     plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]
-) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-    """Masks (n,) before and after the faces at a place, all of which are crossed together."""
+) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Ints]:
+    """Masks (n,) before and after the faces at a place, all of which are crossed together, and
+    the patch (n,) that names them in the branch: rounding must not choose it, or neighbouring
+    rays would seem to take different ways.
+    """
     # a ray inside one cluster meets no other, but where curved faces
     # stand out of their facets' boxes, or out of gaps
     parts = plan.parts
@@ -68,6 +71,7 @@ def _cross_faces(
     rays.cluster[i] = cluster
 
     after = before ^ parts.bit[part]
+    patch = plan.triangles.patch[hits.triangle]
     for other in by_layer:
         their_part = plan.triangles.part[other.triangle]
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
@@ -75,8 +79,10 @@ def _cross_faces(
         same_place &= parts.cluster[their_part] == cluster
         same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
         after[same_place] ^= parts.bit[their_part[same_place]]
+        theirs = plan.triangles.patch[other.triangle[same_place]]
+        patch[same_place] = np.minimum(patch[same_place], theirs)
 
-    return before, after
+    return before, after, patch
 
 
 LAW = Law(meet, None)

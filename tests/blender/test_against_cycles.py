@@ -177,3 +177,31 @@ def test_cube(kiriko, scene, lattice):
     assert after.n_seen == before.n_seen == 49
     assert after.mean < ACROSS_AFTER
     assert before.mean > 100
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tablet", pytest.param("aquarium", marks=pytest.mark.newest_only(reason="a second rig"))],
+)
+def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
+    """A crystal before a tablet, water in its glass before a monitor: the dots of a lattice
+    that is a fifth as wide stand where they are wanted to a fifth of the promise.
+
+    `dev.py demo telephone tablet aquarium` has them at the full width.
+    """
+    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.solve.session import Session
+    from kiriko.core.steps import finish
+    from known import straight_rigs
+
+    monkeypatch.setattr(lattice, "ACROSS", 233)
+    straight_rigs.RIGS[name](viewer_resolution=128)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
+    solution = finish(Session().solve(reading.rig))
+    source, ideal, seen = solution.source, solution.ideal(), solution.seen()
+    after = lattice.shift_in_cycles(scene, reading, source, ideal, seen)
+
+    assert solution.picture_coverage > 0.99
+    assert after.n_seen == 49
+    assert after.mean < ACROSS_AFTER / 5

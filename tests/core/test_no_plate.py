@@ -20,6 +20,7 @@ from kiriko.core.rig import (
     ConstantIndex,
     Display,
     Glass,
+    Mesh,
     Mirror,
     Picture,
     Rig,
@@ -28,7 +29,7 @@ from kiriko.core.rig import (
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from known.closed_forms import through_ball, through_slab, unit
+from known.closed_forms import snell, through_ball, through_slab, unit
 from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle
 
 N = 1.49
@@ -282,6 +283,41 @@ def test_both_ways_agree_on_glass_at_a_display(seed, gap):
     same = by_kernel.reason == by_numpy.reason
     same &= np.isclose(by_kernel.xy, by_numpy.xy, rtol=0, atol=1e-6, equal_nan=True).all(axis=1)
     assert same.mean() > 0.99  # rays along an edge
+
+
+@both_ways
+@pytest.mark.parametrize("seed", range(4))
+def test_water_in_a_tank_is_one_way_for_all_rays(way, seed):
+    """Water touches the walls of its glass: light through wall, water and wall is on one
+    branch, whichever of two faces in one place rounding puts first, and bent as by three slabs.
+    """
+    random = np.random.default_rng(seed)
+    q = np.linalg.qr(random.normal(size=(3, 3)))[0] if seed else np.eye(3)
+    turn, shift = q * np.sign(np.linalg.det(q)), random.uniform(-0.5, 0.5, 3) * bool(seed)
+    outer, inner = box([0.1, 0.1, THICK], (0, 0, THICK / 2)), box([0.08, 0.08, 0.012], (0, 0, 0.01))
+    hollow = Mesh(
+        np.concatenate([outer.vertices, inner.vertices]),
+        np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.vertices)]),
+    )
+    rig = on_display(hollow, gap=0.01)
+    water = Glass("water", inner, ConstantIndex(1.333))
+    rig = replace(rig, glasses=(*rig.glasses, water))
+    o, d = rays_of(rig, 500)
+
+    p, along = straight_down(o, d, THICK), d
+    for to, n1, n2 in ((0.016, 1, N), (0.004, N, 1.333), (0, 1.333, N), (-0.01, N, 1)):
+        along = snell(along, Z, n1, n2)
+        p = straight_down(p, along, to)
+    with by(way):
+        found = landed(moved(rig, turn, shift), (o @ turn.T + shift, d @ turn.T))
+    is_through = (np.abs(straight_down(o, d, 0)[:, :2]).max(axis=1) < 0.025) & (
+        np.abs(straight_down(o, d, THICK)[:, :2]).max(axis=1) < 0.025
+    )
+    assert is_through.sum() > 200
+    assert (found.reason[is_through] == Reason.ARRIVED).all()
+    assert len(set(found.branch[is_through])) == 1
+    expected = p @ turn.T + shift
+    assert np.abs(found.positions - expected)[is_through].max() < (1e-6 if seed else 1e-9)
 
 
 # words and settings
