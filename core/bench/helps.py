@@ -109,4 +109,6 @@ def _by_picture(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
 def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     side = float(np.linalg.norm(plane_of(rig).sides, axis=1).max())
     found = yield from best_place(rig, plan_of, Limits(shift=REACH * side))
-    return Help("kiriko.best_place", Message("move it"), found.after)
+    # its shares are of more rays than the others'
+    after = found.after if found.after > found.before + WORTH_IT else 0.0
+    return Help("kiriko.best_place", Message("move it"), after)
