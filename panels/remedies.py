@@ -13,18 +13,12 @@ def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
     scene = context.scene
     proposed = proposal.current(scene)
     if proposed is not None:
-        box = layout.box()
-        sentence(box, context, proposed.text, icon="QUESTION")
-        row = box.row(align=True)
+        sentence(layout, context, proposed.text, icon="QUESTION")
+        row = layout.row(align=True)
         row.operator_context = "EXEC_DEFAULT"  # the panel has the sentence already
         row.operator("kiriko.take_proposal", icon="CHECKMARK")
         row.operator("kiriko.drop_proposal", icon="X")
     elif scene.kiriko.result.source is not None and scene.kiriko.result.coverage < WHOLE:
-        column = layout.column(align=True)
-        row = column.row(align=True)
-        row.operator("kiriko.fit_picture_size", text="Fit Picture")
-        row.operator("kiriko.fit_display")
-        row.operator("kiriko.fit_plate")
-        row = column.row(align=True)
+        row = layout.row(align=True)  # those that fit a part stand in the checklist
         row.operator("kiriko.best_place")
         row.operator("kiriko.turn_back")

@@ -32,7 +32,11 @@ REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     ),
     REASON_WORDS[Reason.MISSED_GLASS]: (
         Message("move the picture into the glass, or make it smaller"),
-        (FIT_PICTURE,),
+        (Button("kiriko.best_place", "Best Place"), FIT_PICTURE),
+    ),
+    REASON_WORDS[Reason.LOST_INSIDE]: (
+        Message("turn the glass, or make the picture smaller"),
+        (Button("kiriko.turn_back", "Turn It Back"), FIT_PICTURE),
     ),
 }
 
