@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..core.bench.room import Fitted, Wanted
+from ..core.bench.spread import MOST
 from ..core.blender.resize import scale_by
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import RigError
@@ -16,6 +17,7 @@ from ..core.steps import within
 from ..core.words import listed, percent
 from . import long_work, needed, work
 
+SMALLER = 0.7  # of a part's width: it has to save as much to be told
 SAME = 2e-3  # of its size: a part that would change by less stays as it is
 
 
@@ -126,6 +128,13 @@ class FitsPart(long_work.LongWork):
             text = joined([text, Message("Its middle moved by {length}.", length=length)])
         if listed(fitted.lost):
             text = joined([text, Message("Still {lost}.", lost=listed(fitted.lost))])
+        if 0 < fitted.for_most < SMALLER * fitted.width:
+            hint = Message(
+                "{share} of that light needs {width}: lower Share for less.",
+                share=percent(MOST),
+                width=length_text(scene, fitted.for_most),
+            )
+            text = joined([text, hint])
         return text
 
 

@@ -117,6 +117,13 @@ def glasses(arguments: argparse.Namespace) -> None:
     run_in_blender("bench.glasses", arguments.rest)
 
 
+def placement(arguments: argparse.Namespace) -> None:
+    """Tell where Add Rig stands the picture in glass as artists bring it, and how much arrives
+    (further options go to scripts/bench/placement.py).
+    """
+    run_in_blender("bench.placement", arguments.rest)
+
+
 def marks(arguments: argparse.Namespace) -> None:
     """Measure Kiriko beside Mitsuba on glass as artists bring it
     (further options go to scripts/bench/marks.py).
@@ -288,6 +295,7 @@ def main() -> None:
         surface,
         irregular,
         glasses,
+        placement,
         marks,
         cycles,
         kernel,

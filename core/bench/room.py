@@ -21,7 +21,7 @@ from ..steps import within
 from ..viewer import Viewer
 from .flat import Outline, outline_of
 from .light import Light, light_of
-from .spread import points_of
+from .spread import MOST, points_of
 
 PlanOf = Callable[[Rig], Plan]
 
@@ -67,6 +67,7 @@ class Fitted:
     size : times as large as it was; width : m, that it then has; shift : (3,) m of its middle
     before, after : shares of the picture that arrive
     lost : shares that still do not, by reason
+    for_most : m, the width that `MOST` of that light needs; 0 where nobody asked
     """
 
     size: float
@@ -75,6 +76,7 @@ class Fitted:
     before: float
     after: float
     lost: dict[str, float]
+    for_most: float = 0.0
 
     @property
     def more(self) -> float:
@@ -239,8 +241,11 @@ class _Sizing:
 
         reach = self.outline.reach(across, about)
         order = np.argsort(reach)
-        enough = np.cumsum(weight[order]) >= wanted.share * weight.sum() * (1 - ROUNDING)
-        size = ROOM.spare * float(reach[order[int(enough.argmax())]])
+        within_reach = np.cumsum(weight[order]) / weight.sum()
+        size, most = (
+            ROOM.spare * float(reach[order[np.argmax(within_reach >= share * (1 - ROUNDING))]])
+            for share in (wanted.share, MOST)
+        )
         shift = about @ self.outline.axes
 
         n = wanted.n_grid
@@ -254,4 +259,5 @@ class _Sizing:
             before=before.share,
             after=after.share,
             lost=after.lost,
+            for_most=2 * float(self.outline.half[0]) * most,
         )

@@ -85,6 +85,7 @@ def test_a_slabs_display_is_the_projected_picture(ior: float) -> None:
     assert (fitted.after, fitted.lost) == (1.0, {})
     assert fitted.before == pytest.approx((0.02 / (2 * half)) ** 2, rel=0.03)
     assert fitted.more == pytest.approx(fitted.width - 0.02, rel=1e-12)
+    assert fitted.for_most == pytest.approx(fitted.width * np.sqrt(0.95), rel=0.01)
 
 
 @pytest.mark.parametrize("moves", [False, True])
