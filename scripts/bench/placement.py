@@ -1,11 +1,11 @@
 """Where Add Rig stands the picture in glass as artists bring it, and how much of it arrives.
 
-`python3 scripts/dev.py placement [--glass NAME ...]`. `middle` is the share of a picture half as
-large as the glass that arrives from the middle of its box, as it stood before; `found` that from
-the place that is found, on a display as large as it may be. `side` is the picture's, in mm; `at`
-its middle, in mm to the right and up from the middle of the glass, and towards the viewer.
-`display` is the width of a square display for all of that light, in widths of the picture; `s` are
-the seconds of the search, once the glass is ready.
+`python3 scripts/dev.py placement [--glass NAME ...] [--side MM]`. `middle` is the share of a
+picture half as large as the glass that arrives from the middle of its box, as it stood before;
+`found` that from the place that is found, on a display as large as it may be. `side` is the
+picture's, in mm; `at` its middle, in mm to the right and up from the middle of the glass, and
+towards the viewer. `display` is the width of a square display for all of that light, in widths of
+the picture; `s` are the seconds of the search, once the glass is ready.
 """
 
 from __future__ import annotations
@@ -34,19 +34,24 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add_glass_option(parser)
+    parser.add_argument(
+        "--side", type=float, default=0.0, metavar="MM", help="of a picture that has a size already"
+    )
+    arguments = parser.parse_args()
+    wishes = Wishes(picture=1e-3 * arguments.side)
     print(f"{'':18}{'middle':>8}{'found':>8}   side  at{'':16}display     s")
-    for name in parser.parse_args().glass:
+    for name in arguments.glass:
         mesh = made(name)
         mesh = replace(mesh, vertices=mesh.vertices - mesh.bounds.mean(axis=0))
-        report(name, Glass(name, mesh, ConstantIndex(INDICES.get(name, 1.49))))
+        report(name, Glass(name, mesh, ConstantIndex(INDICES.get(name, 1.49))), wishes)
 
 
-def report(name: str, glass: Glass) -> None:
+def report(name: str, glass: Glass, wishes: Wishes) -> None:
     """Print the line of a glass in the middle of the world."""
     bench = Rig(viewers=(), glasses=(glass,), plates=(), displays=())
     bounds = glass.mesh.bounds
-    proposal = propose(bounds, Wishes())
-    request = Request(bench, bounds, Wishes(), viewer_of(proposal, PIXELS), PIXELS)
+    proposal = propose(bounds, wishes)
+    request = Request(bench, bounds, wishes, viewer_of(proposal, PIXELS), PIXELS)
     session = Session()
 
     def plan_of(rig: Rig):
