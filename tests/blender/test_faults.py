@@ -699,7 +699,7 @@ ADD_RIG_STAGES = (
     "core.blender.new_rig.read_parts",
     "core.blender.role_glass.read_glass",
     "core.light.kept.making_solids",
-    "core.bench.spread.tracing",
+    "core.bench.light.tracing",
     "core.blender.new_rig.encoded_image",
     "core.blender.image.encode",
     "core.blender.shaders.show_picture",
@@ -773,6 +773,34 @@ def test_a_rig_that_cannot_be_made_leaves_nothing(
                 refusal(lambda: bpy.ops.kiriko.add_rig(viewer_resolution=64))
             assert state() == before
     assert bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64)) == {"FINISHED"}
+
+
+# operators that change the bench by the light that they trace
+MENDERS = {
+    "fit_display": {},
+    "fit_plate": {},
+    "fit_picture_size": {},
+    "best_place": {"take": True},
+    "turn_back": {"take": True},
+}
+
+
+@pytest.mark.parametrize("name", MENDERS)
+def test_a_part_that_cannot_be_fitted_or_moved_stays(
+    rig: dict, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Broken while it traces, or while it moves the part: everything is as it was."""
+    rig["PICTURE"].location.x += 0.006
+    rig["DISPLAY"].scale *= 0.8
+    bpy.context.view_layer.update()
+    before = state()
+    for stage in ("core.bench.light.tracing", "core.bench.room.points_of"):
+        owner, attribute = stage.rsplit(".", 1)
+        for error in errors()[:FEW]:
+            with monkeypatch.context() as broken:
+                broken.setattr(part(owner), attribute, failing(error))
+                refusal(lambda: getattr(bpy.ops.kiriko, name)(**MENDERS[name]))
+            assert state() == before
 
 
 LIVE_STAGES = (
