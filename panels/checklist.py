@@ -36,6 +36,7 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             column = layout.column(align=True)
             column.scale_y = 1.5
             add_rig(column, "Add Rig")
+            layout.operator_menu_enum("kiriko.open_example", "example", text="Examples")
             return
 
         found = look_over.found(context)

@@ -16,12 +16,16 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         add_rig(layout, "Add Rig")
         layout.operator("kiriko.remove_rig", icon="TRASH")
+        layout.operator_menu_enum("kiriko.open_example", "example")
         layout.separator()
         layout.operator("kiriko.solve", icon="LIGHT_SUN")
         icon = "PAUSE" if live.is_on() else "PLAY"
         layout.operator("kiriko.live", icon=icon)
         layout.operator("kiriko.simulate", icon="IMAGE_DATA")
         layout.operator("kiriko.preview", icon="RENDER_STILL")
+        layout.operator("kiriko.look_through", icon="OUTLINER_OB_CAMERA")
+        layout.operator("kiriko.before_after", icon="ARROW_LEFTRIGHT")
+        layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
         layout.separator()
         layout.operator("kiriko.make_glass", icon="MATSPHERE")

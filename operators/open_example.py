@@ -1,0 +1,64 @@
+"""Open example: a rig to begin with, as a file that has no name yet."""
+
+from pathlib import Path
+
+import bpy
+
+from . import framing, needed, telling
+from .windows import all_windows
+
+FOLDER = Path(__file__).resolve().parent.parent / "assets"
+EXAMPLES = (
+    ("BALL", "Ball", "A solid ball of glass, the reference", "MESH_UVSPHERE", 0),
+    ("GOBLET", "Goblet", "A wine glass by Screw, Solidify and Subdivision", "MATSPHERE", 1),
+    ("CUT_CUBE", "Cut Cube", "A cube with facets cut along its edges", "MESH_CUBE", 2),
+    ("BOTTLE", "Bottle", "A hollow bottle by Screw and Subdivision", "MESH_CYLINDER", 3),
+)
+WAIT = 0.1  # s until the new file's windows can be framed
+
+
+def path_of(example: str) -> Path:
+    """The file of an example."""
+    return FOLDER / f"example_{example.lower()}.blend"
+
+
+def _frame() -> None:
+    """Show the whole rig in each window's 3D view."""
+    for window in all_windows():
+        with bpy.context.temp_override(window=window):
+            if needed.has_rig(window.scene):
+                framing.frame_rig(bpy.context)
+
+
+class KIRIKO_OT_open_example(bpy.types.Operator):
+    """Open an example: glass with a rig around it, as a file without a name"""
+
+    bl_idname = "kiriko.open_example"
+    bl_label = "Open Example"
+    bl_options = {"INTERNAL"}
+
+    example: bpy.props.EnumProperty(
+        name="Example", description="The rig to open", items=EXAMPLES, options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def description(
+        cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        return next(tip for name, _, tip, *_ in EXAMPLES if name == properties.example)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self._open("EXEC_DEFAULT")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return self._open("INVOKE_DEFAULT")  # which asks whether to save changes
+
+    def _open(self, how: str) -> set[str]:
+        path = path_of(self.example)
+        with telling.told(self):
+            # as a startup file: Save asks for a name, and the example stays as it is
+            bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)
+            if not bpy.app.background:
+                bpy.app.timers.register(_frame, first_interval=WAIT)
+            return {"FINISHED"}
+        return {"CANCELLED"}

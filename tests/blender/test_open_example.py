@@ -1,0 +1,40 @@
+import importlib
+from types import ModuleType
+
+import bpy
+import pytest
+
+NAMES = ("BALL", "GOBLET", "CUT_CUBE", "BOTTLE")
+
+
+@pytest.fixture
+def needed(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.needed")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_example_is_a_rig_that_can_be_solved(
+    scene: bpy.types.Scene, needed: ModuleType, name: str
+) -> None:
+    """It opens in every Blender as a file without a name, lacks
+    nothing, and nearly all of the picture arrives.
+    """
+    assert bpy.ops.kiriko.open_example(example=name) == {"FINISHED"}
+    opened = bpy.context.scene
+    assert bpy.data.filepath == ""
+    assert needed.missing(opened) == []
+
+    # coarse: only the way through is tested here
+    opened.kiriko.viewer.kiriko.resolution = (64, 64)
+    display = next(iter(needed.parts(opened)["DISPLAY"]))
+    display.kiriko.resolution = (96, 54)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert opened.kiriko.result.coverage > 0.95
+
+
+def test_examples_are_those_that_are_offered(kiriko: ModuleType) -> None:
+    """Each entry of the menu has its file, and each file an entry."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.open_example")
+    offered = {module.path_of(name).name for name, *_ in module.EXAMPLES}
+    assert offered == {path.name for path in module.FOLDER.glob("example_*.blend")}
+    assert {name for name, *_ in module.EXAMPLES} == set(NAMES)
