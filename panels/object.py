@@ -170,12 +170,9 @@ def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None
 def draw_tone(layout: bpy.types.UILayout, ours: bpy.types.PropertyGroup) -> None:
     """How light a picture is wanted."""
     column = layout.column(align=True)
-    for name, text in (
-        ("brightness", "Picture Brightness"),
-        ("gamma", "Gamma"),
-        ("black_level", "Black Level"),
-    ):
-        column.prop(ours, name, text=text)
+    column.use_property_split = False  # in half of a narrow sidebar the names would be cut
+    for name in ("brightness", "gamma", "black_level"):
+        column.prop(ours, name)
 
 
 def _draw_light_of(layout: bpy.types.UILayout, display: bpy.types.PropertyGroup) -> None:

@@ -12,6 +12,8 @@ from ..core.blender.shown_images import ShownImage, shown_images
 # since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
 # all that is drawn within a viewport, and there was no other shader
 SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE"
+# how textures of images blend, by the mode of their alpha; that of others is no coverage
+BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
 SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
 ROLES = {"PICTURE", "DISPLAY"}
 
@@ -76,7 +78,7 @@ def _draw(shown: ShownImage) -> None:
 
     try:
         gpu.state.depth_test_set("NONE")  # in front of glass, plate and all else
-        gpu.state.blend_set("ALPHA_PREMULT")
+        gpu.state.blend_set(BLENDING.get(shown.image.alpha_mode, "NONE"))
         gpu.state.face_culling_set("NONE" if shown.is_two_sided else "BACK")
         shader.bind()
         shader.uniform_sampler("image", texture)

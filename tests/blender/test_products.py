@@ -81,6 +81,28 @@ def test_an_object_shows_the_product_that_it_is(
     assert shown("GLASS") == "Custom"
 
 
+def test_light_is_set_and_told_in_the_panels(
+    scene: bpy.types.Scene, drawn: Callable[..., Layout]
+) -> None:
+    """Picture and display have their settings; Details tell the luminance of white as seen."""
+    parts = small_rig()
+    tone = {"brightness", "gamma", "black_level"}
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", activate(parts["PICTURE"])).props
+    assert tone <= set(shown)
+
+    display = activate(parts["DISPLAY"])
+    assert "gamma" not in drawn("object", "VIEW3D_PT_kiriko_object", display).props
+    display.kiriko.display.encoding = "POWER"
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", display).props
+    assert {"white", "black_level", "encoding", "gamma"} <= set(shown)
+
+    bpy.ops.kiriko.display_preset(preset="Dell U2723QE")
+    display.kiriko.resolution = (64, 64)
+    bpy.ops.kiriko.solve()
+    shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    assert "White is seen at about 400 cd/m\N{SUPERSCRIPT TWO}" in " ".join(shown)
+
+
 def test_glass_of_its_own_gets_the_index_in_its_material(
     scene: bpy.types.Scene, read: Callable, capfd: pytest.CaptureFixture
 ) -> None:

@@ -80,9 +80,8 @@ class KirikoDisplay(bpy.types.PropertyGroup):
         subtype="FACTOR",
     )
     white: FloatProperty(
-        name="White",
-        description="Luminance of a white pixel, in cd/m\N{SUPERSCRIPT TWO}: by it the result tells"
-        " how bright the picture is",
+        name="White (cd/m\N{SUPERSCRIPT TWO})",
+        description="Luminance of a white pixel: by it the result tells how bright the picture is",
         default=250.0,
         min=0.1,
         soft_min=50.0,
