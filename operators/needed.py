@@ -1,5 +1,7 @@
 """The parts that a rig has and still lacks, and the reason why a button is grey."""
 
+from time import monotonic
+
 import bpy
 
 from ..core.blender.parts import hidden_words
@@ -19,6 +21,11 @@ NEEDED = {
 }
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
+LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
+RESTING = 30.0  # times as long as it took
+_answers: dict[
+    int, tuple[bool, float]
+] = {}  # by session uid of the scene, and until when it counts
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
@@ -53,17 +60,26 @@ def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
 def has_rig(scene: bpy.types.Scene) -> bool:
     """Is there a part of a rig, or at least a result of one?
 
-    Asked by every panel at each move of the mouse; in a scene
-    with a rig one of the first objects answers.
+    Every panel asks at each move of the mouse. With a rig one of the first objects answers; among
+    thousands of others the answer that took long is kept for a while.
     """
     if scene.kiriko.result.source is not None:
         return True
-    return any(thing.kiriko.role != "NONE" for thing in scene.objects) or any(
+
+    answer, until = _answers.get(scene.session_uid, (False, 0.0))
+    if monotonic() < until:
+        return answer
+
+    started = monotonic()
+    answer = any(thing.kiriko.role != "NONE" for thing in scene.objects) or any(
         other.kiriko.role != "NONE"
         for thing in scene.objects
         if thing.instance_collection is not None
         for other in thing.instance_collection.all_objects
     )
+    lasted = monotonic() - started
+    _answers[scene.session_uid] = answer, started + (RESTING * lasted if lasted > LONG else 0.0)
+    return answer
 
 
 def layer_of(scene: bpy.types.Scene) -> bpy.types.ViewLayer:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from time import perf_counter
 from types import ModuleType, SimpleNamespace
 
 import blf
@@ -150,6 +151,22 @@ def test_before_there_is_a_rig_there_is_one_button(
     assert not any(polled()[1:])
     scene.kiriko.result.source = bpy.data.images.new("made", 8, 8)
     assert all(polled())
+
+
+def test_thousands_of_objects_do_not_hold_up_panels(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Where none has a role they are asked once in a while, and not by each panel."""
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    many = bpy.data.collections.new("many")
+    scene.collection.children.link(many)
+    for _ in range(5000):
+        many.objects.link(bpy.data.objects.new("e", None))
+
+    assert not needed.has_rig(scene)
+    started = perf_counter()
+    assert not any(needed.has_rig(scene) for _ in range(8))
+    assert perf_counter() - started < 1e-3
 
 
 def test_the_panels_stand_in_the_order_of_the_work(kiriko: ModuleType) -> None:
