@@ -21,6 +21,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.solve", icon="LIGHT_SUN")
         icon = "PAUSE" if live.is_on() else "PLAY"
         layout.operator("kiriko.live", icon=icon)
+        layout.operator("kiriko.look_through", icon="VIEW_CAMERA")
         layout.operator("kiriko.simulate", icon="IMAGE_DATA")
         layout.operator("kiriko.preview", icon="RENDER_STILL")
         layout.operator("kiriko.look_through", icon="OUTLINER_OB_CAMERA")
