@@ -106,7 +106,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
 def test_previews(kiriko, scene, make):
     """The operator renders the solved rig; where core sees the picture's dots there is light."""
     make().kiriko.use_ior = True
-    sizes = {"picture_size": 0.022, "display_size": 0.1, "display_resolution": (512, 512)}
+    sizes = {"picture_size": 0.035, "display_size": 0.1, "display_resolution": (512, 512)}
     assert bpy.ops.kiriko.add_rig(viewer_resolution=96, **sizes) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert bpy.ops.kiriko.preview(samples=16) == {"FINISHED"}
