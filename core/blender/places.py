@@ -6,14 +6,11 @@ from contextlib import suppress
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import KirikoError
-from ..image.tone import Tone
-from ..rig import ROLES, Picture, Rig, Viewer
-from .elements import read_picture_image
-from .parts import is_placed, parts_by_role, read_parts
+from ..rig import ROLES, Rig, Viewer
+from .elements import place_of, shown_image
+from .parts import Part, is_placed, parts_by_role, read_parts
 from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
@@ -22,14 +19,7 @@ from .viewer import read_viewer
 
 
 class KeptPlaces(Kept):
-    """Keeps meshes as `Kept` does; of images it reads no pixels."""
-
-    def pixels(
-        self, image: bpy.types.Image, owner: str, tone: Tone | None = None
-    ) -> NDArray[np.float32]:
-        """As many as the image has, none of which takes memory."""
-        width, height = image.size
-        return np.broadcast_to(np.float32(0), (height, width, 4))
+    """Keeps meshes as `Kept` does; pixels are not asked for."""
 
     @property
     def is_whole(self) -> bool:
@@ -54,15 +44,14 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Ke
         if role.number is None:
             continue
         if role.name == "PICTURE" and scene.kiriko.picture_source == "IMAGE":
-            members = _image(scene, kept)
-        else:
-            members = []
-            for part in by_role[role.name]:
-                with suppress(KirikoError):
-                    members.append(in_blender(role.name).read(part, kept).part)
+            image = scene.kiriko.picture_image
+            found[role.field] = () if image is None else (place_of(image, image.name),)
+            continue
 
-        if role.name == "PICTURE":
-            members = [picture.place for picture in members]
+        members = []
+        for part in by_role[role.name]:
+            with suppress(KirikoError):
+                members.append(_read(part, kept))
         found[role.field] = tuple(members)
 
     rig, _ = calibrated_rig(Rig(**found), scene)
@@ -79,8 +68,9 @@ def _viewer(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: floa
     return None
 
 
-def _image(scene: bpy.types.Scene, kept: KeptPlaces) -> list[Picture]:
-    """The picture in the viewer's own pixels."""
-    with suppress(KirikoError):
-        return read_picture_image(scene.kiriko.picture_image, None, kept)[0]
-    return []
+def _read(part: Part, kept: KeptPlaces) -> Any:
+    """A part as its role reads it, but of a picture the place alone."""
+    if part.role == "PICTURE":
+        image, _ = shown_image(part)
+        return place_of(image, part.name, part.mesh)
+    return in_blender(part.role).read(part, kept).part

@@ -190,6 +190,18 @@ def test_the_sketch_follows_the_scene_and_rests_else(
     assert {note.text for note in third.sketch.notes} >= {"cut off by Max Events"}
 
 
+def test_a_picture_in_the_viewers_pixels_is_looked_at_over_its_frame(sketcher: ModuleType) -> None:
+    """The corners are those of the frame, and no plane is needed."""
+    small_rig()
+    ours = bpy.context.scene.kiriko
+    ours.picture_image, ours.picture_source = bpy.data.images["Kiriko Lattice"], "IMAGE"
+    sketch = looked(sketcher).sketch
+    assert len(sketch.light.ways) == 5
+    assert sketch.light.ways[4].has_arrived
+    frame = np.concatenate([line.points for line in sketch.lines if line.state == "picture"])
+    assert np.abs(np.abs(frame[:, [0, 2]]) - 0.02).max() < 1e-6
+
+
 def test_a_mesh_is_read_and_made_ready_once_while_it_is_moved(
     sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
