@@ -36,7 +36,7 @@ typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY } Kind;
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
 
-typedef enum { PASS = 1, TIR = 2, AT_PLATE = 3, AT_MIRROR = 4, LAND = 5 } Event;
+typedef enum { PASS = 1, TIR, AT_PLATE, AT_MIRROR, LAND, FACE_PASS, FACE_TIR, AT_MIRROR_FACE } Event; /* as in rays.py */
 
 typedef enum { NONE, IMAGED, STRAY_1, STRAY_2, THROUGH, REFLECTED } PlatePath;
 

@@ -187,8 +187,8 @@ static void land_beyond_plate(Ray *ray) {
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
 
-/* Geometric and shading normal, both turned against the ray. */
-static void find_normals(const Plan *plan, const double *d, const Hit *hit, double *geometric, double *shading) {
+/* Geometric and shading normal, both turned against the ray; is the face's own one kept, as the bent one looks away? */
+static bool find_normals(const Plan *plan, const double *d, const Hit *hit, double *geometric, double *shading) {
     copy(plan->normals + 3 * hit->triangle, geometric);
     copy(geometric, shading);
     if (hit->is_curved) {
@@ -207,8 +207,9 @@ static void find_normals(const Plan *plan, const double *d, const Hit *hit, doub
             geometric[j] = -geometric[j];
             shading[j] = -shading[j];
         }
-    /* where the shading normal looks away from the ray the face's own one is kept */
-    if (dot(d, shading) >= 0) copy(geometric, shading);
+    bool is_away = dot(d, shading) >= 0;
+    if (is_away) copy(geometric, shading);
+    return is_away;
 }
 
 static void reflect(const double *d, const double *normal, double *out) {
@@ -274,15 +275,20 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     }
     const double *d = rays->directions + 3 * i;
     double geometric[3], shading[3], out[3], passed;
-    find_normals(plan, d, hit, geometric, shading);
+    bool is_own = find_normals(plan, d, hit, geometric, shading);
     bool is_tir = refract(d, shading, n1, n2, out, &passed);
-    /* a bent normal can send light to the wrong side of the face it met: there the face's own normal is used */
-    if ((dot(out, geometric) > 0) != is_tir) is_tir = refract(d, geometric, n1, n2, out, &passed);
+    /* a bent normal can send light to the wrong side of the face it met: there the face's own normal is used,
+       and light jumps */
+    if ((dot(out, geometric) > 0) != is_tir) {
+        is_tir = refract(d, geometric, n1, n2, out, &passed);
+        is_own = true;
+    }
     set_direction(ray, out);
     if (is_tir) rays->last_part[i] = part;
     rays->mask[i] = is_tir ? before : after;
     if (plan->brightness) rays->throughput[i] *= passed;
-    add_to_branch(ray, patch, is_tir ? TIR : PASS);
+    Event event = is_own ? (is_tir ? FACE_TIR : FACE_PASS) : (is_tir ? TIR : PASS);
+    add_to_branch(ray, patch, event);
 }
 
 static void meet_plate(Ray *ray, const Hit *hit) {
@@ -311,11 +317,14 @@ static void meet_plate(Ray *ray, const Hit *hit) {
 static void meet_mirror(Ray *ray, const Hit *hit) {
     const double *d = ray->rays->directions + 3 * ray->i;
     double geometric[3], shading[3], out[3];
-    find_normals(ray->plan, d, hit, geometric, shading);
+    bool is_own = find_normals(ray->plan, d, hit, geometric, shading);
     reflect(d, shading, out);
-    if (dot(out, geometric) < 0) reflect(d, geometric, out);
+    if (dot(out, geometric) < 0) {
+        reflect(d, geometric, out);
+        is_own = true;
+    }
     set_direction(ray, out);
-    add_to_branch(ray, ray->plan->patch[hit->triangle], AT_MIRROR);
+    add_to_branch(ray, ray->plan->patch[hit->triangle], is_own ? AT_MIRROR_FACE : AT_MIRROR);
 }
 
 /* End here: with a landing when the light came the way that it has to, to the display's front. */

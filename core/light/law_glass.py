@@ -9,7 +9,7 @@ from .hits import Hits
 from .meetings import Law, shading_normals
 from .optics import refract
 from .plan import Plan
-from .rays import PASS, TIR, Rays
+from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
@@ -34,15 +34,16 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
         return
 
     directions = rays.directions[i]
-    geometric, shading = shading_normals(plan, directions, hits)
+    geometric, shading, is_own = shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1, n2)
 
     # a bent normal can send light to the wrong side of the face
-    # it met: there the face's own normal is used
+    # it met: there the face's own normal is used, and light jumps
     wrong = (dot(out, geometric) > 0) != is_tir
     if wrong.any():
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
         out[wrong], is_tir[wrong], transmittance[wrong] = again
+        is_own[wrong] = True
 
     rays.directions[i] = normalise(out)
     # a ray turned back may meet a sheet at this place again, but
@@ -52,7 +53,8 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     if plan.settings.brightness:
         rays.throughput[i] *= transmittance
 
-    rays.add_to_branch(i, patch, np.where(is_tir, TIR, PASS))
+    event = np.where(is_own, np.where(is_tir, FACE_TIR, FACE_PASS), np.where(is_tir, TIR, PASS))
+    rays.add_to_branch(i, patch, event)
 
 
 def _cross_faces(

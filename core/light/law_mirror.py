@@ -1,5 +1,7 @@
 """A mirror: light is reflected, on both sides."""
 
+import numpy as np
+
 from ..arrays import Ints
 from ..fingerprint import fingerprint
 from ..glass.surfaces import Surface, make_surface
@@ -10,7 +12,7 @@ from .kept import Kept
 from .meetings import Law, shading_normals
 from .optics import reflect
 from .plan import Plan
-from .rays import MIRROR, Rays
+from .rays import FACE_MIRROR, MIRROR, Rays
 
 
 def surface(part: Mirror, kept: Kept) -> tuple[Surface, str]:
@@ -22,14 +24,15 @@ def surface(part: Mirror, kept: Kept) -> tuple[Surface, str]:
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Go on reflected; where a bent normal would send light through, by the face's own one."""
     directions = rays.directions[i]
-    geometric, shading = shading_normals(plan, directions, hits)
+    geometric, shading, is_own = shading_normals(plan, directions, hits)
 
     out = reflect(directions, shading)
     wrong = dot(out, geometric) < 0
     out[wrong] = reflect(directions[wrong], geometric[wrong])
 
     rays.directions[i] = normalise(out)
-    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], MIRROR)
+    event = np.where(is_own | wrong, FACE_MIRROR, MIRROR)
+    rays.add_to_branch(i, plan.triangles.patch[hits.triangle], event)
 
 
 LAW = Law(meet, surface)

@@ -37,8 +37,10 @@ def key_of_facets(mesh: Mesh) -> str:
     return f"{fingerprint(mesh.flat())}/0"
 
 
-def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats]:
-    """Geometric and shading normals (n, 3), both turned against the ray."""
+def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats, Bools]:
+    """Geometric and shading normals (n, 3), both turned against the ray; and where (n,) the face's
+    own normal is kept, because the bent one looks away.
+    """
     # those of curved faces
     geometric = plan.triangles.normals[hits.triangle]
     shading = geometric
@@ -61,15 +63,14 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
     front = hits.enters[:, None]
     if shading is geometric:
         geometric = np.where(front, geometric, -geometric)
-        return geometric, geometric
+        return geometric, geometric, np.zeros(len(geometric), bool)
 
     geometric = np.where(front, geometric, -geometric)
     shading = np.where(front, shading, -shading)
 
-    # where the shading normal looks away from the ray the face's own one is kept
     away = dot(directions, shading) >= 0
     shading[away] = geometric[away]
-    return geometric, shading
+    return geometric, shading, away
 
 
 def _is_set(vectors: Floats) -> Bools:

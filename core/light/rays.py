@@ -23,7 +23,9 @@ class ReachedError(Exception):
 
 # numbers that make up a branch: any odd multiplier mixes; it is the golden ratio's 64 bits
 _MIX = np.uint64(0x9E3779B97F4A7C15)
-PASS, TIR, PLATE, MIRROR, LAND = range(1, 6)
+# Events; the last three by a face's own normal, where its bent one fails: light jumps from one to
+# the other. Of a patch there are eight at the most.
+PASS, TIR, PLATE, MIRROR, LAND, FACE_PASS, FACE_TIR, FACE_MIRROR = range(1, 9)
 
 
 class Rays:

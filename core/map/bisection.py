@@ -1,5 +1,4 @@
-"""Where the border between two branches crosses the edges
-of cells, and the pieces that it cuts them into.
+"""Where the border between two branches crosses the edges of cells.
 
 A border is the last place on an edge whose ray takes the branch of the edge's end. A round of
 2^k - 1 rays, evenly spread over the part in question, finds k binary digits of it. One digit a
@@ -60,98 +59,11 @@ def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
     )
 
 
-def cut_cells(
-    plan: Plan, points: Points, cells: Ints
-) -> Generator[int, None, tuple[Points, Ints, Ints]]:
-    """Cut cells (m, k) with k corners; returns all points,
-    triangles (t, 3) and the cells (t,) they are pieces of.
-
-    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
-    on the corner's own branch and the first on the next corner's. The places on one branch, in
-    order, are a convex piece.
-    """
-    m, k = cells.shape
-    n = len(points)
-    if not m:
-        return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
-
-    # each border is looked for once, from each of its two sides that has a landing
-    cells = cells.astype(np.int64)
-    branch = points.branch[cells]
-    following = np.roll(cells, -1, axis=1)
-    differs = branch != np.roll(branch, -1, axis=1)
-    sides = np.concatenate([
-        np.stack([cells, following], axis=2)[differs & (branch != 0)],
-        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
-    ])  # fmt: skip
-    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
-    border = yield from _both_ways(plan, points, key // n, key % n)
-
-    # places: 0 where there is none, else 1 + index of the point
-    places = np.zeros((m, k, 3), np.int64)
-    places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
-    n_from_corner = int((differs & (branch != 0)).sum())
-    number = inverse.ravel() + n + 1
-    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
-    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
-
-    # a leader that leads no corner gives no piece
-    group = yield from _groups(plan, points, cells)
-    place_group = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2).reshape(m, 3 * k)
-    places = places.reshape(m, 3 * k)
-    pieces = [_fans(places, (places > 0) & (place_group == leader)) for leader in range(k)]
-    triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
-
-    return points.and_more(border), triangles - 1, owner
-
-
-def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
-    """Triangles (t, 3) of convex polygons, whose corners are the
-    members of each row in order, and the rows (t,).
-    """
-    members = places[is_member]
-    n_corners = is_member.sum(axis=1)
-    first = np.cumsum(n_corners) - n_corners
-    fans = []
-    rows = []
-
-    for k in range(1, places.shape[1] - 1):
-        row = np.flatnonzero(n_corners > k + 1)
-        fans.append(members[first[row, None] + np.array([0, k, k + 1])])
-        rows.append(row)
-
-    return np.concatenate(fans), np.concatenate(rows)
-
-
-def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
-    """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
-
-    Opposite corners on one branch between two that are not
-    belong together only when the middle is on it too.
-    """
-    branch = points.branch[cells]
-    same = branch[:, :, None] == branch[:, None, :]
-    k = cells.shape[1]
-    if k == 4:
-        corner = np.arange(k)
-        opposite = np.abs(corner[:, None] - corner) == 2
-        beside = same & ~opposite & ~np.eye(k, dtype=bool)
-
-        # where both corners of the other branch stand alone the middle decides
-        alone = ~beside.any(axis=2)
-        saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
-        if saddle.any():
-            middle = yield from trace_points(plan, points.view[cells[saddle]].mean(axis=1))
-            holds = middle.branch[:, None] == branch[saddle]
-            split = alone[saddle] & ~holds
-            same[saddle] &= ~(opposite[None] & split[:, :, None])
-
-    return np.where(branch != 0, same.argmax(axis=2), -1)
-
-
-def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[int, None, Points]:
-    """Last points (n,) on the branch of points `near` (n,)
-    towards points `far`, sorted by near, then far.
+def both_ways(
+    plan: Plan, points: Points, near: Ints, far: Ints
+) -> Generator[int, None, tuple[Floats, Points]]:
+    """Last points (n,) on the branch of points `near` (n,) towards points `far`, sorted by near,
+    then far; before them where (n,) it has ended, 0..1 of the way.
 
     Where both have a landing the other's branch most often begins
     where the one's ends: it is looked for there first.
@@ -163,23 +75,25 @@ def _both_ways(plan: Plan, points: Points, near: Ints, far: Ints) -> Generator[i
     is_second = (key[at] == back) & (near > far)
     first = np.flatnonzero(~is_second)
     second = np.flatnonzero(is_second)
-    place, found = yield from _last_on_branch(
+    place, found = yield from last_on_branch(
         plan, points, near[first], far[first], np.ones(len(first))
     )
+    ends = np.empty(len(key))
+    ends[first] = place
     if not len(second):
-        return found
+        return ends, found
 
     # the second side, where the first has told about where it ends
     rank = np.empty(len(key), np.int64)
     rank[first] = np.arange(len(first))
     end = np.minimum(1 - place[rank[at[second]]], 1.0)
-    _, others = yield from _last_on_branch(plan, points, near[second], far[second], end)
+    ends[second], others = yield from last_on_branch(plan, points, near[second], far[second], end)
     order = np.argsort(np.concatenate([first, second]))
 
-    return found.and_more(others).at(order)
+    return ends, found.and_more(others).at(order)
 
 
-def _last_on_branch(
+def last_on_branch(
     plan: Plan, points: Points, near: Ints, far: Ints, end: Floats
 ) -> Generator[int, None, tuple[Floats, Points]]:
     """Last points (n,) on the branch of points `near` towards

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Bools, Ints, mean_at, taken
 from ..light.plan import Plan
-from .bisection import cut_cells
+from .cut_cells import cut_cells
 from .doubts import (
     CUT,
     Doubts,

@@ -3,6 +3,7 @@ ellipsoid, total reflection, nested and touching solids.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -611,3 +612,44 @@ def test_a_mirror_as_drawn_reflects_by_its_normals():
         expected = d - 2 * (d @ by) * by
         assert (d @ normal < 0) or slope > 1
         assert np.abs(found.directions[0] - expected).max() < 1e-12
+
+
+def test_light_jumps_within_no_branch():
+    """In a hollow ball as drawn, whose bent normals fail at the rim of its inside, rays a billionth
+    of a pixel apart land side by side where their branches are the same.
+    """
+    outside, inside = (icosphere(radius, 2) for radius in (0.025, 0.022))
+    ball = Mesh(
+        np.concatenate([outside.vertices, inside.vertices]),
+        np.concatenate([outside.triangles, len(outside.vertices) + inside.triangles[:, ::-1]]),
+        np.concatenate([outside.corner_normals, -inside.corner_normals[:, ::-1]]),
+        np.concatenate([outside.is_smooth, inside.is_smooth]),
+        surface="facets",
+    )
+    a_rig = rig(ball, pixels=64, display=0.4, field=0.06)
+    plan = make_plan(a_rig, Settings())
+
+    # places around the inside's rim, and others about a pixel away
+    random = np.random.default_rng(3)
+    turn, radius = random.random((2, 1500)) * [[2 * np.pi], [0.012]] + [[0], [0.86]]
+    rim = 64 * 0.025 / 0.06
+    near = 32 + rim * radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    far = near + random.normal(size=near.shape)
+
+    # halved again and again: to the half in which light changes most
+    for _ in range(35):
+        middle = (near + far) / 2
+        ends = [trace_all(plan, *a_rig.viewer.rays(xy)) for xy in (near, middle, far)]
+        steps = [
+            np.nan_to_num(np.linalg.norm(one.xy - other.xy, axis=1))
+            for one, other in pairwise(ends)
+        ]
+        holds = ends[0].branch == ends[1].branch
+        is_one = holds & (ends[1].branch == ends[2].branch)
+        is_near = np.where(is_one, steps[0] > steps[1], ~holds)[:, None]
+        near, far = np.where(is_near, near, middle), np.where(is_near, middle, far)
+
+    first, last = (trace_all(plan, *a_rig.viewer.rays(xy)) for xy in (near, far))
+    is_one = (first.branch == last.branch) & (first.branch != 0)
+    assert is_one.sum() > 500
+    assert np.linalg.norm(first.xy - last.xy, axis=1)[is_one].max() < 1e-3

@@ -1,0 +1,149 @@
+"""The pieces that borders cut cells into."""
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..arrays import Ints
+from ..light.plan import Plan
+from .bisection import both_ways
+from .points import Points, trace_points
+from .strips import find_strips
+
+
+def cut_cells(
+    plan: Plan, points: Points, cells: Ints
+) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """Cut cells (m, k) with k corners; returns all points,
+    triangles (t, 3) and the cells (t,) they are pieces of.
+
+    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
+    on the corner's own branch and the first on the next corner's. Between these two are the ends of
+    strips. The places on one branch, in order, are a convex piece.
+    """
+    m, k = cells.shape
+    n = len(points)
+    if not m:
+        return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
+
+    # each border is looked for once, from each of its two sides that has a landing
+    cells = cells.astype(np.int64)
+    branch = points.branch[cells]
+    following = np.roll(cells, -1, axis=1)
+    differs = branch != np.roll(branch, -1, axis=1)
+    sides = np.concatenate([
+        np.stack([cells, following], axis=2)[differs & (branch != 0)],
+        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
+    ])  # fmt: skip
+    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    ends, border = yield from both_ways(plan, points, key // n, key % n)
+    strips = yield from find_strips(plan, points, key, ends)
+
+    # places: 0 where there is none, else 1 + index of the point
+    places = np.zeros((m, k, 3), np.int64)
+    places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
+    n_from_corner = int((differs & (branch != 0)).sum())
+    number = inverse.ravel() + n + 1
+    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
+    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
+
+    group = yield from _groups(plan, points, cells)
+    of_place = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2)
+    points = points.and_more(border)
+    on_edges = strips.on_edges(cells, following, n, len(points))
+    points = points.and_more(strips.points)
+
+    # cells with strips have more places
+    has_strips = (on_edges > 0).any(axis=(1, 2))
+    plain = np.flatnonzero(~has_strips)
+    others = np.flatnonzero(has_strips)
+    on_edges = on_edges[others]
+    of_strip = _groups_of_strips(points, branch[others], group[others], on_edges)
+    found = [
+        (plain, places[plain], of_place[plain]),
+        (others, _between(places[others], on_edges), _between(of_place[others], of_strip)),
+    ]
+    pieces = [_pieces(*some) for some in found]
+    triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
+
+    return points, triangles - 1, owner
+
+
+def _between(of_places: Ints, of_strips: Ints) -> Ints:
+    """Values at the places (m, k, 3) of cells' outlines, and at the ends of strips (m, k, s)."""
+    return np.concatenate([of_places[:, :, :2], of_strips, of_places[:, :, 2:]], axis=2)
+
+
+def _pieces(cells: Ints, places: Ints, group: Ints) -> tuple[Ints, Ints]:
+    """Triangles (t, 3) of cells (m,) with places (m, k, s) in
+    groups, and the cells (t,) they are pieces of.
+    """
+    _, k, n_places = places.shape
+    places, group = (values.reshape(len(cells), k * n_places) for values in (places, group))
+    # a leader that leads no corner gives no piece
+    pieces = [
+        _fans(places, (places > 0) & (group == leader)) for leader in np.unique(group[group >= 0])
+    ]
+    triangles = [np.empty((0, 3), np.int64), *(fan for fan, _ in pieces)]
+    owner = [np.empty(0, np.int64), *(cells[rows] for _, rows in pieces)]
+    return np.concatenate(triangles), np.concatenate(owner)
+
+
+def _groups_of_strips(points: Points, branch: Ints, group: Ints, on_edges: Ints) -> Ints:
+    """The groups (m, k, s) of strips' ends: those of a corner (m, k) on their
+    branch, or else of their own; -1 where there is none.
+    """
+    m, k, n_ends = on_edges.shape
+    ends = on_edges.reshape(m, k * n_ends)
+    of_end = np.where(ends > 0, points.branch[ends - 1], 0)
+    known = np.concatenate([branch, of_end], axis=1)
+
+    leader = (of_end[:, :, None] == known[:, None, :]).argmax(axis=2)
+    of_corner = np.take_along_axis(group, np.minimum(leader, k - 1), axis=1)
+    found = np.where(leader < k, of_corner, leader)
+
+    return np.where(ends > 0, found, -1).reshape(on_edges.shape)
+
+
+def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
+    """Triangles (t, 3) of convex polygons, whose corners are the
+    members of each row in order, and the rows (t,).
+    """
+    members = places[is_member]
+    n_corners = is_member.sum(axis=1)
+    first = np.cumsum(n_corners) - n_corners
+    fans = [np.empty((0, 3), np.int64)]
+    rows = [np.empty(0, np.int64)]
+
+    for k in range(1, int(n_corners.max(initial=0)) - 1):
+        row = np.flatnonzero(n_corners > k + 1)
+        fans.append(members[first[row, None] + np.array([0, k, k + 1])])
+        rows.append(row)
+
+    return np.concatenate(fans), np.concatenate(rows)
+
+
+def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
+    """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
+
+    Opposite corners on one branch between two that are not
+    belong together only when the middle is on it too.
+    """
+    branch = points.branch[cells]
+    same = branch[:, :, None] == branch[:, None, :]
+    k = cells.shape[1]
+    if k == 4:
+        corner = np.arange(k)
+        opposite = np.abs(corner[:, None] - corner) == 2
+        beside = same & ~opposite & ~np.eye(k, dtype=bool)
+
+        # where both corners of the other branch stand alone the middle decides
+        alone = ~beside.any(axis=2)
+        saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
+        if saddle.any():
+            middle = yield from trace_points(plan, points.view[cells[saddle]].mean(axis=1))
+            holds = middle.branch[:, None] == branch[saddle]
+            split = alone[saddle] & ~holds
+            same[saddle] &= ~(opposite[None] & split[:, :, None])
+
+    return np.where(branch != 0, same.argmax(axis=2), -1)
