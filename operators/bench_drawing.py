@@ -28,9 +28,9 @@ def seen_name(name: str) -> str:
 
 def drawings(rig: Rig, lattice: Lattice, paper: str, name: str = NAME) -> dict[str, str]:
     """The sheets of a bench by their files' names. Without a picture's plane there is only one."""
-    sheets = {name: draw_bench(rig, paper)}
+    sheets = {name: draw_bench(rig, rig.viewer, paper)}
     if rig.picture_place.mesh is not None:
-        sheets[seen_name(name)] = draw_seen(rig, lattice, paper)
+        sheets[seen_name(name)] = draw_seen(rig, rig.viewer, lattice, paper)
     return sheets
 
 

@@ -64,7 +64,7 @@ def plane_of(rig: Rig) -> Plane:
             "The picture is in the viewer's own pixels and has no size of its own: choose a picture"
             " plane."
         )
-    if way_to_mesh(place.mesh, rig.viewer) is None:
+    if any(way_to_mesh(place.mesh, viewer) is None for viewer in rig.viewers):
         raise RigError(
             "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
             picture=place.name,

@@ -206,8 +206,8 @@ def fit_plate(
 
 def _most_display(rig: Rig, outline: Outline) -> float:
     """How many times as large a display may be."""
-    mesh = place_in_sight(rig.picture_place, rig.viewer).mesh
-    longest = np.linalg.norm(np.ptp(mesh.corners.reshape(-1, 3), axis=0))
+    places = [place_in_sight(rig.picture_place, viewer) for viewer in rig.viewers]
+    longest = max(np.linalg.norm(np.ptp(p.mesh.corners.reshape(-1, 3), axis=0)) for p in places)
     return float(ROOM.most_display * longest / (2 * outline.half.max()))
 
 

@@ -64,7 +64,9 @@ class Comparer:
         yield 0.9
         after = solution.seen()
         yield 0.95
-        return Comparison(before, after, solution.ideal(), fitted(solution.source, rig.viewer))
+        return Comparison(
+            before, after, solution.ideal(), fitted(solution.source, solution.first.viewer)
+        )
 
 
 def fitted(source: Image, viewer: Viewer) -> Image:

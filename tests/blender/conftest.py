@@ -85,6 +85,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
                 active_object=active,
                 object=active,
                 preferences=preferences,
+                window_manager=bpy.context.window_manager,
                 region=wide,
                 evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
             )

@@ -127,7 +127,7 @@ def test_before_there_is_a_rig_there_is_one_button(
     single object with a role, or a result, brings them all.
     """
     shown = drawn(*PANELS[0])
-    assert shown.operators == ["kiriko.add_rig"] * 2
+    assert shown.operators == ["kiriko.add_rig"] * 2 + ["kiriko.open_example"]
     assert shown.props == []
     assert "press Add Rig" in " ".join(shown.texts)
 
@@ -375,7 +375,7 @@ def test_each_verb_is_in_a_menu(
     named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}
     verbs = {c.bl_idname for c in classes} - named - {f"kiriko.{name}" for name in own}
     found = set(drawn("menus", "VIEW3D_MT_kiriko").operators)
-    assert verbs - found <= {"kiriko.rescale_scene"}
+    assert verbs - found <= {"kiriko.rescale_scene", "kiriko.wipe"}
     assert "kiriko.make_glass" in found
 
 

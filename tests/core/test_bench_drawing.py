@@ -71,7 +71,7 @@ def test_body_is_no_rectangle() -> None:
 def test_places_are_measured_from_the_lowest_edge_of_the_plate() -> None:
     """The reference bench: a plate of 488 mm at 45 degrees, 150 mm behind the glass."""
     a_rig = ball_rig()
-    datum = find_datum(a_rig)
+    datum = find_datum(a_rig, a_rig.viewer)
     low = 0.244 / 2**0.5
     assert datum.place == pytest.approx([0, 0.15 - low, -low])
 
@@ -97,7 +97,8 @@ def test_drawing_is_to_scale(a_rig: Callable[[], Rig], paper: str) -> None:
     """The plate's edge measures 488 mm on the plan at the scale
     that is told, and all lines stand on the paper.
     """
-    svg = draw_bench(a_rig(), paper)
+    the_rig = a_rig()
+    svg = draw_bench(the_rig, the_rig.viewer, paper)
     told, times = map(float, re.search(r"Scale (\S+) : (\S+) on", svg).groups())
     scale = told / times
     assert min(abs(scale - other) for other in SCALES) < 1e-12
@@ -114,7 +115,7 @@ def test_dots_stand_where_the_viewer_sees_the_lattice() -> None:
     """Each against the straight line from the viewer to its place on the picture's plane."""
     a_rig = ball_rig()
     lattice = Lattice(5, 4, 0.1)
-    svg = draw_seen(a_rig, lattice)
+    svg = draw_seen(a_rig, a_rig.viewer, lattice)
     dots = np.array(
         [[float(x) for x in pair] for pair in re.findall(r'<circle cx="(\S+)" cy="(\S+)"', svg)]
     )

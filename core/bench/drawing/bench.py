@@ -8,7 +8,7 @@ import numpy as np
 
 from ...arrays import Floats
 from ...messages import Message
-from ...rig import WAVELENGTH, Rig
+from ...rig import WAVELENGTH, Rig, Viewer
 from .datum import Datum, Standing, find_datum, standing
 from .outlines import contour
 from .sheet import (
@@ -75,7 +75,7 @@ class View:
         return datum.axes[rest]
 
 
-def draw_bench(rig: Rig, paper: Paper = "A4") -> str:
+def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
     """The bench as SVG: side view, plan, and a table of the parts. Lengths in mm.
 
     Forward runs to the right in both views. The viewer stands beside the sheet.
@@ -85,7 +85,7 @@ def draw_bench(rig: Rig, paper: Paper = "A4") -> str:
     rig : after `check`
     paper : lying; the scale is the largest round one at which both views fit
     """
-    datum = find_datum(rig)
+    datum = find_datum(rig, viewer)
     parts = standing(rig, datum)
     sheet = Sheet(paper)
     width, height = sheet.size
@@ -106,10 +106,10 @@ def draw_bench(rig: Rig, paper: Paper = "A4") -> str:
     )
 
     for view in views:
-        _draw_view(sheet, view, rig, datum, parts)
+        _draw_view(sheet, view, viewer, datum, parts)
     rows = [HEADINGS, *map(_row, ascii_uppercase, parts)]
     y = sheet.table((MARGIN, bottom), COLUMNS, rows)
-    for line in _explained(rig, datum):
+    for line in _explained(viewer, datum):
         y += ROW
         sheet.text((MARGIN, y), line)
     return sheet.svg()
@@ -152,7 +152,9 @@ def _scale(sizes: Floats, room: Floats, along: int) -> float:
     return next((scale for scale in SCALES if scale <= most), most)
 
 
-def _draw_view(sheet: Sheet, view: View, rig: Rig, datum: Datum, parts: Sequence[Standing]) -> None:
+def _draw_view(
+    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, parts: Sequence[Standing]
+) -> None:
     """Draw the parts, their letters, the line of sight, and rulers with the distances."""
     boxes = np.concatenate([view.on_paper(part.box) for part in parts] + [view.origin[None]])
     low = boxes.min(axis=0)
@@ -171,7 +173,7 @@ def _draw_view(sheet: Sheet, view: View, rig: Rig, datum: Datum, parts: Sequence
     for (x, y), there in letters.items():
         sheet.text((x + 0.8, y - 0.8), " ".join(there), size=3.2)
 
-    _draw_sight(sheet, view, rig, datum, low, high)
+    _draw_sight(sheet, view, viewer, datum, low, high)
     x, y = view.origin
     sheet.lines([[[x - 2, y], [x + 2, y]], [[x, y - 2], [x, y + 2]]], PART)
     centres = np.stack([part.centre for part in parts])
@@ -180,10 +182,9 @@ def _draw_view(sheet: Sheet, view: View, rig: Rig, datum: Datum, parts: Sequence
 
 
 def _draw_sight(
-    sheet: Sheet, view: View, rig: Rig, datum: Datum, low: Floats, high: Floats
+    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
 ) -> None:
     """The middle line of sight, as far as it runs over the view, from the viewer's side on."""
-    viewer = rig.viewer
     place, way = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
     start = view.on_paper(datum.of(place))
     step = view.on_paper(datum.of(place + way)) - start
@@ -246,9 +247,8 @@ def _make(part: Standing) -> str:
     return ""
 
 
-def _explained(rig: Rig, datum: Datum) -> tuple[str, ...]:
+def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
     """The words below the table."""
-    viewer = rig.viewer
     eye = datum.of(viewer.position)
     forward, right, up = (f"{number:.1f}" for number in MM * eye + 0.0)
     return (

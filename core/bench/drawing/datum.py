@@ -64,12 +64,12 @@ def level_axes(viewer: Viewer) -> Floats:
     return np.stack([forward, np.cross(forward, up), up])
 
 
-def find_datum(rig: Rig) -> Datum:
+def find_datum(rig: Rig, viewer: Viewer) -> Datum:
     """The middle of the lowest edge of the first plate, or of the display of a rig without one.
 
     Of edges that are as low as each other, the one nearest to the viewer.
     """
-    axes = level_axes(rig.viewer)
+    axes = level_axes(viewer)
     datum = *rig.plates, rig.display
     for part in datum:
         found = rectangle(part.mesh)

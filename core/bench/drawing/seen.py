@@ -21,7 +21,7 @@ BETWEEN = 8.0  # mm from the table to the viewer's image
 TITLE = 12.0  # mm
 
 
-def draw_seen(rig: Rig, lattice: Lattice, paper: Paper = "A4") -> str:
+def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -> str:
     """As SVG: on the left the corners of all flat parts, mm from the bench's datum; on
     the right the viewer's image, with the points of the lattice in the picture's place.
 
@@ -29,7 +29,7 @@ def draw_seen(rig: Rig, lattice: Lattice, paper: Paper = "A4") -> str:
     ------
     RigError : the picture is no flat rectangle
     """
-    datum = find_datum(rig)
+    datum = find_datum(rig, viewer)
     sheet = Sheet(paper)
     width, height = sheet.size
     sheet.text((MARGIN, MARGIN + 4), "Kiriko: corners, and the lattice as seen", size=4.5)
@@ -46,8 +46,8 @@ def draw_seen(rig: Rig, lattice: Lattice, paper: Paper = "A4") -> str:
 
     left = MARGIN + sum(CORNER_COLUMNS) + BETWEEN
     room = np.array([[left, MARGIN + TITLE], [width - MARGIN, height - MARGIN - 4 * TEXT]])
-    points = view_of_picture(rig.picture_place, rig.viewer, lattice.uv)
-    _draw_image(sheet, rig.viewer, lattice, points, room)
+    points = view_of_picture(rig.picture_place, viewer, lattice.uv)
+    _draw_image(sheet, viewer, lattice, points, room)
     return sheet.svg()
 
 
