@@ -7,13 +7,13 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender.image import save_png
-from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
 from ..core.messages import Message
 from ..core.solve.comparison import Comparison, side_by_side
 from ..core.steps import finish, within
 from . import compared, long_work, needed, telling, work
 from .export import use_bundled_modules
+from .to_file import ToFile
 from .windows import redraw
 
 GAP = 8  # px, white, between the two images of a saved comparison
@@ -93,54 +93,23 @@ class KIRIKO_OT_wipe(bpy.types.Operator):
         return {"FINISHED"} if is_over else {"RUNNING_MODAL"}
 
 
-class KIRIKO_OT_save_comparison(bpy.types.Operator):
+class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
     """Write both images of Before and After side by side to a PNG file"""
 
     bl_idname = "kiriko.save_comparison"
     bl_label = "Save Comparison"
     bl_options = {"REGISTER"}
 
-    filepath: bpy.props.StringProperty(
-        name="File",
-        description="Where to write",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
-    )
-    overwrite: bpy.props.BoolProperty(
-        name="Overwrite",
-        description="Replace the file if there is one already",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-    # the file dialogue asks an operator for these
-    check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
-    filter_glob: bpy.props.StringProperty(default="*.png", options={"SKIP_SAVE", "HIDDEN"})
-
-    is_in_dialogue = False
+    default_name = NAME
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, needed.lacking(context.scene))
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.filepath = self.filepath or NAME
-        self.is_in_dialogue = True
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialogue: complete the name, so that one that is taken is red."""
-        named = bpy.path.ensure_ext(self.filepath, ".png")
-        is_other = named != self.filepath
-        self.filepath = named
-        return is_other
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
-            if not self.filepath:
-                raise ImageError("The comparison has no path: choose a file.")
-
             use_bundled_modules()
-            path = absolute(bpy.path.ensure_ext(self.filepath, ".png"))
+            path = self.path()
             may_replace = self.overwrite or self.is_in_dialogue
             if disk.is_there(path) and not may_replace:
                 raise ImageError(

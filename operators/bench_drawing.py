@@ -8,11 +8,10 @@ from ..core import disk
 from ..core.bench.drawing.bench import draw_bench
 from ..core.bench.drawing.seen import draw_seen
 from ..core.bench.lattice.drawn import Lattice
-from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.errors import ImageError
 from ..core.messages import Message
 from ..core.rig import Rig
 from . import folder, needed, telling, work
+from .to_file import ToFile
 
 NAME = "bench.svg"
 PAPERS = (
@@ -47,7 +46,7 @@ def lattice_of(scene: bpy.types.Scene) -> Lattice:
     return Lattice(ours.columns, ours.rows, ours.margin)
 
 
-class KIRIKO_OT_bench_drawing(bpy.types.Operator):
+class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
     """Draw the bench to scale, side view and plan, with distances and angles for whoever builds it.
     A second sheet has all corners, and where the dots of the lattice should be seen
     """
@@ -56,48 +55,19 @@ class KIRIKO_OT_bench_drawing(bpy.types.Operator):
     bl_label = "Bench Drawing"
     bl_options = {"REGISTER"}
 
-    filepath: bpy.props.StringProperty(
-        name="File",
-        description="Where the first sheet is written; the second one stands beside it",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
-    )
+    default_name = NAME
+
     paper: bpy.props.EnumProperty(
         name="Paper", description="Size of the sheets, which lie on their side", items=PAPERS
     )
-    overwrite: bpy.props.BoolProperty(
-        name="Overwrite",
-        description="Replace the files if there are some already",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-    # the file dialogue asks an operator for these
-    check_existing: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
-    filter_glob: bpy.props.StringProperty(default="*.svg", options={"SKIP_SAVE", "HIDDEN"})
-
-    is_in_dialogue = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, needed.lacking(context.scene))
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self.filepath = self.filepath or NAME
-        self.is_in_dialogue = True
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialogue: complete the name, so that one that is taken is red."""
-        named = bpy.path.ensure_ext(self.filepath, ".svg")
-        is_other = named != self.filepath
-        self.filepath = named
-        return is_other
-
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
-            if not self.filepath:
-                raise ImageError("The drawing has no path: choose a file.")
-            path = absolute(bpy.path.ensure_ext(self.filepath, ".svg"))
+            path = self.path()
             rig = work.read(context).rig
             rig.check()
             sheets = drawings(rig, lattice_of(context.scene), self.paper, path.name)
