@@ -76,6 +76,7 @@ CLASSES = (
     look_through.KIRIKO_OT_look_through,
     preview.KIRIKO_OT_preview,
     visible_range.KIRIKO_OT_visible_range,
+    visible_range.KIRIKO_OT_remove_visible_range,
     simulate.KIRIKO_OT_simulate,
     before_after.KIRIKO_OT_before_after,
     before_after.KIRIKO_OT_wipe,

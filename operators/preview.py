@@ -13,6 +13,7 @@ from ..core.errors import ImageError, RigError
 from ..core.messages import Message, joined
 from . import long_work, needed, telling, watch, work
 from .export import target, use_bundled_modules
+from .windows import show_image
 
 NAME = "Kiriko Preview"
 
@@ -187,16 +188,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
         result = context.scene.kiriko.result
         result.preview = image = replace_image(result.preview, NAME, pixels)
-
-        for window in context.window_manager.windows:
-            for area in window.screen.areas:
-                space = area.spaces.active
-                if (
-                    area.type == "IMAGE_EDITOR"
-                    and space.image
-                    and space.image.type == "RENDER_RESULT"
-                ):
-                    space.image = image
+        show_image(image, result)
 
         remarks = self._remarks + preview.notes
         if remarks:

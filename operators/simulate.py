@@ -15,6 +15,7 @@ from ..core.light.plate import STRAY_PATHS, PlatePath
 from ..core.messages import Message, joined
 from ..core.words import number, percent
 from . import long_work, needed, watch, work
+from .windows import show_image
 
 NAME = "Kiriko Seen"
 
@@ -64,6 +65,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         found = yield from simulate(plan, shown, self.samples)
         result = scene.kiriko.result
         result.seen = image = replace_image(result.seen, NAME, found.image)
+        show_image(image, result)
         result.seen_summary = Message(
             "The image '{image}' shows what the viewer sees{more}.",
             image=image.name,

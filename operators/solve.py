@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..core.blender.result import write_coarse, write_solution
 from ..core.solve.coarse import solve_in_sight
 from . import live, long_work, needed, work
+from .windows import show_image
 
 
 class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
@@ -41,7 +42,9 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         else:
             solution = yield from work.session().solve(reading.rig, settings)
 
-        return write_solution(scene, reading, solution)
+        text = write_solution(scene, reading, solution)
+        show_image(scene.kiriko.result.source, scene.kiriko.result)
+        return text
 
     def stays(self) -> str:
         # not undone by now

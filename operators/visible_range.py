@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..core.bench.visible_range import SURVEY, visible_range
-from ..core.blender.objects import grid_object
+from ..core.blender.objects import grid_object, grid_of
 from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
 from ..core.messages import Message
@@ -14,6 +14,27 @@ from ..core.words import percent
 from . import long_work, needed, work
 
 NAME = "Kiriko Visible Range"
+
+
+class KIRIKO_OT_remove_visible_range(bpy.types.Operator):
+    """Remove the surface of the visible range"""
+
+    bl_idname = "kiriko.remove_visible_range"
+    bl_label = "Remove Visible Range"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_there = grid_of(context.scene, NAME) is not None
+        return needed.can_run(cls, [] if is_there else ["There is no visible range"])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        thing = grid_of(context.scene, NAME)
+        mesh = thing.data
+        bpy.data.objects.remove(thing)
+        if mesh is not None and mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+        return {"FINISHED"}
 
 
 class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):

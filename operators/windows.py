@@ -16,6 +16,21 @@ def redraw() -> None:
                 area.tag_redraw()
 
 
+def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
+    """Show a new image of a result where the artist looks: in the panel, and in image editors
+    that show none, a render, or another image of that result.
+    """
+    result.shown = image
+    ours = {None, result.source, result.seen, result.preview}
+    for window in all_windows():
+        for area in window.screen.areas:
+            space = area.spaces.active
+            if area.type == "IMAGE_EDITOR" and (
+                space.image in ours or space.image.type == "RENDER_RESULT"
+            ):
+                space.image = image
+
+
 def view_of(context: bpy.types.Context) -> bpy.types.Area | None:
     """The 3D view that is worked in: the one of the context, else the window's largest."""
     if context.window is None:

@@ -13,6 +13,7 @@ from . import (
     object,
     overlay,
     preferences,
+    range_view,
     result,
     rig,
     shown_images,
@@ -56,10 +57,12 @@ def register() -> None:
     shown_images.register()
     overlay.register()
     wipe.register()
+    range_view.register()
 
 
 def unregister() -> None:
     """Take them away."""
+    range_view.unregister()
     wipe.unregister()
     overlay.unregister()
     shown_images.unregister()

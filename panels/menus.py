@@ -28,6 +28,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.before_after", icon="ARROW_LEFTRIGHT")
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
+        layout.operator("kiriko.remove_visible_range", icon="X")
         layout.separator()
         layout.operator("kiriko.make_glass", icon="MATSPHERE")
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")

@@ -32,10 +32,11 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             sentence(layout, context, result.summary)
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
-        if result.source is not None:
-            layout.template_icon(
-                result.source.preview_ensure().icon_id, scale=icons_across(context)
-            )
+        image = result.shown or result.source
+        if image is not None:
+            layout.template_icon(image.preview_ensure().icon_id, scale=icons_across(context))
+            if image != result.source:
+                layout.label(text=image.name, icon="IMAGE_DATA", translate=False)
 
         warnings, _ = notes_of(result)
         for note in warnings:

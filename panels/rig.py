@@ -31,7 +31,9 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
             draw_tone(column, ours.picture)
 
         self._draw_parts(layout.column(align=True), context)
-        layout.operator("kiriko.visible_range", icon="HIDE_OFF")
+        row = layout.row(align=True)
+        row.operator("kiriko.visible_range", icon="HIDE_OFF")
+        row.operator("kiriko.remove_visible_range", text="", icon="X")
         layout.operator("kiriko.remove_rig", icon="TRASH")
 
     def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -91,6 +91,20 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
     return mesh
 
 
+def grid_of(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
+    """The object that `grid_object` made, if there is one."""
+    return next((thing for thing in scene.objects if thing.get(OBJECT_MARK) == name), None)
+
+
+def brightness_of(mesh: bpy.types.Mesh) -> Floats:
+    """Values (n,) that `grid_object` kept at the points."""
+    found = np.zeros(len(mesh.vertices), np.float32)
+    kept = mesh.attributes.get("brightness")
+    if kept is not None and len(kept.data) == len(found):
+        kept.data.foreach_get("value", found)
+    return found
+
+
 def grid_object(
     scene: bpy.types.Scene, name: str, positions: Floats, is_shown: Bools, values: Floats
 ) -> bpy.types.Object:
@@ -130,11 +144,12 @@ def grid_object(
         raise
 
     # the object of before gets the new mesh
-    thing = next((o for o in scene.objects if o.get(OBJECT_MARK) == name), None)
+    thing = grid_of(scene, name)
     if thing is None:
         thing = bpy.data.objects.new(name, mesh)
         thing[OBJECT_MARK] = name
-        thing.hide_render, thing.show_wire = True, True
+        # panels/range_view.py draws it translucent
+        thing.hide_render, thing.display_type = True, "WIRE"
         scene.collection.objects.link(thing)
     else:
         old, thing.data = thing.data, mesh

@@ -64,6 +64,7 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
         image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
         scene.kiriko.result.source = image
 
+    scene.kiriko.result.shown = image
     image.update_tag()  # for renderers in the viewport, which keep a copy
     return image
 
@@ -243,7 +244,8 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
         bpy.data.images.remove(image)
         raise
 
-    scene.kiriko.result.source = _take_place(image, old, SOURCE)
+    result = scene.kiriko.result
+    result.source = result.shown = _take_place(image, old, SOURCE)
     return remarks
 
 

@@ -133,3 +133,15 @@ def test_an_image_of_yours_with_the_name_of_ours_stays(scene):
         assert tuple(seen.size) == (64, 64)
         assert pixels(seen)[..., :3].max() > 0.5
         assert len(bpy.data.images) == n_images + 1
+
+
+def test_the_image_made_last_is_shown(scene: bpy.types.Scene) -> None:
+    """The panel's picture is the source image, then the simulation, then again the source image."""
+    small_rig()
+    result = scene.kiriko.result
+    for verb, image in (("solve", "source"), ("simulate", "seen"), ("solve", "source")):
+        if verb == "simulate":
+            plate = next(thing for thing in scene.objects if thing.kiriko.role == "PLATE")
+            plate.kiriko.plate.model = "CROSSED"
+        getattr(bpy.ops.kiriko, verb)()
+        assert result.shown == getattr(result, image)

@@ -1,3 +1,5 @@
+import importlib
+
 import bpy
 import numpy as np
 import pytest
@@ -47,3 +49,25 @@ def test_where_nothing_is_seen_nothing_is_made(scene, kiriko):
     with pytest.raises(RuntimeError, match="No place within"):
         bpy.ops.kiriko.visible_range(share=1.0)
     assert inventory() == before
+
+
+def test_it_is_removed_with_its_mesh(scene, kiriko):
+    """The scene is as it was before; then there is nothing to be removed."""
+    small_rig()
+    before = inventory()
+    bpy.ops.kiriko.visible_range()
+    assert inventory() != before
+    assert bpy.ops.kiriko.remove_visible_range() == {"FINISHED"}
+    assert inventory() == before
+    with pytest.raises(RuntimeError, match="There is no visible range"):
+        bpy.ops.kiriko.remove_visible_range()
+
+
+def test_colours_grow_brighter_and_end_at_the_scales_ends(kiriko):
+    """Lightness grows along the whole scale, as the eye weighs its colours."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.viridis")
+    colours = module.viridis(np.linspace(-0.5, 1.5, 41))
+    assert np.allclose(colours[0], module.ANCHORS[0])
+    assert np.allclose(colours[-1], module.ANCHORS[-1])
+    luminance = colours**2.2 @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(luminance[10:31]) > 0).all()

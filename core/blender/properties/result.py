@@ -33,6 +33,11 @@ class KirikoResult(bpy.types.PropertyGroup):
         description="The viewer's image, as last rendered by Cycles",
         type=bpy.types.Image,
     )
+    shown: PointerProperty(
+        name="Shown Image",
+        description="The image of this result that was made last",
+        type=bpy.types.Image,
+    )
     coverage: FloatProperty(
         name="Coverage",
         description="Share of the picture that the viewer gets to see from the display",
