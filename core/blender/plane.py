@@ -23,9 +23,13 @@ FIT_BUTTON = "press Fit to Image in the Kiriko tab"
 
 
 def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
-    """The materials in an object's own slots that are on its faces, those on most faces first."""
+    """The materials in an object's own slots that are on its faces, those on most faces first.
+
+    All of them where only modifiers make faces, as of a profile that is turned.
+    """
     slots = thing.material_slots
-    order = used_slots(thing.data) if thing.type == "MESH" else range(len(slots))
+    has_faces = thing.type == "MESH" and len(thing.data.polygons) > 0
+    order = used_slots(thing.data) if has_faces else range(len(slots))
     materials = (
         dict.fromkeys(slots[min(k, len(slots) - 1)].material for k in order) if slots else {}
     )

@@ -122,6 +122,22 @@ def test_glass_of_its_own_gets_the_index_in_its_material(
     )
 
 
+def test_a_turned_profile_has_its_material_though_its_mesh_has_no_face(
+    scene: bpy.types.Scene, kiriko: ModuleType, read: Callable
+) -> None:
+    """The product that is shown, and the index that is set, are those of the slot."""
+    bpy.ops.kiriko.open_example(example="GOBLET")
+    glass = bpy.context.scene.objects["Goblet"]
+    assert len(glass.data.polygons) == 0
+    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    assert chosen.glass_product(glass) is None  # 1.52
+
+    activate(glass)
+    bpy.ops.kiriko.glass_preset(preset="Water")
+    assert not glass.kiriko.use_ior
+    assert chosen.glass_product(glass).name == "Water"
+
+
 @pytest.mark.parametrize(
     ("way", "why"),
     [
