@@ -115,8 +115,7 @@ def solved() -> Solved:
     colours = {branch: COLOURS[n % len(COLOURS)] for n, branch in enumerate(by_area)}
 
     pixel = most_evenly_cut(polygons)
-    of_pixel = [polygon for polygon in polygons if polygon.pixel == pixel]
-    display_pixel, shares = busiest(channel, of_pixel)
+    display_pixel, shares = busiest(channel, pixel)
     return Solved(
         rig=rig,
         channel=channel,
@@ -149,19 +148,14 @@ def most_evenly_cut(polygons: list[Polygon]) -> tuple[int, int]:
     return max(cut, key=lambda pixel: (round(min(cut[pixel].values()), 3), pixel))
 
 
-def busiest(channel: Channel, of_pixel: list[Polygon]) -> tuple[Floats, Shares]:
-    """The display pixel with the most shares among those that show a part of a viewer pixel, and
+def busiest(channel: Channel, pixel: tuple[int, int]) -> tuple[Floats, Shares]:
+    """The display pixel with the most shares among those that have one of a viewer pixel, and
     its shares.
     """
     (shares,) = channel.shares
-    middles = np.concatenate([polygon.display for polygon in of_pixel])
-    low, high = np.floor(middles.min(axis=0)).astype(int), np.ceil(middles.max(axis=0)).astype(int)
-    asked = {
-        y * DISPLAY_PX + x
-        for x in range(max(low[0], 0), min(high[0], DISPLAY_PX))
-        for y in range(max(low[1], 0), min(high[1], DISPLAY_PX))
-    }
+    is_of_pixel = (np.floor(shares.view_xy) == pixel).all(axis=1)
     count = np.bincount(shares.display_index, minlength=DISPLAY_PX**2)
+    asked = np.unique(shares.display_index[is_of_pixel]).tolist()
     index = max(asked, key=lambda index: (count[index], index))
     row, column = divmod(index, DISPLAY_PX)
     return np.array([column, row]), shares.at(np.flatnonzero(shares.display_index == index))

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from kiriko.core.bench import light as bench_light
 from kiriko.core.bench import misalignment, spread, visible_range
 from kiriko.core.bench.misalignment import Bench
 from kiriko.core.image import glare, simulation, source_image
@@ -231,7 +232,7 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
             monkeypatch.setattr(
                 module, "trace_all", lambda *some, change=change: change(trace_all(*some))
             )
-        monkeypatch.setattr(spread, "tracing", traced_as(change))
+        monkeypatch.setattr(bench_light, "tracing", traced_as(change))
         bench = Bench(a_rig, Settings(), view)
         off = np.full(len(bench.parameters), 1e-3)
         found.append(
