@@ -143,8 +143,11 @@ def wheel_name(target: Target) -> str:
 
 
 def version() -> str:
-    """The extension's version, which is its kernel's, too."""
-    return tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+    """The extension's version and, as Blender keeps an installed wheel that has
+    the same one, the fingerprint of the kernel's sources.
+    """
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    return f"{manifest['version']}+{fingerprint()[:8]}"
 
 
 def make_wheels() -> None:

@@ -85,7 +85,8 @@ def build() -> None:
             fetch_wheel(ROOT / wheel)
         elif not (ROOT / wheel).exists():
             sys.exit(
-                f"The manifest lists {name}, which build_kernel.py does not make: make them agree."
+                f"The manifest lists {name}, and the kernel's sources make version"
+                f" {build_kernel.version()}: write that into the manifest."
             )
 
     extension_tool("validate", ROOT)

@@ -129,6 +129,21 @@ def test_zip_has_the_package_and_nothing_else(
     assert not [name for name in names if "__pycache__" in name or "/." in name]
 
 
+def test_another_kernel_is_another_wheel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Blender keeps an installed wheel of the same name and version: a changed
+    source has to change it, or an update would go on with the old library.
+    """
+    target = build_kernel.TARGETS[0]
+    before = build_kernel.wheel_name(target)
+    for path in build_kernel.SOURCES.glob("*.[ch]"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setattr(build_kernel, "SOURCES", tmp_path)
+    assert build_kernel.wheel_name(target) == before
+    with (tmp_path / "kiriko.h").open("a") as header:
+        header.write("\n")
+    assert build_kernel.wheel_name(target) != before
+
+
 def test_bundled_embreex_is_the_tested_one() -> None:
     """The bundled wheels are of the same version of embreex as the one the tests run with."""
     pins = (ROOT / "scripts" / "requirements-test.txt").read_text(encoding="utf-8")
