@@ -12,7 +12,7 @@ ADDED = {"is_added": True}
 PLAIN_TYPES = str, bytes, int, float, complex, bool, type(None), np.generic
 
 
-def _counts(thing: object, f: Field) -> bool:
+def counts(thing: object, f: Field) -> bool:
     """Does a field of a dataclass count?"""
     is_as_before = "is_added" in f.metadata and getattr(thing, f.name) == f.default
     return f.name != "name" and not is_as_before
@@ -34,7 +34,7 @@ def fingerprint(*things: object) -> str:
     def add(thing: object) -> None:
         if is_dataclass(thing):
             digest.update(type(thing).__name__.encode())
-            for f in filter(partial(_counts, thing), fields(thing)):
+            for f in filter(partial(counts, thing), fields(thing)):
                 if "is_added" in f.metadata:
                     digest.update(f.name.encode())
                 add(getattr(thing, f.name))

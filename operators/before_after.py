@@ -110,7 +110,9 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
         with telling.told(self):
             use_bundled_modules()
             path = self.path()
-            may_replace = self.overwrite or self.is_in_dialogue
+            may_replace = (
+                self.overwrite or self.is_in_dialogue or context.scene.kiriko.export_overwrite
+            )
             if disk.is_there(path) and not may_replace:
                 raise ImageError(
                     "The file '{path}' is there already: choose another or set Overwrite.",

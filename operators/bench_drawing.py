@@ -8,6 +8,7 @@ from ..core import disk
 from ..core.bench.drawing.bench import draw_bench
 from ..core.bench.drawing.seen import draw_seen
 from ..core.bench.lattice.drawn import Lattice
+from ..core.image.flat_picture import flat_way
 from ..core.messages import Message
 from ..core.rig import Rig
 from . import folder, needed, telling, work
@@ -26,9 +27,12 @@ def seen_name(name: str) -> str:
 
 
 def drawings(rig: Rig, lattice: Lattice, paper: str, name: str = NAME) -> dict[str, str]:
-    """The sheets of a bench by their files' names. Without a picture's plane there is only one."""
+    """The sheets of a bench by their files' names. Without a flat
+    picture there is only one, for the lattice has no place.
+    """
     sheets = {name: draw_bench(rig, rig.viewer, paper)}
-    if rig.picture_place.mesh is not None:
+    place = rig.picture_place
+    if place.mesh is not None and flat_way(place, rig.viewer) is not None:
         sheets[seen_name(name)] = draw_seen(rig, rig.viewer, lattice, paper)
     return sheets
 
@@ -72,10 +76,10 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             rig.check()
             sheets = drawings(rig, lattice_of(context.scene), self.paper, path.name)
 
-            if not self.overwrite:
-                # the dialogue showed the first name in red
-                names = [n for n in sheets if not (self.is_in_dialogue and n == path.name)]
-                folder.refuse_existing(path.parent, names, "set Overwrite")
+            # the dialogue asked about the first name, which the second one goes with
+            is_agreed = self.is_in_dialogue and disk.is_there(path)
+            if not (self.overwrite or is_agreed or context.scene.kiriko.export_overwrite):
+                folder.refuse_existing(path.parent, sheets, "set Overwrite")
 
             with folder.made(path.parent):
                 write(path.parent, sheets)

@@ -3,6 +3,7 @@
 import bmesh
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from ..core.blender.faults import faults_of
 from ..core.blender.units import length_of_unit, length_text
@@ -68,8 +69,8 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
             raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
+        across = _scale_across(context, thing)
         modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
-        across = max(abs(value) for value in thing.scale) or 1.0
         modifier.thickness = THICKNESS * max(thing.dimensions) / across
         modifier.offset = 0.0
         thickness = length_text(
@@ -81,6 +82,21 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
             thickness=thickness,
             modifier=modifier.name,
         )
+
+
+def _scale_across(context: bpy.types.Context, thing: bpy.types.Object) -> float:
+    """How many times as far as in a flat object's own space planes along it are in the world."""
+    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
+    mesh = shown.to_mesh()
+    try:
+        normal = mesh.polygons[0].normal.copy() if len(mesh.polygons) else Vector((0, 0, 1))
+    finally:
+        shown.to_mesh_clear()
+
+    axes = thing.matrix_world.to_3x3()
+    if abs(axes.determinant()) == 0:
+        return 1.0
+    return 1 / (axes.inverted().transposed() @ normal).length
 
 
 class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):

@@ -138,6 +138,11 @@ def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) ->
         list(parts.get(role, {})) for role in ("PLATE", "DISPLAY", "GLASS")
     )
     given = []
+    if arguments.plate and not plates:
+        raise RigError(
+            "The rig has no plate that could be '{plate}': leave out --plate.",
+            plate=arguments.plate,
+        )
     if arguments.plate:
         given += [give_plate(context, thing, PLATES[arguments.plate]) for thing in plates]
     if arguments.display:

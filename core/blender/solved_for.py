@@ -1,13 +1,14 @@
 """The scene's fingerprint as it stands now, read without putting any mesh into the world."""
 
 from collections.abc import Container
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..arrays import Floats
+from ..fingerprint import counts
 from ..rig import Mesh, Picture
 from ..settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
@@ -87,5 +88,5 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
 
 def fields_of(part: Any, without: Container[str]) -> tuple[object, ...]:
     """The fields of a part but for some, with their names."""
-    fields = ((name, value) for name, value in vars(part).items() if name not in without)
-    return (type(part).__name__, *fields)
+    named = (f.name for f in fields(part) if counts(part, f) and f.name not in without)
+    return (type(part).__name__, *((name, getattr(part, name)) for name in named))

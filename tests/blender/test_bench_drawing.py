@@ -56,6 +56,12 @@ def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -
     bpy.ops.kiriko.bench_drawing(filepath=path, overwrite=True)
     assert taken.read_text() != "mine"
 
+    # as the panel's Overwrite says
+    taken.write_text("mine")
+    scene.kiriko.export_overwrite = True
+    bpy.ops.kiriko.bench_drawing(filepath=path)
+    assert taken.read_text() != "mine"
+
 
 def test_picture_that_is_seen_edge_on_is_one_sentence(
     scene: bpy.types.Scene, tmp_path: Path
@@ -66,6 +72,14 @@ def test_picture_that_is_seen_edge_on_is_one_sentence(
     with pytest.raises(RuntimeError, match="'Kiriko Picture' is seen edge-on: turn it"):
         bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / "bench.svg"))
     assert not list(tmp_path.iterdir())
+
+
+def test_bent_picture_has_one_sheet(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """The lattice has no place on it, and the bench is drawn all the same."""
+    small_rig()
+    scene.objects["Kiriko Picture"].data.vertices[0].co.z += 0.01
+    bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / "bench.svg"))
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.svg"]
 
 
 def test_rig_that_is_none_is_one_sentence(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -150,3 +152,44 @@ def test_labels_are_spread_as_little_as_may_be(places: list[float]) -> None:
         other = np.maximum.accumulate(other - gap * np.arange(len(other)))
         other += gap * np.arange(len(other))
         assert ((other - np.array(places)[order]) ** 2).sum() >= cost - 1e-9
+
+
+def test_many_parts_have_a_row_each_and_stay_on_the_sheet() -> None:
+    """Sixty balls on A4: letters go on behind Z, and no text leaves the paper."""
+    a_rig = ball_rig(2)
+    (glass,) = a_rig.glasses
+    many = tuple(
+        replace(
+            glass,
+            name=f"ball {n}",
+            mesh=replace(glass.mesh, vertices=glass.mesh.vertices + np.array([0.06 * n, 0, 0])),
+        )
+        for n in range(60)
+    )
+    a_rig = replace(a_rig, glasses=many)
+    svg = draw_bench(a_rig, a_rig.viewer)
+    for n in range(60):
+        assert f">ball {n}<" in svg
+    assert ">BK<" in svg  # glass 60, and plate, display and picture: 63
+    for x, y in re.findall(r'<text x="(\S+)" y="(\S+)"', svg):
+        assert 0 <= float(x) <= 297
+        assert 0 <= float(y) <= 210
+    assert "Scale 1 : " in svg
+
+
+def test_numbers_have_no_negative_zero() -> None:
+    """The default bench has parts in its middle plane."""
+    a_rig = ball_rig(2)
+    texts = re.findall(r">([^<]+)</text>", draw_bench(a_rig, a_rig.viewer))
+    assert "-0.0" not in texts
+    assert "-180.0" not in texts
+    assert texts.count("0.0") > 1
+
+
+def test_any_name_is_text() -> None:
+    """Signs of XML, and those that it has no place for."""
+    a_rig = ball_rig(2)
+    (glass,) = a_rig.glasses
+    a_rig = replace(a_rig, glasses=(replace(glass, name="a<&\x0b切子"),))
+    texts = [part.text for part in ElementTree.fromstring(draw_bench(a_rig, a_rig.viewer)).iter()]
+    assert "a<& 切子" in texts

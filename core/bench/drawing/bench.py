@@ -1,7 +1,8 @@
 """A bench from the side and from above, to scale, with the place of each part from one edge."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count, product
 from string import ascii_uppercase
 
 import numpy as np
@@ -21,12 +22,15 @@ from .sheet import (
     THIN,
     Paper,
     Sheet,
+    decimal,
     spread,
 )
 
 # of the bench to paper: the first that fits is taken
 SCALES = (5, 2, 1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000)
 MM = 1e3
+EXPLAINED = 3  # rows of words below the table
+MOST_TABLE = 0.4  # of the sheet's height: with more parts its letters get smaller
 ROW = 1.6 * TEXT  # mm, of a table
 RULER = 16.0  # mm beside and below a view, for its distances
 TITLE = 8.0  # mm
@@ -89,7 +93,10 @@ def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
     parts = standing(rig, datum)
     sheet = Sheet(paper)
     width, height = sheet.size
-    bottom = height - MARGIN - ROW * (len(parts) + 4)
+    rows = [HEADINGS, *map(_row, letters(), parts)]
+    below = ROW * EXPLAINED
+    table = min(ROW * (len(rows) + 1), (height - 2 * MARGIN) * MOST_TABLE)
+    bottom = height - MARGIN - below - table
     views = _fitted(parts, np.array([[MARGIN, MARGIN + TITLE], [width - MARGIN, bottom]]))
 
     scale = views[0].scale
@@ -107,12 +114,18 @@ def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
 
     for view in views:
         _draw_view(sheet, view, viewer, datum, parts)
-    rows = [HEADINGS, *map(_row, ascii_uppercase, parts)]
-    y = sheet.table((MARGIN, bottom), COLUMNS, rows)
+    y = sheet.table((MARGIN, bottom), COLUMNS, rows, table)
     for line in _explained(viewer, datum):
         y += ROW
         sheet.text((MARGIN, y), line)
     return sheet.svg()
+
+
+def letters() -> Iterator[str]:
+    """Names of parts: A to Z, then AA, AB and so on."""
+    for n in count(1):
+        for some in product(ascii_uppercase, repeat=n):
+            yield "".join(some)
 
 
 def _fitted(parts: list[Standing], room: Floats) -> tuple[View, View]:
@@ -161,17 +174,17 @@ def _draw_view(
     high = boxes.max(axis=0)
     sheet.text((low[0] - RULER + 3, low[1] - 2), view.name, size=3.2)
 
-    letters: dict[tuple[float, float], str] = {}  # of the parts whose middles are in one place
-    for letter, part in zip(ascii_uppercase, parts, strict=False):
+    named: dict[tuple[float, float], str] = {}  # of the parts whose middles are in one place
+    for letter, part in zip(letters(), parts, strict=False):
         lines = view.on_paper(datum.of(contour(part.part.mesh, view.sight(datum))))
         sheet.lines(lines, PENS.get(part.role.name, PART))
         middle = view.on_paper(part.centre)
         sheet.dots([middle], 0.4)
         x, y = (float(round(number)) for number in middle.tolist())
-        letters[x, y] = letters.get((x, y), "") + letter
+        named[x, y] = f"{named.get((x, y), '')} {letter}".strip()
 
-    for (x, y), there in letters.items():
-        sheet.text((x + 0.8, y - 0.8), " ".join(there), size=3.2)
+    for (x, y), there in named.items():
+        sheet.text((x + 0.8, y - 0.8), there, size=3.2)
 
     _draw_sight(sheet, view, viewer, datum, low, high)
     x, y = view.origin
@@ -202,11 +215,13 @@ def _draw_ruler(sheet: Sheet, view: View, centres: Floats, is_upright: bool, bes
     axis, k = (view.up, 1) if is_upright else (view.across, 0)
     marks = np.concatenate([np.zeros((1, 3)), centres])
     on_paper = view.on_paper(marks)
-    values = [f"{number:.1f}" for number in MM * marks[:, axis] + 0.0]
+    values = [decimal(number) for number in MM * marks[:, axis]]
 
     # equal ones are written once
     _, first = np.unique(values, return_index=True)
-    labels = spread(on_paper[first, k], ROW * 0.8)
+    gap = min(ROW * 0.8, (np.ptp(on_paper[:, k]) + RULER) / len(first))
+    size = gap / 1.28
+    labels = spread(on_paper[first, k], gap)
 
     for n, at in zip(first, labels, strict=True):
         mark = on_paper[n]
@@ -214,16 +229,16 @@ def _draw_ruler(sheet: Sheet, view: View, centres: Floats, is_upright: bool, bes
         far = np.where([k == 0, k == 1], at, beside + (-3 if is_upright else 3))
         sheet.lines([[mark, near], [near, far]], THIN)
         if is_upright:
-            sheet.text((far[0] - 0.5, far[1] + 0.35 * TEXT), values[n], "end")
+            sheet.text((far[0] - 0.5, far[1] + 0.35 * size), values[n], "end", size)
         else:
-            sheet.turned_text((far[0] + 0.35 * TEXT, far[1] + 0.5), values[n])
+            sheet.turned_text((far[0] + 0.35 * size, far[1] + 0.5), values[n], size)
 
 
 def _row(letter: str, part: Standing) -> tuple[str, ...]:
     """A part's line in the table."""
-    size = " x ".join(f"{MM * length:.1f}" for length in part.size)
-    places = (f"{number:.1f}" for number in MM * part.centre + 0.0)
-    angles = ("" if x is None else f"{x + 0.0:.1f}" for x in (part.tilt, part.azimuth))
+    size = " x ".join(decimal(MM * length) for length in part.size)
+    places = (decimal(number) for number in MM * part.centre)
+    angles = ("" if x is None else decimal(x) for x in (part.tilt, part.azimuth))
     return letter, part.part.name, part.role.label, size, *places, *angles, _make(part)
 
 
@@ -250,7 +265,7 @@ def _make(part: Standing) -> str:
 def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
     """The words below the table."""
     eye = datum.of(viewer.position)
-    forward, right, up = (f"{number:.1f}" for number in MM * eye + 0.0)
+    forward, right, up = map(decimal, MM * eye)
     return (
         Message(
             "Measured from the {datum} (+). Forward: level, as the viewer looks; right: the"

@@ -109,5 +109,7 @@ def _standing(role: Role, part: Any, datum: Datum) -> Standing:
 
     forward, right, up = flat.normal @ datum.axes.T
     tilt = np.degrees(np.arccos(min(1.0, abs(up))))
+    # rounded, or straight back would be 180 or -180 by chance
+    right = np.round(right, 9) + 0.0
     azimuth = np.degrees(np.arctan2(right, forward)) if np.hypot(forward, right) > UPRIGHT else None
     return Standing(role, part, flat, box, datum.of(flat.centre), float(tilt), azimuth)

@@ -10,7 +10,7 @@ from ...messages import Message
 from ...rig import Rig, Viewer
 from ..lattice.drawn import Lattice
 from .datum import Standing, find_datum, standing
-from .sheet import MARGIN, PART, PICTURE, TEXT, THIN, Paper, Sheet
+from .sheet import MARGIN, PART, PICTURE, TEXT, THIN, Paper, Sheet, decimal
 
 MM = 1e3
 CORNERS = "Lower left", "Lower right", "Upper right", "Upper left"
@@ -38,7 +38,8 @@ def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -
     rows = [("Part", "Corner", "Forward", "Right", "Up")]
     for part in standing(rig, datum):
         rows += _corner_rows(part, datum.of)
-    bottom = sheet.table((MARGIN, MARGIN + TITLE), CORNER_COLUMNS, rows)
+    room = height - 2 * MARGIN - TITLE - 4 * TEXT
+    bottom = sheet.table((MARGIN, MARGIN + TITLE), CORNER_COLUMNS, rows, room)
     sheet.text(
         (MARGIN, bottom + 2 * TEXT),
         Message("From the {datum}, as on the sheet of the bench.", datum=datum.name),
@@ -59,7 +60,7 @@ def _corner_rows(part: Standing, of: Callable[[Floats], Floats]) -> list[tuple[s
         ("Corner 1", "Corner 2", "Corner 3", "Corner 4") if part.part.mesh.uv is None else CORNERS
     )
     return [
-        (part.part.name if n == 0 else "", name, *(f"{number:.1f}" for number in MM * place + 0.0))
+        (part.part.name if n == 0 else "", name, *map(decimal, MM * place))
         for n, (name, place) in enumerate(zip(names, of(part.rectangle.corners), strict=True))
     ]
 

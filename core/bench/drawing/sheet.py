@@ -1,6 +1,6 @@
 """A sheet of paper as SVG in its own millimetres, which prints to scale."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Literal
@@ -74,30 +74,38 @@ class Sheet:
         x, y = place
         self.parts.append(
             f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}">'
-            f"{escape(words)}</text>"
+            f"{_plain(words)}</text>"
         )
 
-    def turned_text(self, place: Sequence[float], words: str) -> None:
+    def turned_text(self, place: Sequence[float], words: str, size: float = TEXT) -> None:
         """Write words that run upward and end below a place."""
         x, y = place
         self.parts.append(
             f'<text transform="translate({x:.2f} {y:.2f}) rotate(-90)" text-anchor="end"'
-            f' font-size="{TEXT}">{escape(words)}</text>'
+            f' font-size="{size}">{_plain(words)}</text>'
         )
 
     def table(
-        self, place: Sequence[float], widths: Sequence[float], rows: Iterable[Sequence[str]]
+        self,
+        place: Sequence[float],
+        widths: Sequence[float],
+        rows: Sequence[Sequence[str]],
+        room: float = np.inf,
     ) -> float:
-        """Write rows of cells, the first as a heading; y below the last."""
+        """Write rows of cells, the first as a heading; y below the last.
+
+        Letters get smaller where the rows would be higher than the room.
+        """
         left, y = place
         starts = left + np.cumsum([0.0, *widths])
+        size = min(TEXT, (room / (len(rows) + 0.25)) / 1.6)
 
         for n, row in enumerate(rows):
-            y += 1.6 * TEXT
+            y += 1.6 * size
             for x, cell in zip(starts[:-1], row, strict=True):
-                self.text((x, y), cell)
+                self.text((x, y), cell, size=size)
             if n == 0:
-                under = y + 0.4 * TEXT
+                under = y + 0.4 * size
                 self.lines(np.array([[[left, under], [starts[-1], under]]]), THIN)
                 y = under
         return y
@@ -115,6 +123,16 @@ class Sheet:
                 "",
             ]
         )
+
+
+def _plain(words: str) -> str:
+    """Words as XML has them, with a blank for what it has no sign for."""
+    return escape("".join(letter if letter.isprintable() else " " for letter in words))
+
+
+def decimal(number: float) -> str:
+    """A number with one decimal, and no minus at 0."""
+    return f"{round(float(number), 1) + 0.0:.1f}"
 
 
 def spread(places: Sequence[float], gap: float) -> Floats:
