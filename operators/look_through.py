@@ -15,7 +15,7 @@ from . import framing, live, make_glass, needed, telling, work
 from .windows import redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
-_saving: dict[int, tuple[str, list]] = {}  # text and views, while a file is being saved
+_saving: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save
 _live_began: list[int] = []  # scenes whose Live was begun here
 
 
@@ -95,7 +95,8 @@ def on_load(*_: object) -> None:
 def before_save(*_: object) -> None:
     """The artist's own settings are saved."""
     for scene in list(scenes()):
-        _saving[scene.session_uid] = scene.kiriko.looking, looking_through.views(scene)
+        views, things = looking_through.views(scene), looking_through.things(scene)
+        _saving[scene.session_uid] = scene.kiriko.looking, views, things
         looking_through.leave(scene)
 
 

@@ -4,6 +4,7 @@ import bpy
 
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.material import refracts
+from ..core.blender.rig_record import keep
 from ..core.blender.viewport_look import be_seen_as_glass, draw_as_solid
 from ..core.errors import RigError
 from ..core.messages import Message
@@ -100,7 +101,7 @@ def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
     kept = []
     for slot in thing.material_slots:
         if slot.material is not None:
-            slot.material.use_fake_user = True
+            keep(slot.material)
             kept.append(f"'{slot.material.name}'")
         slot.link = "OBJECT"
         slot.material = glass

@@ -2,9 +2,14 @@
 
 import bpy
 
-from ..core.blender.remove_rig import remove_rig, rig_of
+from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_of
 from ..core.messages import Message, joined
 from . import live, look_through, needed, telling, work
+
+NO_RIG = Message("The scene has no rig that Add Rig made")
+NO_COLLECTION = Message(
+    "The rig has no collection of Add Rig: set the roles of its parts to None and delete them"
+)
 
 
 class KIRIKO_OT_remove_rig(bpy.types.Operator):
@@ -18,20 +23,22 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = [] if context.mode == "OBJECT" else [Message("Leave edit mode first")]
         if rig_of(context.scene, context.active_object) is None:
-            reasons.append(Message("The scene has no rig that Add Rig made"))
+            has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
+            reasons.append(NO_COLLECTION if has_parts else NO_RIG)
         if work.is_busy():
             reasons.append(Message("Kiriko is at work: wait for it or press Esc"))
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
+            rig = rig_of(context.scene, context.active_object)
+            refuse_shared(context.scene, rig)
             if context.scene.kiriko.looking:
                 look_through.leave(context.scene)
             followed = live.followed()
             if followed is not None and followed.uid == context.scene.session_uid:
                 live.stop()
 
-            rig = rig_of(context.scene, context.active_object)
             names = remove_rig(context.scene, rig)
             stays = [
                 Message("'{name}' stays, because other things use it.", name=name) for name in names

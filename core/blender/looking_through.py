@@ -1,7 +1,9 @@
-"""A 3D view that looks through the viewer, in Cycles; all settings that
-are changed for it are kept in the scene as text, to be put back.
+"""A 3D view that looks through the viewer, in Cycles; all settings that are changed for it are
+kept as text, to be put back: in the scene, and those of objects and cameras on the things
+themselves, so that these are found whatever name they have by then.
 """
 
+from secrets import token_hex
 from typing import Any
 
 import bpy
@@ -39,26 +41,61 @@ SCENE = {
 PLANE = dict.fromkeys(
     (f"visible_{ray}" for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")), False
 )
+LOOKING_MARK = "kiriko_looking"  # on an object or a camera: key of the look, and its changes
 POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
 
 
 def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> None:
     """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
     viewer = scene.kiriko.viewer or scene.camera
+    key = token_hex(8)
     kept = []
     try:
         kept += [["", *one] for one in change(scene, SCENE)]
         for thing in scene.objects:
             if thing.kiriko.role == "PICTURE" and thing.is_editable:
-                kept += [[f"object/{thing.name}", *one] for one in change(thing, PLANE)]
+                _change(key, thing, PLANE)
+        _change(key, viewer, {})
         if viewer.type == "CAMERA" and viewer.data.is_editable:
-            frame = change(viewer, {"data.show_passepartout": False})
-            kept += [[f"object/{viewer.name}", *one] for one in frame]
+            _change(key, viewer.data, {"show_passepartout": False})
         kept += [[f"screen/{screen}", *one] for one in _enter_view(scene, viewer, space, window)]
     except BaseException:
-        _put_back(scene, kept)
+        _put_back(scene, Changed(key, kept))
+        _put_things_back(key)
         raise
-    scene.kiriko.looking = Changed("", kept).text()
+    scene.kiriko.looking = Changed(key, kept).text()
+
+
+def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
+    """Change an object or a camera, which keeps the changes itself.
+
+    Where another scene looks at it, too, that one's record goes on in this.
+    """
+    before = Changed.read(thing.get(LOOKING_MARK, "")).changes
+    changes = [*before, *map(list, change(thing, values))]
+    if thing.is_editable:
+        thing[LOOKING_MARK] = Changed(key, changes).text()
+
+
+def things(scene: bpy.types.Scene) -> list[tuple[bpy.types.ID, str]]:
+    """Objects and cameras that the look through the scene's viewer has marked, with their texts."""
+    return _marked(Changed.read(scene.kiriko.looking).rig)
+
+
+def _marked(key: str) -> list[tuple[bpy.types.ID, str]]:
+    marked = [
+        (thing, thing[LOOKING_MARK])
+        for thing in (*bpy.data.objects, *bpy.data.cameras)
+        if LOOKING_MARK in thing
+    ]
+    return [(thing, text) for thing, text in marked if Changed.read(text).rig == key]
+
+
+def _put_things_back(key: str) -> None:
+    """Objects and cameras, and copies that were made of them meanwhile."""
+    for thing, text in _marked(key):
+        put_back(thing, Changed.read(text).changes)
+        del thing[LOOKING_MARK]
 
 
 def _enter_view(
@@ -111,52 +148,66 @@ def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
     is_loaded : from a file, in which Blender opens no view as Rendered, but as Solid
     """
     text, scene.kiriko.looking = scene.kiriko.looking, ""
-    changes = Changed.read(text).changes
+    kept = Changed.read(text)
     if is_loaded:
         changes = [
             [place, path, before, "SOLID" if path == "shading.type" else after]
-            for place, path, before, after in changes
+            for place, path, before, after in kept.changes
         ]
-    _put_back(scene, changes)
+        kept = Changed(kept.rig, changes)
+    _put_back(scene, kept)
+    _put_things_back(kept.rig)
 
 
-def views(scene: bpy.types.Scene) -> list[Any]:
-    """The 3D views that look through the viewer now."""
-    changes = Changed.read(scene.kiriko.looking).changes
-    places = dict.fromkeys(place for place, *_ in changes if place.startswith("screen/"))
-    return [space for place in places for space in _owners(scene, place, changes)]
+def views(scene: bpy.types.Scene) -> list[tuple[Any, bpy.types.Object | None]]:
+    """The 3D views that look through the viewer now, with their cameras."""
+    kept = Changed.read(scene.kiriko.looking)
+    places = dict.fromkeys(place for place, *_ in kept.changes if place.startswith("screen/"))
+    return [(space, space.camera) for place in places for space in _owners(scene, place, kept)]
 
 
-def enter_again(scene: bpy.types.Scene, text: str, again: list[Any]) -> None:
-    """Change scene and views once more, as after a file was saved without it."""
+def enter_again(
+    scene: bpy.types.Scene,
+    text: str,
+    again: list[tuple[Any, bpy.types.Object | None]],
+    marked: list[tuple[bpy.types.ID, str]],
+) -> None:
+    """Change scene, views and things once more, as after a file was saved without it."""
     scene.kiriko.looking = text
-    changes = Changed.read(text).changes
-    for place, path, _, after in changes:
-        for owner in again if place.startswith("screen/") else _owners(scene, place, changes):
-            if path == "camera":
-                owner.use_local_camera, owner.camera = True, bpy.data.objects.get(after)
-            elif after is not None:
+    for thing, own in marked:
+        change(thing, {path: after for path, _, after in Changed.read(own).changes})
+        thing[LOOKING_MARK] = own
+    for space, camera in again:
+        space.use_local_camera, space.camera = True, camera
+
+    spaces_again = [space for space, _ in again]
+    for place, path, _, after in Changed.read(text).changes:
+        for owner in spaces_again if place.startswith("screen/") else [scene]:
+            if path != "camera" and after is not None:
                 change(owner, {path: after})
 
 
 def put_views_back(scene: bpy.types.Scene, text: str) -> None:
     """Put the 3D views back alone, where undo has put back the scene."""
-    changes = Changed.read(text).changes
-    _put_back(scene, [one for one in changes if one[0].startswith("screen/")])
+    kept = Changed.read(text)
+    views_only = [one for one in kept.changes if one[0].startswith("screen/")]
+    _put_back(scene, Changed(kept.rig, views_only))
 
 
-def _put_back(scene: bpy.types.Scene, changes: list[list[Any]]) -> None:
+def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
     """By place, path, value before and after; the last one first.
 
     A view that is another camera's by now is left, and one that
     was turned away keeps the direction it has.
     """
-    poses = [one for one in changes if one[3] is None]
-    for place, path, before, after in reversed(changes):
-        for owner in _owners(scene, place, changes):
+    poses = [one for one in kept.changes if one[3] is None]
+    for place, path, before, after in reversed(kept.changes):
+        for owner in _owners(scene, place, kept):
             if path == "camera":
                 owner.use_local_camera = before[0]
-                owner.camera = bpy.data.objects.get(before[1])
+                # a view without a camera of its own has, and would set, the scene's
+                is_local = before[0]
+                owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
             elif path == "region_3d.view_perspective":
                 _turn_back(owner, before, [one for one in poses if one[0] == place])
             elif after is not None:
@@ -170,17 +221,16 @@ def _turn_back(space: Any, before: str, poses: list[list[Any]]) -> None:
             setattr(space.region_3d, path.removeprefix("region_3d."), value)
 
 
-def _owners(scene: bpy.types.Scene, place: str, changes: list[list[Any]]) -> list[Any]:
-    """All that a place of the record stands for: the scene, an
-    object, or those 3D views of a screen that look through it.
+def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
+    """All that a place of the record stands for: the scene, or
+    those 3D views of a screen that look through the viewer.
     """
-    kind, _, name = place.partition("/")
-    if kind == "object":
-        return [scene.objects[name]] if name in scene.objects else []
-    if not kind:
+    if not place:
         return [scene]
 
-    # a viewer that was renamed, or deleted since, is known, too
+    # a viewer that was renamed, or deleted since, or is none any more, is known, too
     viewers = {None, scene.kiriko.viewer or scene.camera}
-    viewers |= {bpy.data.objects.get(after) for _, path, _, after in changes if path == "camera"}
-    return [s for s in spaces(name) if s.use_local_camera and s.camera in viewers]
+    viewers |= {thing for thing, _ in _marked(kept.rig) if isinstance(thing, bpy.types.Object)}
+    viewers |= {bpy.data.objects.get(one[3]) for one in kept.changes if one[1] == "camera"}
+    screen = place.removeprefix("screen/")
+    return [s for s in spaces(screen) if s.use_local_camera and s.camera in viewers]

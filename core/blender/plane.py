@@ -16,6 +16,7 @@ from .mesh import used_slots
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
+from .rig_record import keep
 
 MATERIAL = "Kiriko Picture"
 UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should
@@ -126,7 +127,7 @@ def _give_material(thing: bpy.types.Object, image: bpy.types.Image) -> None:
 
     for slot in thing.material_slots:
         if slot.material is not None:
-            slot.material.use_fake_user = True
+            keep(slot.material)
         slot.link = "OBJECT"
         slot.material = material
 
@@ -140,7 +141,7 @@ def _keep(image: bpy.types.Image | None) -> None:
         and not image.users
         and (image.packed_file or image.is_dirty or not image.filepath)
     ):
-        image.use_fake_user = True
+        keep(image)
 
 
 def squeeze(size: tuple[float, float] | None, image: bpy.types.Image) -> float:

@@ -16,6 +16,7 @@ from . import shaders
 from .image import image_from_pixels, or_none, pack, set_pixels
 from .kept import Numbers
 from .result_numbers import numbers_of
+from .rig_record import keep
 from .scene import Reading
 
 SOURCE = "Kiriko Source"
@@ -160,7 +161,7 @@ def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[st
     for slot in display.material_slots:
         theirs = slot.material
         if theirs is not None and not theirs.get(MATERIAL_MARK):
-            theirs.use_fake_user = True
+            keep(theirs)
             notes.append(
                 Message(
                     "The material '{theirs}' of the display '{display}' gave way to '{ours}'.",

@@ -12,6 +12,7 @@ from .changes import Change, change, put_back
 from .kept import Changed
 
 RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
+KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
 
 
 class Record:
@@ -53,3 +54,10 @@ class Record:
         """Mark datablocks as the rig's own."""
         for block in made:
             block[RIG_MARK] = json.dumps([self.rig.key, block.name])
+
+
+def keep(block: bpy.types.ID) -> None:
+    """Keep a datablock in the file that gives way to another one."""
+    if RIG_MARK in block and not block.use_fake_user:
+        block[KEPT_MARK] = True
+    block.use_fake_user = True

@@ -210,3 +210,29 @@ def test_a_plane_of_the_artists_is_no_part_of_what_is_seen(
     assert rig["PICTURE"].visible_camera
     rig["PICTURE"].visible_camera = False
     assert differences(before, plain(rig["PICTURE"])) == []
+
+
+@pytest.mark.parametrize("is_saved", [False, True])
+def test_things_that_are_renamed_meanwhile_are_put_back(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], is_saved: bool, tmp_path: Path
+) -> None:
+    """Picture, viewer and the artist's camera, which stays the scene's; after a save, too."""
+    rig["PICTURE"].visible_camera = True
+    viewer, mine, seen = scene.kiriko.viewer, scene.camera, view()
+    assert viewer.data.show_passepartout
+    bpy.ops.kiriko.look_through()
+    rig["PICTURE"].name, viewer.name, mine.name = "A", "B", "C"
+    scene.kiriko.viewer = mine
+    if is_saved:
+        looking = view()
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"), copy=True)
+        assert view() == looking
+        assert not rig["PICTURE"].visible_camera
+        assert not viewer.data.show_passepartout
+
+    bpy.ops.kiriko.look_through()
+    assert rig["PICTURE"].visible_camera
+    assert viewer.data.show_passepartout
+    assert (view(), scene.camera) == (seen, mine)
+    marked = [*bpy.data.objects, *bpy.data.cameras]
+    assert not any("kiriko_looking" in thing for thing in marked)

@@ -194,3 +194,121 @@ def test_there_is_a_way_to_add_another_rig(scene: bpy.types.Scene) -> None:
     scene.objects["Cube"].select_set(True)
     bpy.ops.kiriko.add_rig(**SMALL)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def another_with_all_linked(scene: bpy.types.Scene) -> str:
+    """A scene that shares all things, as New Scene > Linked Copy makes it."""
+    bpy.ops.scene.new(type="LINK_COPY")
+    bpy.context.window.scene = scene
+    return "The rig is in the scene 'Scene.001', too"
+
+
+def another_with_the_collection(scene: bpy.types.Scene) -> str:
+    """A scene that has the rig's collection."""
+    bpy.data.scenes.new("Other").collection.children.link(bpy.data.collections["Kiriko Rig"])
+    return "unlink its collection 'Kiriko Rig' there first"
+
+
+def another_with_a_part(scene: bpy.types.Scene) -> str:
+    """A scene that has the display alone."""
+    bpy.data.scenes.new("Other").collection.objects.link(bpy.data.objects["Kiriko Display"])
+    return "The rig's 'Kiriko Display' is in the scene 'Other', too"
+
+
+def another_with_an_instance(scene: bpy.types.Scene) -> str:
+    """A scene that has an instance of the collection."""
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type = "COLLECTION"
+    empty.instance_collection = bpy.data.collections["Kiriko Rig"]
+    bpy.data.scenes.new("Other").collection.objects.link(empty)
+    return "The object 'Instance' is an instance of the rig's collection"
+
+
+@pytest.mark.parametrize(
+    "share",
+    [
+        another_with_all_linked,
+        another_with_the_collection,
+        another_with_a_part,
+        another_with_an_instance,
+    ],
+    ids=lambda f: f.__name__,
+)
+def test_a_rig_that_another_scene_has_is_refused(scene: bpy.types.Scene, share: Any) -> None:
+    """And nothing of it is another by then."""
+    scene.name = "Scene"
+    small_rig()
+    words = share(scene)
+    before = snapshot()
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.remove_rig()
+    assert differences(before, snapshot()) == []
+
+
+def test_glass_of_another_scenes_rig_stays_its_glass(scene: bpy.types.Scene) -> None:
+    """Each scene has a rig of its own around the same glass."""
+    glass = small_rig()["GLASS"]
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(glass)
+    bpy.context.window.scene = other
+    glass.select_set(True)
+    bpy.ops.kiriko.add_rig(**SMALL)
+    for one in (scene, other):
+        bpy.context.window.scene = one
+        assert glass.kiriko.role == "GLASS"
+        assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
+
+
+def test_copies_and_whatever_has_a_fake_user_stay(scene: bpy.types.Scene) -> None:
+    """A renamed copy with a fake user, a copy without, and a part's mesh with a fake user."""
+    bpy.ops.kiriko.add_rig(**SMALL)
+    mine = bpy.data.materials["Kiriko Glass"].copy()
+    mine.name, mine.use_fake_user = "My Glass", True
+    plate = scene.objects["Kiriko Plate"]
+    copy = plate.active_material.copy()
+    plate.active_material = copy
+    bpy.data.meshes["Kiriko Display"].use_fake_user = True
+    lattice = bpy.data.images["Kiriko Lattice"].copy()
+    bpy.ops.kiriko.remove_rig()
+    assert inventory()["materials"] == ["Kiriko Display", copy.name, "My Glass"]
+    assert inventory()["meshes"] == ["Kiriko Display"]
+    assert inventory()["images"] == [lattice.name]
+
+
+@pytest.mark.parametrize("first", ["old", "new"])
+@pytest.mark.parametrize("is_solved", [False, True])
+def test_of_two_rigs_each_goes_alone(scene: bpy.types.Scene, first: str, is_solved: bool) -> None:
+    """The older one, whose parts have no roles any more, takes no result of the newer one along;
+    without both all is as before, in whichever order they go.
+    """
+    cube()
+    before = snapshot()
+    bpy.ops.kiriko.add_rig(**SMALL)
+    bpy.ops.kiriko.solve()
+    old = [*scene.collection.children[0].objects]
+    for thing in old:
+        thing.kiriko.role = "NONE"
+    scene.objects["Cube"].select_set(True)
+    bpy.ops.kiriko.add_rig(**SMALL)
+    new = [*scene.collection.children[-1].objects]
+    if is_solved:
+        bpy.ops.kiriko.solve()
+
+    result = scene.kiriko.result
+    kept = result.source, result.summary, result.solved_for
+    bpy.context.view_layer.objects.active = {"old": old, "new": new}[first][0]
+    bpy.ops.kiriko.remove_rig()
+    if first == "old":
+        assert (result.source, result.summary, result.solved_for) == kept
+        assert scene.kiriko.viewer in new
+    bpy.ops.kiriko.remove_rig()
+    assert differences(before, snapshot()) == []
+
+
+def test_a_rig_without_its_collection_has_another_way_out(scene: bpy.types.Scene) -> None:
+    """As one of an earlier version; the button says which."""
+    small_rig()
+    bpy.data.collections.remove(bpy.data.collections["Kiriko Rig"])
+    scene.objects["Cube"].kiriko.role = "GLASS"
+    with pytest.raises(RuntimeError, match="set the roles of its parts to None and delete them"):
+        bpy.ops.kiriko.remove_rig()
