@@ -102,11 +102,13 @@ def register() -> None:
     watch.register()
     sketcher.register()
     look_over.register()
+    proposal.register()
 
 
 def unregister() -> None:
     """Take them back, end all that is running, and empty the session."""
     sketcher.unregister()
+    proposal.unregister()
     look_over.unregister()
     watch.unregister()
     look_through.unregister()

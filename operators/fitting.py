@@ -71,7 +71,7 @@ class FitsPart(long_work.LongWork):
         metres = length_of_unit(scene)
         is_moved = bool(np.abs(fitted.shift).max() > SAME * fitted.width)
         if abs(fitted.size - 1) < SAME and not is_moved:
-            return self._unchanged(thing, fitted)
+            return joined([self._unchanged(thing, fitted), *_limit(scene, fitted)])
 
         try:
             scale_by(context, thing, fitted.size, is_moved * fitted.shift / metres)
@@ -79,7 +79,7 @@ class FitsPart(long_work.LongWork):
             raise RigError(
                 "'{name}' keeps its size, for {why}.", name=thing.name, why=why
             ) from None
-        return self._changed(scene, thing, fitted, is_moved)
+        return joined([self._changed(scene, thing, fitted, is_moved), *_limit(scene, fitted)])
 
     def part(self, context: bpy.types.Context, rig: Rig) -> tuple[int, bpy.types.Object]:
         """The number of the part among those of its role, and its object: the
@@ -136,6 +136,14 @@ class FitsPart(long_work.LongWork):
             )
             text = joined([text, hint])
         return text
+
+
+def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
+    """The limit, where one was reached."""
+    if not fitted.limit:
+        return []
+    width = length_text(scene, fitted.limit)
+    return [Message("A limit was reached: a width above {width} is not tried.", width=width)]
 
 
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:

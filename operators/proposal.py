@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ..core.arrays import Floats
@@ -12,7 +13,8 @@ from ..core.blender.resize import give_matrix
 from ..core.errors import RigError
 from ..core.glass.motion import Motion
 from ..core.messages import Message
-from . import needed, telling
+from ..core.solve.solved_for import SolvedFor
+from . import needed, telling, work
 
 SAME = 1e-6  # of a matrix's numbers: so near an object is where it was
 
@@ -28,11 +30,15 @@ class Move:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Objects that would move, and the gain in a sentence."""
+    """Objects that would move, and the gain in a sentence.
+
+    scene : the fingerprint of the scene that it was made for
+    """
 
     label: str
     text: Message
     moves: tuple[Move, ...]
+    scene: SolvedFor | None = None
 
 
 _made: list[Proposal] = []
@@ -62,6 +68,15 @@ def current(scene: bpy.types.Scene) -> Proposal | None:
     return _made[0]
 
 
+def refuse_changed(context: bpy.types.Context, proposal: Proposal) -> None:
+    """Raise RigError where the scene is another than a proposal was made for."""
+    if not proposal.scene.is_same(work.scene_now(context)):
+        raise RigError(
+            "The scene has changed since '{label}' looked at it: press it again.",
+            label=proposal.label,
+        )
+
+
 def move_of(thing: bpy.types.Object, motion: Motion, metres: float) -> Move:
     """An object's move by a motion in metres."""
     matrix = np.eye(4)
@@ -76,8 +91,9 @@ def make(context: bpy.types.Context, proposal: Proposal) -> None:
 
     Raises
     ------
-    RigError : one of them cannot be moved; all are where they were
+    RigError : the scene has changed, or one of them cannot be moved; all are where they were
     """
+    refuse_changed(context, proposal)
     things = [(context.scene.objects[move.name], move.after) for move in proposal.moves]
     things.sort(key=lambda pair: _depth(pair[0]))  # children after parents
     kept = [(thing, thing.matrix_basis.copy()) for thing, _ in things]
@@ -139,9 +155,13 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        return context.window_manager.invoke_props_dialog(
-            self, width=420, title=current(context.scene).label, confirm_text=self.bl_label
-        )
+        with telling.told(self):
+            proposal = current(context.scene)
+            refuse_changed(context, proposal)
+            return context.window_manager.invoke_props_dialog(
+                self, width=420, title=proposal.label, confirm_text=self.bl_label
+            )
+        return {"CANCELLED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         proposal = current(context.scene)
@@ -172,3 +192,23 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
 def _lines(text: str) -> list[str]:
     """A sentence in lines of a dialogue's width."""
     return textwrap.wrap(text, 64)
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file: what was proposed is for the one before."""
+    drop()
+
+
+HANDLERS = (("load_post", on_load),)
+
+
+def register() -> None:
+    """Begin to listen for other files."""
+    work.listen(HANDLERS)
+
+
+def unregister() -> None:
+    """Listen no more."""
+    work.stop_listening(HANDLERS)
+    drop()

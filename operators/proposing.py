@@ -1,11 +1,12 @@
 """Shared by the operators that propose a change of the bench: it is made by a second click."""
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import bpy
 
 from ..core.messages import Message, joined
-from . import long_work, needed, proposal
+from . import long_work, needed, proposal, work
 
 
 class Proposes(long_work.LongWork):
@@ -33,10 +34,12 @@ class Proposes(long_work.LongWork):
         raise NotImplementedError
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        seen = work.scene_now(context)
         found = yield from self.proposed(context)
         proposal.drop()
         if not isinstance(found, proposal.Proposal):
             return found
+        found = replace(found, scene=seen)
         if self.take:
             proposal.make(context, found)
             return found.text

@@ -61,16 +61,17 @@ class KIRIKO_OT_turn_back(proposing.Proposes, bpy.types.Operator):
         elif found.brought > WORTH_IT:
             self.level = "WARNING"
             text = Message(
-                "No turn of the glass up to {limit:.0f} degrees brings the lost part back; the"
-                " best, {angle:.1f} degrees about {axis}, brings back {brought} of it: {after} of"
-                " the picture arrives, {before} now.",
+                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
+                " back; the best, {angle:.1f} degrees about {axis}, brings back {brought} of it:"
+                " {after} of the picture arrives, {before} now.",
                 limit=np.degrees(self.limit),
                 **values,
             )
         else:
             self.level = "WARNING"
             return Message(
-                "No turn of the glass up to {limit:.0f} degrees brings the lost part back.",
+                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
+                " back.",
                 limit=np.degrees(self.limit),
             )
 

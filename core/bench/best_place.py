@@ -1,11 +1,12 @@
 """The best place for a picture, and turn of its glass: most of it arrives, with the least blur.
 
-Which rays arrive depends on the glass alone. So the light around the picture is traced once, with
-the derivatives of its landings, and all places and turns of the picture within its limits are
-compared by it: coordinates first, then in ever finer steps around the best. A display pixel is
-seen blurred where the map from viewer to display is flat: as large as it is, divided by the
-smallest stretch of the map. Turns of the glass are traced anew each. The answer is settled by a
-fine trace of the rig before and after.
+Which rays arrive depends on the glass alone. So the light around the picture is traced, with the
+derivatives of its landings, and all its places and turns within the limits are compared by it, in
+ever finer steps around the best. The same is done within ever smaller parts of the limits, and
+without a turn, and a fine trace tells which of these places is best: a wider limit is no loss, and
+nothing is moved or turned for nothing. A display pixel is seen blurred where the map from viewer
+to display is flat: as large as it is, divided by the smallest stretch of the map. Turns of the
+glass are traced anew each.
 """
 
 from collections.abc import Generator
@@ -43,23 +44,27 @@ class PlaceSearch:
     n_rays : along each side of all that the picture may take
     n_points : of a picture, along each side
     n_first : places along each way, and turns, at first; n_rounds : of three, in half the step
+    n_limits : of the shift, each half of the one before
     n_grid : points along each edge of a triangle of the picture, for turns of the glass
     n_halvings : of the step of these turns
     blur_weight : of its doubling, as a share of the picture
     motion_weight : of a motion to its limit, the same: of equal places the nearest is taken
-    worth_it : gain in the picture's share for which it is moved; glass_worth_it : glass, too
+    worth_it : gain in the picture's share for which it is moved; turn_worth_it : turned, too;
+        glass_worth_it : glass, too
     most_blur : that is told apart
     """
 
     n_rays: int = 121
     n_points: int = 24
-    n_first: tuple[int, int, int] = (9, 9, 5)
-    n_rounds: int = 5
+    n_first: tuple[int, int, int] = (25, 25, 9)
+    n_rounds: int = 4
+    n_limits: int = 4
     n_grid: int = 24
     n_halvings: int = 4
     blur_weight: float = 1e-3
     motion_weight: float = 2e-4
     worth_it: float = 1e-3
+    turn_worth_it: float = 5e-3
     glass_worth_it: float = 5e-3
     most_blur: float = 32.0
 
@@ -99,8 +104,7 @@ class BestPlace:
 class _Field:
     """The light around a picture: of rays on a grid (n, n) about its middle, rows going up.
 
-    is_good : does it arrive? log_blur : as a power of two; half : m, from the middle to the
-    first and last ray along each side
+    is_good : does it arrive? log_blur : as a power of two; half : m, to the last ray each way
     """
 
     is_good: Floats
@@ -117,8 +121,8 @@ class _Field:
         good = self.is_good[at[..., 1], at[..., 0]]
         blur = (good * self.log_blur[at[..., 1], at[..., 0]]).sum(axis=1)
         blur /= np.maximum(good.sum(axis=1), 1)
-        search = PLACE_SEARCH
-        return good.mean(axis=1) - search.blur_weight * blur - search.motion_weight * moves
+        blur = PLACE_SEARCH.blur_weight * blur
+        return good.mean(axis=1) - blur - PLACE_SEARCH.motion_weight * moves
 
     def blur(self, places: Floats) -> float:
         """The mean blur of a picture whose points are at places (k, 2)."""
@@ -147,43 +151,72 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
         return still
     changed = with_glass_turned(rig, turn)
     other = yield from within(_placed(changed, plan_of, limits, before, turn), 0.8, 1.0)
-    gain = other.after - still.after
-    return (
-        replace(other, blur_before=still.blur_before)
-        if (gain > PLACE_SEARCH.glass_worth_it)
-        else still
-    )
+    if other.after - still.after <= PLACE_SEARCH.glass_worth_it:
+        return still
+    return replace(other, blur_before=still.blur_before)
 
 
 def _placed(
     rig: Rig, plan_of: PlanOf, limits: Limits, before: Traced, glass_turn: Floats
 ) -> Generator[float, None, BestPlace]:
-    """The picture's best place in glass as it stands, settled by a fine trace."""
+    """The picture's best place in glass as it stands, settled by fine traces."""
     plane = plane_of(rig)
-    sizes = np.linalg.norm(plane.sides, axis=1)
-    axes = plane.sides / sizes[:, None]
-    field = yield from within(_field(rig, plan_of, plane, limits.shift), 0.0, 0.5)
+    found = yield from within(_candidates(rig, plan_of, plane, limits), 0.0, 0.5)
+    best, most, blur_before = None, -np.inf, found[0][1]
 
+    for n, (place, blur) in enumerate(found):
+        motion = _motion(plane, place)
+        changed = replace(rig, pictures=(moved(rig.picture_place, motion),))
+        done = (0.5 + 0.5 * (n + k) / len(found) for k in range(2))
+        after = yield from within(traced(changed, plan_of), *done)
+        # a further one has to be worth it
+        value = after.share - PLACE_SEARCH.blur_weight * np.log2(blur)
+        is_turned = place[2] != 0 and not (best and best.turn)
+        if value <= most + (PLACE_SEARCH.turn_worth_it if is_turned else PLACE_SEARCH.worth_it):
+            continue
+        most = value
+        best = BestPlace(
+            motion=motion,
+            shift=place[:2],
+            turn=float(place[2]),
+            glass_turn=glass_turn,
+            before=before.share,
+            after=after.share,
+            lost=after.lost,
+            blur_before=blur_before,
+            blur_after=blur,
+        )
+    return best
+
+
+def _candidates(
+    rig: Rig, plan_of: PlanOf, plane: Plane, limits: Limits
+) -> Generator[float, None, list[tuple[Floats, float]]]:
+    """Places (3,) that may be the best, as shifts, m, and turn, rad, with their blur: the present
+    one, then those that are not turned, the nearest first, then the others.
+    """
+    sizes = np.linalg.norm(plane.sides, axis=1)
     line = np.linspace(-0.5, 0.5, PLACE_SEARCH.n_points) * ROOM.spare
     points = np.stack(np.meshgrid(*(line * size for size in sizes)), axis=-1).reshape(-1, 2)
-    x, y, turn = _best(field, points, limits)
+    found = []
+    for n in range(PLACE_SEARCH.n_limits):
+        shift = limits.shift / 2**n
+        done = n / PLACE_SEARCH.n_limits, (n + 1) / PLACE_SEARCH.n_limits
+        field = yield from within(_field(rig, plan_of, plane, shift), *done)
+        for turn in sorted({0.0, limits.turn}):
+            place = _best(field, points, replace(limits, shift=shift, turn=turn))
+            found.append((place, field.blur(_placed_points(points, place[None])[0])))
 
-    about = turned(np.cross(*axes), np.degrees(turn), plane.middle)
-    motion = Motion(about.rotation, about.shift + np.array([x, y]) @ axes)
-    place = rig.picture_place
-    changed = replace(rig, pictures=(moved(place, motion),))
-    after = yield from within(traced(changed, plan_of), 0.5, 1.0)
-    return BestPlace(
-        motion=motion,
-        shift=np.array([x, y]),
-        turn=float(turn),
-        glass_turn=glass_turn,
-        before=before.share,
-        after=after.share,
-        lost=after.lost,
-        blur_before=field.blur(points),
-        blur_after=field.blur(_placed_points(points, np.array([[x, y, turn]]))[0]),
-    )
+    found = [one for one in found if one[0].any()]
+    found.sort(key=lambda one: (one[0][2] != 0, np.linalg.norm(one[0][:2])))
+    return [(np.zeros(3), field.blur(points)), *found]
+
+
+def _motion(plane: Plane, place: Floats) -> Motion:
+    """The motion of a picture by shifts, m, and a turn, rad, (3,) in its plane."""
+    axes = plane.sides / np.linalg.norm(plane.sides, axis=1)[:, None]
+    about = turned(np.cross(*axes), np.degrees(place[2]), plane.middle)
+    return Motion(about.rotation, about.shift + place[:2] @ axes)
 
 
 def _field(rig: Rig, plan_of: PlanOf, plane: Plane, shift: float) -> Generator[float, None, _Field]:
@@ -200,9 +233,7 @@ def _field(rig: Rig, plan_of: PlanOf, plane: Plane, shift: float) -> Generator[f
 
 
 def _log_blur(light: Light, n: int, step: float) -> Floats:
-    """How large a display's pixel is seen (n, n), as a power
-    of two, by the derivatives of the landings.
-    """
+    """How large a display's pixel is seen (n, n), as a power of two, by the landings' slopes."""
     landed = np.where(light.has_arrived[:, None], light.positions, np.nan).reshape(n, n, 3)
     up, right = np.gradient(landed, step, axis=(0, 1))
     a, b, c = ((p * q).sum(axis=-1) for p, q in ((right, right), (right, up), (up, up)))

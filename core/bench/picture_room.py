@@ -19,7 +19,7 @@ from ..light.plan import Plan
 from ..rig import PicturePlace, Rig
 from ..steps import within
 from .light import light_of
-from .room import ROOM, Fitted, PlanOf, Traced, Wanted, traced
+from .room import ROOM, ROUNDING, Fitted, PlanOf, Traced, Wanted, traced
 from .squares import Bundle, best_place, grid_over, largest_about
 
 
@@ -107,6 +107,8 @@ def fit_picture(
 
     before = yield from within(traced(rig, plan_of, wanted.n_grid), 0.3, 0.5)
     size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
+    if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
+        size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
     if size < GROWTH.least:
         raise RigError(
             "Hardly any of the picture '{name}' gets through about its middle: move it, or turn"
@@ -122,6 +124,7 @@ def fit_picture(
         before=before.share,
         after=after.share,
         lost=after.lost,
+        limit=float(np.linalg.norm(plane.sides[0])) * most if size >= most else 0.0,
     )
 
 

@@ -49,11 +49,13 @@ class Room:
     spare : a part's size, of what its light needs at least
     most_plate : times its present size
     most_display : times the picture's longer side
+    at_limit : of the largest size, from which on light is taken to go further
     """
 
     spare: float = 1.01
     most_plate: float = 4.0
     most_display: float = 10.0
+    at_limit: float = 0.98
 
 
 ROOM = Room()
@@ -68,6 +70,7 @@ class Fitted:
     before, after : shares of the picture that arrive
     lost : shares that still do not, by reason
     for_most : m, the width that `MOST` of that light needs; 0 where nobody asked
+    limit : m, the width up to which light was looked for, where there is light so far out; else 0
     """
 
     size: float
@@ -77,6 +80,7 @@ class Fitted:
     after: float
     lost: dict[str, float]
     for_most: float = 0.0
+    limit: float = 0.0
 
     @property
     def more(self) -> float:
@@ -156,7 +160,8 @@ def fit_display(
     wanted = wanted or Wanted()
     outline = display_outline(rig.display)
     sizing = _Sizing(rig, plan_of, wanted, "displays", 0, outline)
-    large = sizing.rig_with(max(1.0, wanted.most or _most_display(rig, outline)))
+    most = max(1.0, wanted.most or _most_display(rig, outline))
+    large = sizing.rig_with(most)
     there = yield from within(traced(large, plan_of, wanted.n_grid), 0.0, 0.4)
     arrived = there.light.has_arrived
     if not arrived.any():
@@ -166,7 +171,7 @@ def fit_display(
         )
     return (
         yield from sizing.settled(
-            outline.across(there.light.positions[arrived]), there.weight[arrived]
+            outline.across(there.light.positions[arrived]), there.weight[arrived], most
         )
     )
 
@@ -179,16 +184,17 @@ def fit_plate(
 
     Raises
     ------
-    RigError : no light of the picture meets it
+    RigError : no light of the picture meets it, or the display is not flat
     """
     wanted = wanted or Wanted()
     plate = rig.plates[number]
     outline = plate_outline(plate)
     sizing = _Sizing(rig, plan_of, wanted, "plates", number, outline)
-    large = sizing.rig_with(max(1.0, wanted.most or ROOM.most_plate))
+    most = max(1.0, wanted.most or ROOM.most_plate)
+    large = sizing.rig_with(most)
 
     # a display that is too small is another matter
-    screen = display_outline(rig.display)
+    screen = _screen_for(rig.display, plate)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
     there = yield from within(traced(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
@@ -200,8 +206,23 @@ def fit_plate(
             name=plate.name,
         )
     return (
-        yield from sizing.settled(outline.across(there.light.at_plate[meets]), there.weight[meets])
+        yield from sizing.settled(
+            outline.across(there.light.at_plate[meets]), there.weight[meets], most
+        )
     )
+
+
+def _screen_for(display: Display, plate: Plate) -> Outline:
+    """The outline of the display to which a plate sends its light."""
+    try:
+        return display_outline(display)
+    except RigError:
+        raise RigError(
+            "The size of the plate '{plate}' is for you to choose, for the display '{display}' is"
+            " not flat.",
+            plate=plate.name,
+            display=display.name,
+        ) from None
 
 
 def _most_display(rig: Rig, outline: Outline) -> float:
@@ -230,9 +251,11 @@ class _Sizing:
         parts[self.number] = replace(part, mesh=self.outline.changed(part.mesh, size, shift))
         return replace(self.rig, **{self.field: tuple(parts)})
 
-    def settled(self, across: Floats, weight: Floats) -> Generator[float, None, Fitted]:
-        """The part as large as places (n, 2) need, of weights
-        (n,); yields the rest of the progress.
+    def settled(
+        self, across: Floats, weight: Floats, largest: float
+    ) -> Generator[float, None, Fitted]:
+        """The part as large as places (n, 2) need, of weights (n,), that were looked for with
+        the part `largest` times as large; yields the rest of the progress.
         """
         wanted = self.wanted
         about = np.zeros(2)
@@ -247,6 +270,8 @@ class _Sizing:
             for share in (wanted.share, MOST)
         )
         shift = about @ self.outline.axes
+        farthest = float(self.outline.reach(across, np.zeros(2)).max())
+        width = 2 * float(self.outline.half[0])
 
         n = wanted.n_grid
         before = yield from within(traced(self.rig, self.plan_of, n), 0.4, 0.7)
@@ -254,10 +279,11 @@ class _Sizing:
         after = yield from within(traced(changed, self.plan_of, n), 0.7, 1.0)
         return Fitted(
             size=size,
-            width=2 * float(self.outline.half[0]) * size,
+            width=width * size,
             shift=shift,
             before=before.share,
             after=after.share,
             lost=after.lost,
-            for_most=2 * float(self.outline.half[0]) * most,
+            for_most=width * most,
+            limit=width * largest if farthest > ROOM.at_limit * largest else 0.0,
         )

@@ -1,9 +1,10 @@
 """The smallest turn of the glass that brings a lost part of the picture back.
 
-Turns about axes all around are tried, in growing angles, until one brings the lost light to the
-display, and costs no other part of the picture as much. Its angle is then made smaller by halving,
-and its axis is tilted as long as that makes it smaller still. The answer is settled by a finer
-trace.
+Turns about axes all around are tried, in angles that grow by steps of a fixed size, until one
+brings the lost light to the display, and costs no other part of the picture as much. At each angle
+the axes that bring back most are tilted, too, and the best is handed on to the next angle. The
+angle is then made smaller by halving, and its axis is tilted as long as that makes it smaller
+still. The answer is settled by a finer trace; where that says no, larger angles are tried.
 """
 
 from collections.abc import Generator, Iterator
@@ -25,15 +26,20 @@ from .turned import light_turned
 class TurnSearch:
     """How turns are tried.
 
-    n_angles : up to the limit; n_halvings : of the first angle that does it
-    tilts_rad : of its axis, one after the other
+    step : between angles, rad; n_halvings : of the first that does it
+    n_best : axes that are tilted at each angle, n_tilted : times; by tilt, rad, and half of it each
+        time
+    tilts_rad : of the axis that does it, one after the other
     n_grid, n_fine : points along each edge of a triangle of the picture, and to settle it
     enough : share of the lost light that has to come back
     n_growths, growth : how often, and how much, an angle grows that the finer trace finds too small
     """
 
-    n_angles: int = 10
+    step: float = np.radians(2)
     n_halvings: int = 6
+    n_best: int = 2
+    n_tilted: int = 2
+    tilt: float = np.radians(20)
     tilts_rad: tuple[float, ...] = (0.35, 0.17, 0.09, 0.04)
     n_grid: int = 24
     n_fine: int = 64
@@ -43,6 +49,7 @@ class TurnSearch:
 
 
 TURN_SEARCH = TurnSearch()
+ROUNDING = 1e-9  # of the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +84,8 @@ def turn_back(
     rig: Rig, plan_of: PlanOf, limit: float = np.radians(30)
 ) -> Generator[float, None, TurnBack]:
     """Find the smallest turn, of up to `limit` rad, that brings the lost
-    light of the picture back; yields progress 0..1.
+    light of the picture back; yields progress 0..1. A turn that helps within a few degrees of
+    axis or angle only may be missed.
 
     Raises
     ------
@@ -85,20 +93,39 @@ def turn_back(
     """
     search = _Search(rig, plan_of, TURN_SEARCH.n_grid)
     yield from within(search.begin(), 0.0, 0.05)
-    axes = axes_around()
-    step = limit / TURN_SEARCH.n_angles
+    low, kept = 0.0, list[Floats]()
 
-    for k in range(TURN_SEARCH.n_angles):
-        found = []
-        for n, axis in enumerate(axes):
-            done = (k + n / len(axes)) / TURN_SEARCH.n_angles
-            does = yield from within(search.does(axis, (k + 1) * step), *_at(0.05 + 0.7 * done))
-            if does:
-                found.append(axis)
+    while low < limit * (1 - ROUNDING):
+        high = min(low + TURN_SEARCH.step, limit)
+        done = 0.05 + 0.7 * low / limit
+        found, kept = yield from within(_of_angle(search, kept, high), *_at(done))
         if found:
-            return (yield from _smallest(search, found, k * step, (k + 1) * step))
+            turn = yield from within(_smallest(search, found, (low, high), limit), *_at(done))
+            if turn.does_it:
+                return turn
+        low = high
 
     return (yield from within(search.told(search.best, False), 0.9, 1.0))
+
+
+def _of_angle(
+    search: "_Search", kept: list[Floats], angle: float
+) -> Generator[float, None, tuple[list[Floats], list[Floats]]]:
+    """Axes that do it by an angle, the best first; and the best ones, whether they do or not.
+
+    kept : the best ones of the angle before
+    """
+    tried: list[tuple[float, bool, Floats]] = []
+    ways = [*kept, *axes_around()]
+    for n in range(1 + TURN_SEARCH.n_tilted):
+        for axis in ways:
+            does = yield from search.does(axis, angle)
+            tried.append((search.gain, does, axis))
+        tried.sort(key=lambda one: -one[0])
+        best = [axis for _, _, axis in tried[: TURN_SEARCH.n_best]]
+        ways = [way for axis in best for way in _tilted(axis, TURN_SEARCH.tilt / 2**n)]
+
+    return [axis for _, does, axis in tried if does], best
 
 
 def _at(progress: float) -> tuple[float, float]:
@@ -106,9 +133,10 @@ def _at(progress: float) -> tuple[float, float]:
 
 
 def _smallest(
-    search: "_Search", axes: list[Floats], low: float, high: float
+    search: "_Search", axes: list[Floats], between: tuple[float, float], limit: float
 ) -> Generator[float, None, TurnBack]:
-    """The smallest turn about axes that do it by `high`, and not by `low`, rad."""
+    """The smallest turn about axes that do it by the larger of two angles, rad."""
+    low, high = between
     angles = []
     for axis in axes:
         angles.append((yield from within(search.halved(axis, low, high), *_at(0.8))))
@@ -126,10 +154,11 @@ def _smallest(
     fine = _Search(search.rig, search.plan_of, TURN_SEARCH.n_fine)
     yield from within(fine.begin(), *_at(0.9))
     for _ in range(TURN_SEARCH.n_growths):
-        if (yield from within(fine.does(axis, angle), *_at(0.95))):
+        does = yield from within(fine.does(axis, angle), *_at(0.95))
+        if does or angle >= limit:
             break
-        angle *= TURN_SEARCH.growth
-    return (yield from within(fine.told(angle * axis, True), 0.97, 1.0))
+        angle = min(angle * TURN_SEARCH.growth, limit)
+    return (yield from within(fine.told(angle * axis, does), 0.97, 1.0))
 
 
 def _tilted(axis: Floats, tilt: float) -> Iterator[Floats]:
@@ -147,6 +176,7 @@ class _Search:
         self.plan_of = plan_of
         self.n_grid = n_grid
         self.best = np.zeros(3)
+        self.gain = -1.0
         self._most = -1.0
 
     def begin(self) -> Generator[float, None, None]:
@@ -162,6 +192,7 @@ class _Search:
         light = yield from self._light(angle * axis)
         brought = self.brought(light)
         gain = min(brought, 1.0 + light.share - self.before)
+        self.gain = gain if light.share > self.before else gain - 1.0
         if light.share > self.before and gain > self._most:
             self._most, self.best = gain, angle * axis
         return brought >= TURN_SEARCH.enough and light.share > self.before

@@ -117,9 +117,23 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     size = max(np.abs(wanted[:3, :3]).max(), max(thing.dimensions, default=0.0))
     rounding = FLOAT32_SUM_ERROR * np.abs(wanted[:3, 3]).max()
     if far.max() > RESIZED_WITHIN * size + rounding:
+        is_askew = _is_sheared(thing, matrix)
         thing.matrix_basis = before
         context.view_layer.update()
+        if is_askew:
+            raise RigError("its parent '{parent}' is scaled unevenly", parent=thing.parent.name)
         raise RigError("a constraint or a driver holds it")
+
+
+def _is_sheared(thing: bpy.types.Object, matrix: Matrix) -> bool:
+    """Would an object have to be sheared below its parent to have this matrix in the world?"""
+    if thing.parent is None:
+        return False
+    parent = thing.matrix_world @ thing.matrix_local.inverted_safe()
+    axes = np.array(parent.inverted_safe() @ matrix, float)[:3, :3]
+    lengths = np.linalg.norm(axes, axis=0)
+    cosines = axes.T @ axes - np.diag(lengths**2)
+    return bool(np.abs(cosines).max() > RESIZED_WITHIN * lengths.max() ** 2)
 
 
 def rescale(

@@ -5,7 +5,10 @@ import re
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
+from kiriko.core.blender.resize import give_matrix
+from kiriko.core.errors import RigError
 from small_rigs import cube, small_rig
 
 
@@ -110,7 +113,7 @@ def test_what_no_turn_brings_back_is_said(scene: bpy.types.Scene, capfd) -> None
     """As a warning, and nothing is proposed; nor where nothing is lost."""
     small_rig(ior=1.0, picture_size=0.02, display_size=0.015)
     assert bpy.ops.kiriko.turn_back(limit=np.radians(2)) == {"FINISHED"}
-    assert "Warning: No turn of the glass up to 2 degrees" in capfd.readouterr().out
+    assert "Warning: No turn of the glass up to 2 degrees was found" in capfd.readouterr().out
     assert not bpy.ops.kiriko.take_proposal.poll()
 
 
@@ -131,3 +134,46 @@ def test_buttons_are_grey_without_a_rig(scene: bpy.types.Scene) -> None:
     small_rig()
     scene.kiriko.picture_source = "IMAGE"
     assert not bpy.ops.kiriko.best_place.poll()
+
+
+def test_a_changed_scene_is_looked_at_again(scene: bpy.types.Scene) -> None:
+    """Where another part has moved, or its glass is another, nothing is moved, and it says why;
+    where all is as it was again, it can be taken.
+    """
+    rig = off_rig()
+    bpy.ops.kiriko.best_place()
+    before = place(rig["PICTURE"])
+    rig["DISPLAY"].location.x += 0.003
+    with pytest.raises(RuntimeError, match="The scene has changed since 'Best Place' looked"):
+        bpy.ops.kiriko.take_proposal()
+    rig["DISPLAY"].location.x -= 0.003
+    rig["GLASS"].kiriko.ior = 1.5
+    with pytest.raises(RuntimeError, match="The scene has changed"):
+        bpy.ops.kiriko.take_proposal()
+    assert (place(rig["PICTURE"]) == before).all()
+    rig["GLASS"].kiriko.ior = 1.0
+    assert bpy.ops.kiriko.take_proposal() == {"FINISHED"}
+
+
+def test_a_proposal_ends_with_its_file(scene: bpy.types.Scene, tmp_path) -> None:
+    """The same rig, opened anew, has none."""
+    off_rig()
+    bpy.ops.kiriko.best_place()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert bpy.ops.kiriko.take_proposal.poll()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert not bpy.ops.kiriko.take_proposal.poll()
+
+
+def test_an_uneven_parent_is_named(scene: bpy.types.Scene) -> None:
+    """Below it a turned object would be sheared; no constraint is there."""
+    rig = small_rig()
+    parent = bpy.data.objects.new("parent", None)
+    scene.collection.objects.link(parent)
+    parent.scale = (1.0, 2.0, 1.0)
+    rig["GLASS"].parent = parent
+    before = place(rig["GLASS"])
+    turned = Matrix.Rotation(0.3, 4, "X") @ rig["GLASS"].matrix_world
+    with pytest.raises(RigError, match="its parent 'parent' is scaled unevenly"):
+        give_matrix(bpy.context, rig["GLASS"], turned)
+    assert (place(rig["GLASS"]) == before).all()

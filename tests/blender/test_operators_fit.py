@@ -162,3 +162,12 @@ def test_grey_buttons_say_why(scene) -> None:
     assert not bpy.ops.kiriko.fit_plate.poll()
     scene.kiriko.picture_source = "IMAGE"
     assert not bpy.ops.kiriko.fit_picture_size.poll()
+
+
+def test_a_limit_is_told(scene, capfd) -> None:
+    """A picture that could grow to more than twice its size says that it did not try."""
+    small_rig(picture_size=0.005, display_size=0.06)
+    bpy.ops.kiriko.fit_picture_size()
+    assert re.search(
+        r"A limit was reached: a width above 1 cm is not tried", capfd.readouterr().out
+    )

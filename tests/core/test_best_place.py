@@ -199,10 +199,44 @@ def test_what_no_turn_brings_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without refraction a turn is no matter to the light; where
     nothing is lost there is nothing to bring back.
     """
-    monkeypatch.setattr(search, "TURN_SEARCH", replace(TURN_SEARCH, n_angles=4))
+    monkeypatch.setattr(search, "TURN_SEARCH", replace(TURN_SEARCH, step=0.08))
     slab = Glass("slab", box((0.1, 0.1, 0.1)), ConstantIndex(1.0))
     found = finish(turn_back(rig_around(slab, picture=0.02, display=0.01), plan_of(), 0.3))
     assert not found.does_it
     assert found.brought == 0
     with pytest.raises(RigError, match="nothing to bring back"):
         finish(turn_back(rig_around(slab, picture=0.02, display=0.05), plan_of(), 0.3))
+
+
+def test_a_turn_is_found_whatever_the_limit() -> None:
+    """A block, turned since about two axes, comes back by the same turn within each wider limit."""
+    rig = rig_around(Glass("block", box((0.05, 0.05, 0.05), degrees_about_z=15.8)), picture=0.035)
+    off = with_glass_turned(rig, np.radians([9, 0, 24]))
+    found = [finish(turn_back(off, plan_of(), np.radians(limit))) for limit in (26, 45)]
+    assert all(one.does_it for one in found)
+    turns = np.stack([one.turn for one in found])
+    assert np.abs(turns - turns[0]).max() < 1e-12
+
+    plans = plan_of()
+    before = finish(traced(off, plans, 24))
+    lost = before.light.is_seen & ~before.light.has_arrived
+    ways = np.random.default_rng(3).normal(size=(100, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    for way in ways:
+        light = finish(traced(with_rest_turned(off, 0.9 * found[0].angle * way), plans, 24))
+        back = light.weight[lost & light.light.has_arrived].sum() / light.weight[lost].sum()
+        assert back < TURN_SEARCH.enough or light.share <= before.share
+
+
+def test_a_wider_limit_is_no_loss() -> None:
+    """Nor is a turn that may be made; it is made only where it is worth it."""
+    rig = rig_around(Glass("ball", icosphere(0.025, 4)), picture=0.035, plate=0.35, display=0.06)
+    off = shifted(rig, "pictures", [0.006, 0, 0.004])
+    most = 0.0
+    for shift in (0.004, 0.009, 0.1):
+        still = finish(best_place(off, plan_of(), Limits(shift, turn=0.0)))
+        free = finish(best_place(off, plan_of(), Limits(shift, turn=np.radians(15))))
+        assert still.after > most - 3 * PLACE_SEARCH.worth_it
+        assert free.after > still.after - PLACE_SEARCH.worth_it
+        assert free.turn == 0 or free.after > still.after + PLACE_SEARCH.turn_worth_it / 2
+        most = max(most, still.after)

@@ -186,6 +186,8 @@ def test_what_cannot_be_sized_is_refused_with_a_sentence() -> None:
     display = replace(rig.display, mesh=replace(rig.display.mesh, vertices=bent))
     with pytest.raises(RigError, match="The display 'Kiriko Display' is not flat"):
         finish(fit_display(replace(rig, displays=(display,)), plan_of()))
+    with pytest.raises(RigError, match=r"plate 'Kiriko Plate' is for you .* display 'Kiriko Disp"):
+        finish(fit_plate(replace(rig, displays=(display,)), plan_of()))
     with pytest.raises(RigError, match="Hardly any of the picture"):
         finish(fit_picture(with_display(rig, 1.0, np.array([0.05, 0, 0])), plan_of()))
     with pytest.raises(RigError, match="No light of the picture comes to the plane"):
@@ -197,3 +199,31 @@ def test_what_cannot_be_sized_is_refused_with_a_sentence() -> None:
         finish(fit_picture(replace(rig, pictures=(own,)), plan_of()))
     fitted = finish(fit_display(replace(rig, pictures=(own,)), plan_of()))
     assert fitted.after == 1.0  # the whole of the viewer's image
+
+
+@pytest.mark.parametrize("share", [1.0, 0.999, 0.9])
+@pytest.mark.parametrize("size", [0.02, 0.025, 0.05])
+def test_a_picture_fits_once(size: float, share: float) -> None:
+    """What fits stays as it is; what arrives wholly is made no smaller."""
+    rig = rig_around(ball(), picture=size, display=0.3)
+    wanted = Wanted(share=share)
+    sizes = []
+    for _ in range(4):
+        fitted = finish(fit_picture(rig, plan_of(), wanted))
+        assert fitted.size >= 1 or fitted.before < share
+        rig = with_picture(rig, fitted.size, fitted.shift)
+        sizes.append(fitted.size)
+    assert sizes[1:] == [1.0, 1.0, 1.0]
+
+
+def test_a_limit_that_was_reached_is_told() -> None:
+    """Where light goes as far as it was looked for; and nowhere else."""
+    rig = rig_around(ball(), picture=0.03, plate=0.4, display=0.02)
+    assert finish(fit_display(rig, plan_of())).limit == 0
+    near = finish(fit_display(rig, plan_of(), Wanted(most=1.05)))
+    assert near.limit == pytest.approx(1.05 * 0.02, rel=1e-9)
+    assert near.size <= 1.05 * ROOM.spare
+    small = with_plate(rig, 0.05)
+    assert finish(fit_plate(small, plan_of())).limit == pytest.approx(4 * 0.02, rel=1e-9)
+    rig = rig_around(slab(1.0), picture=0.01, display=0.06)
+    assert finish(fit_picture(rig, plan_of())).limit == pytest.approx(0.02, rel=1e-9)
