@@ -103,6 +103,7 @@ def register() -> None:
     sketcher.register()
     look_over.register()
     proposal.register()
+    compared.register()
 
 
 def unregister() -> None:
@@ -113,8 +114,8 @@ def unregister() -> None:
     watch.unregister()
     look_through.unregister()
     live.unregister()
+    compared.unregister()
     work.forget()
-    compared.forget()
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     for cls in reversed(CLASSES):

@@ -8,15 +8,18 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Matrix, Vector
 
 from ..core.blender.units import length_of_unit
+from ..core.blender.viewer import viewer_of
 from ..core.rig import Rig, Viewer
 from ..core.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
-from .windows import all_windows, view_of
+from . import work
+from .windows import all_windows, camera_of, view_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +35,8 @@ class Compared:
     corners: tuple[Vector, ...]
 
 
-# what 3D views showed before, by area: perspective, and the camera of their own, if any
-_left: dict[int, tuple[str, bool, bpy.types.Object | None]] = {}
+# what 3D views showed before, by area: perspective, whether by a camera of their own, its uid
+_left: dict[int, tuple[str, bool, int]] = {}
 _comparer: list[Comparer] = []
 _found: dict[int, Compared] = {}  # by session uid of the scene
 
@@ -56,7 +59,7 @@ def comparing(
         _comparer.append(Comparer())
     # Blender's data may be gone after a pause
     of_scene = scene.session_uid
-    camera = scene.kiriko.viewer or scene.camera
+    camera = viewer_of(scene)
     of_camera, corners = camera.session_uid, _corners(rig.viewer, camera, scene)
     comparison = yield from _comparer[0].compare(solution, rig, settings)
     _found[of_scene] = made = Compared(comparison, of_camera, corners)
@@ -85,7 +88,7 @@ def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.nd
     if made is None or view is None or view.view_perspective != "CAMERA":
         return None
 
-    camera = space.camera if space.use_local_camera else scene.camera
+    camera = camera_of(space, scene)
     if camera is None or camera.session_uid != made.camera:
         return None
     world = camera.matrix_world
@@ -98,17 +101,17 @@ def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.nd
 def enter_view(context: bpy.types.Context) -> None:
     """Have the 3D view that is worked in show the viewer's camera, if it does not."""
     area = view_of(context)
-    camera = context.scene.kiriko.viewer or context.scene.camera
+    camera = viewer_of(context.scene)
     if area is None or camera is None:
         return
 
     space = area.spaces.active
     view = space.region_3d
-    shown = space.camera if space.use_local_camera else context.scene.camera
-    if view.view_perspective == "CAMERA" and shown == camera:
+    if view.view_perspective == "CAMERA" and camera_of(space, context.scene) == camera:
         return
 
-    _left[area.as_pointer()] = (view.view_perspective, space.use_local_camera, space.camera)
+    own = 0 if space.camera is None else space.camera.session_uid
+    _left[area.as_pointer()] = (view.view_perspective, space.use_local_camera, own)
     if context.scene.camera != camera:
         space.use_local_camera, space.camera = True, camera
     view.view_perspective = "CAMERA"
@@ -125,8 +128,9 @@ def leave_view(context: bpy.types.Context) -> None:
             if space.region_3d.view_perspective == "CAMERA":  # else the artist has left it
                 space.region_3d.view_perspective = before[0]
             space.use_local_camera = before[1]
-            if before[1]:
-                space.camera = before[2]
+            own = next((o for o in bpy.data.objects if o.session_uid == before[2]), None)
+            if before[1] and own is not None:
+                space.camera = own
     _left.clear()
 
 
@@ -135,3 +139,24 @@ def forget() -> None:
     _found.clear()
     _comparer.clear()
     _left.clear()
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Another file, whose scenes were not compared."""
+    forget()
+    bpy.context.window_manager.kiriko.show_comparison = False
+
+
+HANDLERS = (("load_post", on_load),)
+
+
+def register() -> None:
+    """Begin to listen for other files."""
+    work.listen(HANDLERS)
+
+
+def unregister() -> None:
+    """Listen no more."""
+    work.stop_listening(HANDLERS)
+    forget()

@@ -31,6 +31,11 @@ def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
                 space.image = image
 
 
+def camera_of(space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The camera that a 3D view looks through when it looks through one."""
+    return space.camera if space.use_local_camera else scene.camera
+
+
 def view_of(context: bpy.types.Context) -> bpy.types.Area | None:
     """The 3D view that is worked in: the one of the context, else the window's largest."""
     if context.window is None:

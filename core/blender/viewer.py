@@ -110,6 +110,11 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
 
 
+def viewer_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The camera that is the scene's viewer: the one that was chosen, else the scene's own."""
+    return scene.kiriko.viewer or scene.camera
+
+
 def read_viewer(
     camera: bpy.types.Object,
     depsgraph: bpy.types.Depsgraph,

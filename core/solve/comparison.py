@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +26,29 @@ class Comparison:
         for a rig whose glass does not refract
     after : seen while it shows the source image
     ideal : the picture as it would be seen with no glass in the way
-    source : the source image itself, as large as it fits
+    source_image : (H, W, 3) of the display's pixels; source : as large as it fits here, made when
+        first asked for
     """
 
     before: Image
     after: Image
     ideal: Image
-    source: Image
+    source_image: Image
+    viewer: Viewer
+
+    @cached_property
+    def source(self) -> Image:
+        return fitted(self.source_image, self.viewer)
 
 
 class Comparer:
-    """Compares results; keeps the plain picture while only glass changes."""
+    """Compares results; keeps the plain picture, and the ideal image, while only glass changes."""
 
     def __init__(self) -> None:
         self._session = Session()
         self._key = ""
         self._plain: Image | None = None
+        self._ideal: Image | None = None
 
     def compare(
         self, solution: Solution, rig: Rig, settings: Settings
@@ -57,16 +65,13 @@ class Comparer:
         key = fingerprint(replace(bare, glasses=()), how)
         if key != self._key:
             found = yield from within(self._session.solve(bare, how), 0.0, 0.7)
-            self._key, self._plain = key, found.source
+            self._key, self._plain, self._ideal = key, found.source, solution.ideal()
 
         yield 0.7
         before = solution.seen(self._plain)
         yield 0.9
         after = solution.seen()
-        yield 0.95
-        return Comparison(
-            before, after, solution.ideal(), fitted(solution.source, solution.first.viewer)
-        )
+        return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
 
 
 def fitted(source: Image, viewer: Viewer) -> Image:

@@ -83,3 +83,17 @@ def test_rig_that_cannot_be_solved_is_one_sentence(scene: bpy.types.Scene) -> No
     with pytest.raises(RuntimeError, match=r"^Error: .*Kiriko Display.*\.$"):
         bpy.ops.kiriko.before_after()
     assert not bpy.context.window_manager.kiriko.show_comparison
+
+
+def test_another_file_begins_without_a_comparison(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    """The button is up, and nothing of the file before is held."""
+    small_rig()
+    bpy.ops.kiriko.before_after()
+    manager = bpy.context.window_manager
+    assert manager.kiriko.show_comparison
+    uid = scene.session_uid
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert not bpy.context.window_manager.kiriko.show_comparison
+    assert uid not in compared._found
