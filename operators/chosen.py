@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.elements import tone_of
-from ..core.blender.viewer import frame_of
+from ..core.blender.viewer import frame_of, viewer_of
 from . import needed, work
 
 
@@ -12,7 +12,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     does not tell when a script changes them.
     """
     ours = scene.kiriko
-    camera = ours.viewer or scene.camera
+    camera = viewer_of(scene)
     objects = [
         (
             thing.session_uid,

@@ -5,6 +5,7 @@ from time import monotonic
 import bpy
 
 from ..core.blender.parts import hidden_words
+from ..core.blender.viewer import viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.messages import Message
 from ..core.rig import ROLES
@@ -97,7 +98,7 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     found = parts(scene)
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
-    if ours.viewer or scene.camera:
+    if viewer_of(scene):
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}

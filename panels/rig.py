@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.properties.objects import ROLE_ITEMS
-from ..core.blender.viewer import frame_of, frame_of_render
+from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
 from ..core.messages import Message
 from ..operators import needed
 from ..operators.parts import name_part
@@ -39,7 +39,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
     def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         """The viewer's pixels, and whether Blender's own view is the same."""
         scene = context.scene
-        viewer = scene.kiriko.viewer or scene.camera
+        viewer = viewer_of(scene)
         if viewer is None:
             return
 
@@ -71,7 +71,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
     def _draw_parts(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
         """One line a part: its role, and a button that selects it."""
         found = needed.parts(context.scene)
-        viewer = context.scene.kiriko.viewer or context.scene.camera
+        viewer = viewer_of(context.scene)
         if viewer is not None:
             draw_part(column, context, "Viewer", viewer, "OUTLINER_OB_CAMERA")
 

@@ -14,7 +14,7 @@ from .framing import Window
 from .kept import Changed
 from .preview_settings import BOUNCES
 from .remove_rig import spaces
-from .viewer import frame_of
+from .viewer import frame_of, viewer_of
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
 FILLED = 0.9  # of the view, by the viewer's image
@@ -47,7 +47,7 @@ POSE = ("view_location", "view_rotation", "view_distance")  # which Blender move
 
 def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> None:
     """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
-    viewer = scene.kiriko.viewer or scene.camera
+    viewer = viewer_of(scene)
     key = token_hex(8)
     kept = []
     try:
@@ -229,7 +229,7 @@ def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
         return [scene]
 
     # a viewer that was renamed, or deleted since, or is none any more, is known, too
-    viewers = {None, scene.kiriko.viewer or scene.camera}
+    viewers = {None, viewer_of(scene)}
     viewers |= {thing for thing, _ in _marked(kept.rig) if isinstance(thing, bpy.types.Object)}
     viewers |= {bpy.data.objects.get(one[3]) for one in kept.changes if one[1] == "camera"}
     screen = place.removeprefix("screen/")

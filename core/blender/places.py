@@ -15,7 +15,7 @@ from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import read_viewer
+from .viewer import read_viewer, viewer_of
 
 
 class KeptPlaces(Kept):
@@ -60,7 +60,7 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Ke
 
 def _viewer(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> Viewer | None:
     """The viewer, where Blender keeps its place up to date and it can be one."""
-    camera = scene.kiriko.viewer or scene.camera
+    camera = viewer_of(scene)
     if camera is None or not is_placed(camera, depsgraph):
         return None
     with suppress(KirikoError):

@@ -19,6 +19,7 @@ from .parts import part_name, shown_parts
 from .roles import InBlender, Studio, in_blender
 from .scene import Reading, object_matrix
 from .temporary import mark
+from .viewer import viewer_of
 
 LEAST_SHEAR = 1e-6  # of an object's scale: less shear is rounding
 
@@ -141,7 +142,7 @@ class PreviewParts:
 
     def add_camera(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the viewer into the scene, as it is evaluated and calibrated."""
-        viewer = scene.kiriko.viewer or scene.camera
+        viewer = viewer_of(scene)
         if viewer is None or viewer.type != "CAMERA":
             raise RigError("The rig has no viewer: add a camera and make it the viewer.")
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..errors import RigError
 from .preview_options import Options
-from .viewer import frame_of
+from .viewer import frame_of, viewer_of
 
 BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
 
@@ -14,7 +14,7 @@ BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is 
 def set_render(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options, path: Path) -> None:
     """Have a made scene render the viewer's frame of the user's scene to a file."""
     render = made.render
-    frame = frame_of(scene.kiriko.viewer or scene.camera, scene.render)
+    frame = frame_of(viewer_of(scene), scene.render)
     _use_cycles(render)
 
     render.resolution_x, render.resolution_y = options.size or (frame.width, frame.height)

@@ -23,7 +23,7 @@ from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import read_viewer
+from .viewer import read_viewer, viewer_of
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def read_drawn(
     )
     metres = length_of_unit(scene)
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
-    camera = scene.kiriko.viewer or scene.camera
+    camera = viewer_of(scene)
     viewer = _read_viewer(camera, depsgraph, metres, scene)
 
     # each part as its role reads it
