@@ -167,13 +167,10 @@ HANDLERS = (
 
 def register() -> None:
     """Begin to look."""
-    work.listen(HANDLERS)
-    bpy.app.timers.register(tick, first_interval=TICK, persistent=True)
+    work.follow(tick, TICK, HANDLERS)
 
 
 def unregister() -> None:
     """Look no more."""
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
-    work.stop_listening(HANDLERS)
+    work.stop_following(tick, HANDLERS)
     _looked.clear()

@@ -47,6 +47,21 @@ def stop_listening(handlers: Iterable[tuple[str, Callable]]) -> None:
             listening.remove(handler)
 
 
+def follow(
+    tick: Callable[[], float], after: float, handlers: Iterable[tuple[str, Callable]]
+) -> None:
+    """Have Blender call a function by a timer, first after so many s, and handlers."""
+    listen(handlers)
+    bpy.app.timers.register(tick, first_interval=after, persistent=True)
+
+
+def stop_following(tick: Callable[[], float], handlers: Iterable[tuple[str, Callable]]) -> None:
+    """Take the timer and the handlers back."""
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    stop_listening(handlers)
+
+
 def is_busy() -> bool:
     """Is one of the operators at work, or a render, so that
     nothing else may touch session and results?

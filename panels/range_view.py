@@ -15,6 +15,7 @@ from ..core.messages import Message
 from ..core.words import percent
 from ..operators.telling import in_words
 from ..operators.visible_range import NAME
+from .overlay.view_handlers import ViewHandlers
 
 ALPHA = 0.45
 PAUSE = 0.5  # s between two looks at all objects of a scene
@@ -22,7 +23,6 @@ LETTERS = 11.0  # px at a scale of 1
 BAR = (160.0, 10.0)  # px at a scale of 1: length and height of the legend
 CORNER = (80.0, 40.0)  # px at a scale of 1, from the region's lower left
 
-_handles: list[Any] = []
 _found: dict[int, tuple[float, str]] = {}  # by scene: looked at next, the object's name
 _batches: dict[int, tuple[Any, float]] = {}  # by session uid of the mesh: batch, most brightness
 
@@ -119,16 +119,16 @@ def _batch(mesh: bpy.types.Mesh) -> tuple[Any, float]:
     return _batches[mesh.session_uid]
 
 
+_handlers = ViewHandlers(POST_VIEW=draw, POST_PIXEL=draw_legend)
+
+
 def register() -> None:
     """Draw from now on."""
-    view = bpy.types.SpaceView3D
-    _handles.append(view.draw_handler_add(draw, (), "WINDOW", "POST_VIEW"))
-    _handles.append(view.draw_handler_add(draw_legend, (), "WINDOW", "POST_PIXEL"))
+    _handlers.begin()
 
 
 def unregister() -> None:
     """Draw no more."""
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _handlers.end()
     _batches.clear()
     _found.clear()

@@ -1,23 +1,21 @@
 """Draws the picture in the glass and the source image on the display, in all 3D views."""
 
 from time import perf_counter
-from typing import Any
 
 import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
 from ..core.blender.shown_images import ShownImage, shown_images
+from ..core.blender.viewer import viewer_of
+from ..operators.windows import camera_of
+from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers
 
-# since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
-# all that is drawn within a viewport, and there was no other shader
-SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE"
 # how textures of images blend, by the mode of their alpha; that of others is no coverage
 BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
 SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
 ROLES = {"PICTURE", "DISPLAY"}
 
-_handles: list[Any] = []
 _found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
 
 
@@ -45,9 +43,8 @@ def is_drawn(context: bpy.types.Context, role: str) -> bool:
     if role == "DISPLAY":
         return space.shading.type == "SOLID" and space.shading.color_type != "TEXTURE"
 
-    camera = space.camera if space.use_local_camera else context.scene.camera
-    viewer = context.scene.kiriko.viewer or context.scene.camera
-    is_seen = view.view_perspective == "CAMERA" and camera == viewer
+    camera = camera_of(space, context.scene)
+    is_seen = view.view_perspective == "CAMERA" and camera == viewer_of(context.scene)
     return not (space.shading.type == "RENDERED" and is_seen)
 
 
@@ -72,7 +69,7 @@ def _draw(shown: ShownImage) -> None:
     except RuntimeError:  # an image without pixels
         return
 
-    shader = gpu.shader.from_builtin(SHADER)
+    shader = gpu.shader.from_builtin(IMAGE_SHADER)
     batch = batch_for_shader(shader, "TRIS", {"pos": shown.points, "texCoord": shown.uv})
     before = gpu.state.depth_test_get(), gpu.state.blend_get()
 
@@ -89,13 +86,15 @@ def _draw(shown: ShownImage) -> None:
         gpu.state.blend_set(before[1])
 
 
+_handlers = ViewHandlers(POST_VIEW=draw)
+
+
 def register() -> None:
     """Draw from now on."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_VIEW"))
+    _handlers.begin()
 
 
 def unregister() -> None:
     """Draw no more."""
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _handlers.end()
     _found.clear()

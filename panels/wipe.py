@@ -10,13 +10,12 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..operators import compared
+from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers
 
-SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB"
 LINE = (1.0, 1.0, 1.0, 0.9)
 LETTERS = 11.0  # px at a scale of 1
 HANDLE = 14.0  # px at a scale of 1, half of its width
 
-_handles: list[Any] = []
 # by id of the comparison: it and its textures
 _textures: dict[int, tuple[object, dict[str, gpu.types.GPUTexture]]] = {}
 
@@ -73,7 +72,7 @@ def _draw(frame: np.ndarray, texture: gpu.types.GPUTexture, start: float, stop: 
         return
     upper, lower = _between(frame, start)
     upper_end, lower_end = _between(frame, stop)
-    shader = gpu.shader.from_builtin(SHADER)
+    shader = gpu.shader.from_builtin(IMAGE_SHADER)
     corners = [(*point, 0.0) for point in (lower, lower_end, upper_end, upper)]
     uv = [(start, 0.0), (stop, 0.0), (stop, 1.0), (start, 1.0)]
     batch = batch_for_shader(
@@ -149,13 +148,15 @@ class KIRIKO_GGT_wipe(bpy.types.GizmoGroup):
             self.handle.matrix_basis = Matrix.Translation((*((upper + lower) / 2), 0.0))
 
 
+_handlers = ViewHandlers(POST_PIXEL=draw)
+
+
 def register() -> None:
     """Draw from now on."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL"))
+    _handlers.begin()
 
 
 def unregister() -> None:
     """Draw no more."""
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _handlers.end()
     _textures.clear()

@@ -12,8 +12,8 @@ import bpy
 from ...operators import sketcher, telling
 from ...operators.sketcher import Drawing
 from . import batches, lines, words
+from .view_handlers import ViewHandlers
 
-_handlers: list[object] = []
 _failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
 
 
@@ -52,18 +52,18 @@ def draw_toggle(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     menu.layout.prop(context.window_manager.kiriko, "show_overlay")
 
 
+_handlers = ViewHandlers(POST_VIEW=draw_in_space, POST_PIXEL=draw_in_pixels)
+
+
 def register() -> None:
     """Begin to draw."""
     _failed.clear()
-    space = bpy.types.SpaceView3D
-    for function, when in ((draw_in_space, "POST_VIEW"), (draw_in_pixels, "POST_PIXEL")):
-        _handlers.append(space.draw_handler_add(function, (), "WINDOW", when))
+    _handlers.begin()
     bpy.types.VIEW3D_PT_overlay.append(draw_toggle)
 
 
 def unregister() -> None:
     """Draw no more."""
     bpy.types.VIEW3D_PT_overlay.remove(draw_toggle)
-    while _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
+    _handlers.end()
     batches.forget()

@@ -1,0 +1,28 @@
+"""Shared by all that is drawn over 3D views: the handlers, and the shader of images."""
+
+from collections.abc import Callable
+
+import bpy
+
+# since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
+# all that is drawn within a viewport, and there was no other shader
+IMAGE_SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE"
+
+
+class ViewHandlers:
+    """Functions that Blender calls for each 3D view, each in the scene or over its pixels."""
+
+    def __init__(self, **when: Callable[[], None]) -> None:
+        self._when = when
+        self._handles: list[object] = []
+
+    def begin(self) -> None:
+        """Draw from now on."""
+        for when, function in self._when.items():
+            handle = bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when)
+            self._handles.append(handle)
+
+    def end(self) -> None:
+        """Draw no more."""
+        while self._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handles.pop(), "WINDOW")
