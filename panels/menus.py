@@ -24,7 +24,6 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.look_through", icon="VIEW_CAMERA")
         layout.operator("kiriko.simulate", icon="IMAGE_DATA")
         layout.operator("kiriko.preview", icon="RENDER_STILL")
-        layout.operator("kiriko.look_through", icon="OUTLINER_OB_CAMERA")
         layout.operator("kiriko.before_after", icon="ARROW_LEFTRIGHT")
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
