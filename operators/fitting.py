@@ -12,7 +12,7 @@ from ..core.blender.resize import scale_by
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import RigError
 from ..core.messages import Message, joined
-from ..core.rig import Rig
+from ..core.rig import ROLES, Rig
 from ..core.steps import within
 from ..core.words import listed, percent
 from . import long_work, needed, work
@@ -148,4 +148,4 @@ def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
 
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
     """The parts of a rig that have a role, by its name."""
-    return {"PICTURE": rig.pictures, "PLATE": rig.plates, "DISPLAY": rig.displays}[role]
+    return next(rig.of(one) for one in ROLES if one.name == role)

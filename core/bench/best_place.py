@@ -18,7 +18,7 @@ import numpy as np
 from ..arrays import Floats
 from ..glass.motion import Motion
 from ..rig import Rig
-from ..steps import within
+from ..steps import at, within
 from .light import Light, light_of
 from .offset import moved, turned
 from .picture_room import Plane, plane_of
@@ -116,20 +116,21 @@ class _Field:
 
         places : (m, k, 2) m from the middle; moves : (m,) of the limits
         """
+        good, blur = self._at(places)
+        cost = PLACE_SEARCH.blur_weight * (good * blur).sum(axis=1)
+        cost /= np.maximum(good.sum(axis=1), 1)
+        return good.mean(axis=1) - cost - PLACE_SEARCH.motion_weight * moves
+
+    def _at(self, places: Floats) -> tuple[Floats, Floats]:
+        """What is known of the nearest rays to places (..., 2), m: is_good and log_blur (...)."""
         n = len(self.is_good)
         at = np.rint((places / self.half + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
-        good = self.is_good[at[..., 1], at[..., 0]]
-        blur = (good * self.log_blur[at[..., 1], at[..., 0]]).sum(axis=1)
-        blur /= np.maximum(good.sum(axis=1), 1)
-        blur = PLACE_SEARCH.blur_weight * blur
-        return good.mean(axis=1) - blur - PLACE_SEARCH.motion_weight * moves
+        return self.is_good[at[..., 1], at[..., 0]], self.log_blur[at[..., 1], at[..., 0]]
 
     def blur(self, places: Floats) -> float:
         """The mean blur of a picture whose points are at places (k, 2)."""
-        n = len(self.is_good)
-        at = np.rint((places / self.half + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
-        good = self.is_good[at[:, 1], at[:, 0]].astype(bool)
-        values = self.log_blur[at[good, 1], at[good, 0]]
+        good, blur = self._at(places)
+        values = blur[good > 0]
         return float(2.0 ** values.mean()) if len(values) else PLACE_SEARCH.most_blur
 
 
@@ -223,13 +224,12 @@ def _field(rig: Rig, plan_of: PlanOf, plane: Plane, shift: float) -> Generator[f
     """The light of all places that a picture may take."""
     sizes = np.linalg.norm(plane.sides, axis=1)
     reach = np.full(2, np.linalg.norm(sizes) / 2 + shift)
-    at, step = grid_over(reach, PLACE_SEARCH.n_rays)
-    points = plane.middle + at @ (plane.sides / sizes[:, None])
+    places, step = grid_over(reach, PLACE_SEARCH.n_rays)
+    points = plane.middle + places @ (plane.sides / sizes[:, None])
     light = yield from light_of(plan_of(rig), points)
     n = PLACE_SEARCH.n_rays
-    return _Field(
-        light.has_arrived.reshape(n, n).astype(float), _log_blur(light, n, step), reach - step / 2
-    )
+    is_good = light.has_arrived.reshape(n, n).astype(float)
+    return _Field(is_good, _log_blur(light, n, step), reach - step / 2)
 
 
 def _log_blur(light: Light, n: int, step: float) -> Floats:
@@ -249,8 +249,8 @@ def _placed_points(points: Floats, candidates: Floats) -> Floats:
     """Points (m, k, 2) of a picture in places (m, 3): shifts, m, and turn, rad."""
     sine, cosine = np.sin(candidates[:, 2:]), np.cos(candidates[:, 2:])
     x, y = points.T
-    turned = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
-    return turned + candidates[:, None, :2]
+    rotated = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+    return rotated + candidates[:, None, :2]
 
 
 def _best(field: _Field, points: Floats, limits: Limits) -> Floats:
@@ -284,7 +284,7 @@ def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, Non
         return light.share - PLACE_SEARCH.motion_weight * float(np.linalg.norm(turn)) / limit
 
     best = np.zeros(3)
-    most = yield from within(score(best), 0.0, 0.0)
+    most = yield from at(0.0, score(best))
     step = limit / 2
     for n in range(1 + PLACE_SEARCH.n_halvings):
         ways = axes_around()
@@ -293,7 +293,7 @@ def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, Non
             turn = best + step * way
             if np.linalg.norm(turn) > limit:
                 continue
-            value = yield from within(score(turn), done, done)
+            value = yield from at(done, score(turn))
             if value > most:
                 best, most = turn, value
         step /= 2

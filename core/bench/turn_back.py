@@ -16,7 +16,7 @@ import numpy as np
 from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..rig import Rig
-from ..steps import within
+from ..steps import at, within
 from ..vectors import normalise
 from .room import PlanOf, Traced
 from .turned import light_turned
@@ -98,9 +98,9 @@ def turn_back(
     while low < limit * (1 - ROUNDING):
         high = min(low + TURN_SEARCH.step, limit)
         done = 0.05 + 0.7 * low / limit
-        found, kept = yield from within(_of_angle(search, kept, high), *_at(done))
+        found, kept = yield from at(done, _of_angle(search, kept, high))
         if found:
-            turn = yield from within(_smallest(search, found, (low, high), limit), *_at(done))
+            turn = yield from at(done, _smallest(search, found, (low, high), limit))
             if turn.does_it:
                 return turn
         low = high
@@ -128,10 +128,6 @@ def _of_angle(
     return [axis for _, does, axis in tried if does], best
 
 
-def _at(progress: float) -> tuple[float, float]:
-    return progress, progress
-
-
 def _smallest(
     search: "_Search", axes: list[Floats], between: tuple[float, float], limit: float
 ) -> Generator[float, None, TurnBack]:
@@ -139,22 +135,22 @@ def _smallest(
     low, high = between
     angles = []
     for axis in axes:
-        angles.append((yield from within(search.halved(axis, low, high), *_at(0.8))))
+        angles.append((yield from at(0.8, search.halved(axis, low, high))))
     angle = min(angles)
     axis = axes[angles.index(angle)]
 
     for tilt in TURN_SEARCH.tilts_rad:
         for way in _tilted(axis, tilt):
             less = angle * (1 - 0.2 * tilt)
-            if (yield from within(search.does(way, less), *_at(0.85))):
-                angle = yield from within(search.halved(way, low * 0.8, less), *_at(0.85))
+            if (yield from at(0.85, search.does(way, less))):
+                angle = yield from at(0.85, search.halved(way, low * 0.8, less))
                 axis = way
 
     # a finer trace may find some light that needs more
     fine = _Search(search.rig, search.plan_of, TURN_SEARCH.n_fine)
-    yield from within(fine.begin(), *_at(0.9))
+    yield from at(0.9, fine.begin())
     for _ in range(TURN_SEARCH.n_growths):
-        does = yield from within(fine.does(axis, angle), *_at(0.95))
+        does = yield from at(0.95, fine.does(axis, angle))
         if does or angle >= limit:
             break
         angle = min(angle * TURN_SEARCH.growth, limit)

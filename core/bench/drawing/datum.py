@@ -70,8 +70,7 @@ def find_datum(rig: Rig, viewer: Viewer) -> Datum:
     Of edges that are as low as each other, the one nearest to the viewer.
     """
     axes = level_axes(viewer)
-    datum = *rig.plates, rig.display
-    for part in datum:
+    for part in (*rig.plates, rig.display):
         found = rectangle(part.mesh)
         if found is not None:
             middles = (found.corners + np.roll(found.corners, -1, axis=0)) / 2

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Floats
-from ...glass.meshes import edge_corners, find_edges, geometric_normals
+from ...glass.meshes import Edges, edge_corners, find_edges, geometric_normals
 from ...rig import Mesh
 from ...vectors import cross_2d, dot, length_of, normalise
 
@@ -54,12 +54,11 @@ def contour(mesh: Mesh, direction: Floats) -> Floats:
     is_crease = is_bent & ~(is_smooth[edges.first] & is_smooth[edges.second])
     inner, _ = edge_corners(corners, edges)
 
-    return np.concatenate([inner[turns | is_crease], rim(mesh)])
+    return np.concatenate([inner[turns | is_crease], _rim(mesh, edges)])
 
 
-def rim(mesh: Mesh) -> Floats:
-    """Edges (e, 2, 3), m, with one triangle, or with more than two."""
-    edges = find_edges(mesh.triangles)
+def _rim(mesh: Mesh, edges: Edges) -> Floats:
+    """Edges (e, 2, 3), m, with one triangle, or with more than two; `edges` are all others."""
     is_paired = np.zeros((len(mesh.triangles), 3), bool)
     is_paired[edges.first, edges.corner_first] = True
     is_paired[edges.second, edges.corner_second] = True
@@ -70,12 +69,12 @@ def rim(mesh: Mesh) -> Floats:
 
 def rectangle(mesh: Mesh) -> Rectangle | None:
     """The rectangle around a flat part; None where it is not flat, or has no rim."""
-    edges = rim(mesh)
+    edges = _rim(mesh, find_edges(mesh.triangles))
     if not (mesh.is_flat and len(edges)):
         return None
 
     # axes along its longest side
-    normal = normalise(np.cross(*_two_sides(mesh.corners)).sum(axis=0))
+    normal = normalise(geometric_normals(mesh.corners).sum(axis=0))
     sides = edges[:, 1] - edges[:, 0]
     across = normalise(sides[length_of(sides).argmax()])
     axes = np.stack([across, np.cross(normal, across)])
@@ -88,11 +87,6 @@ def rectangle(mesh: Mesh) -> Rectangle | None:
     corners = points[0] + np.einsum("nk,ki->ni", box, axes)
 
     return Rectangle(_from_lower_left(corners, mesh), normal)
-
-
-def _two_sides(corners: Floats) -> tuple[Floats, Floats]:
-    """Two sides (t, 3) of each triangle (t, 3, 3)."""
-    return corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
 
 
 def _from_lower_left(corners: Floats, mesh: Mesh) -> Floats:
