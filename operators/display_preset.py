@@ -4,10 +4,10 @@ from itertools import groupby
 
 import bpy
 
-from ..core.blender.chosen_product import give_display
+from ..core.blender.chosen_product import Given, give_display
 from ..core.catalogue import DISPLAYS, DisplayProduct
 from ..core.messages import Message
-from . import needed, telling
+from .preset import GivesProduct
 
 
 def _tip(product: DisplayProduct) -> Message:
@@ -31,7 +31,7 @@ def _items() -> list[tuple[str, str, str]]:
     return items
 
 
-class KIRIKO_OT_display_preset(bpy.types.Operator):
+class KIRIKO_OT_display_preset(GivesProduct, bpy.types.Operator):
     """Make the active display one that can be bought: its pixels and its size, about its middle"""
 
     bl_idname = "kiriko.display_preset"
@@ -50,21 +50,7 @@ class KIRIKO_OT_display_preset(bpy.types.Operator):
         default=False,
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        thing = context.active_object
-        reasons = []
-        if thing is None or thing.kiriko.role != "DISPLAY":
-            reasons.append("Select a display: an object whose role is Display")
-        elif not thing.is_editable:
-            reasons.append("The display is linked from another file: choose its preset there")
-        return needed.can_run(cls, reasons)
+    role = "DISPLAY"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
-            product = DISPLAYS[self.preset]
-            given = give_display(context, context.active_object, product, self.is_upright)
-            telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
-            return {"FINISHED"}
-
-        return {"CANCELLED"}
+    def given(self, context: bpy.types.Context, thing: bpy.types.Object) -> Given:
+        return give_display(context, thing, DISPLAYS[self.preset], self.is_upright)

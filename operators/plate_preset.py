@@ -2,13 +2,13 @@
 
 import bpy
 
-from ..core.blender.chosen_product import give_plate
+from ..core.blender.chosen_product import Given, give_plate
 from ..core.catalogue import PLATES
 from ..core.messages import Message
-from . import needed, telling
+from .preset import GivesProduct
 
 
-class KIRIKO_OT_plate_preset(bpy.types.Operator):
+class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
     """Make the active plate one that can be bought: its mirrors and its size, about its middle"""
 
     bl_idname = "kiriko.plate_preset"
@@ -32,20 +32,7 @@ class KIRIKO_OT_plate_preset(bpy.types.Operator):
         ],
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        thing = context.active_object
-        reasons = []
-        if thing is None or thing.kiriko.role != "PLATE":
-            reasons.append("Select a plate: an object whose role is Plate")
-        elif not thing.is_editable:
-            reasons.append("The plate is linked from another file: choose its preset there")
-        return needed.can_run(cls, reasons)
+    role = "PLATE"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
-            given = give_plate(context, context.active_object, PLATES[self.preset])
-            telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
-            return {"FINISHED"}
-
-        return {"CANCELLED"}
+    def given(self, context: bpy.types.Context, thing: bpy.types.Object) -> Given:
+        return give_plate(context, thing, PLATES[self.preset])
