@@ -8,7 +8,9 @@ import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
+from numpy.typing import NDArray
 
+from ..core.arrays import Floats
 from ..core.blender.objects import brightness_of, grid_of
 from ..core.blender.viridis import viridis
 from ..core.messages import Message
@@ -21,7 +23,7 @@ ALPHA = 0.45
 PAUSE = 0.5  # s between two looks at all objects of a scene
 LETTERS = 11.0  # px at a scale of 1
 BAR = (160.0, 10.0)  # px at a scale of 1: length and height of the legend
-CORNER = (80.0, 40.0)  # px at a scale of 1, from the region's lower left
+CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender's own box there
 
 _found: dict[int, tuple[float, str]] = {}  # by scene: looked at next, the object's name
 _batches: dict[int, tuple[Any, float]] = {}  # by session uid of the mesh: batch, most brightness
@@ -79,9 +81,9 @@ def draw_legend() -> None:
     (x, y), (length, height) = (scale * np.array(pair) for pair in (CORNER, BAR))
     steps = np.linspace(0.0, 1.0, 17)
     points = [(x + length * s, y + h, 0.0) for s in steps for h in (0.0, height)]
-    colours = np.repeat(viridis(steps), 2, axis=0)
+    colours = _with_alpha(np.repeat(viridis(steps), 2, axis=0), 1.0)
     shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    content = {"pos": points, "color": np.column_stack([colours, np.ones(len(colours))])}
+    content = {"pos": points, "color": colours}
     batch_for_shader(shader, "TRI_STRIP", content).draw(shader)
 
     blf.size(0, LETTERS * scale)
@@ -95,6 +97,13 @@ def draw_legend() -> None:
         blf.draw(0, text)
 
 
+def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:
+    """Colours (n, 3) with an alpha (n, 4), as the graphics card takes them: it reads the bytes of
+    numbers of another kind as they are.
+    """
+    return np.column_stack([colours, np.full(len(colours), alpha)]).astype(np.float32)
+
+
 def _batch(mesh: bpy.types.Mesh) -> tuple[Any, float]:
     """The mesh on the graphics card, in the colours of its brightness, and the most of that."""
     if mesh.session_uid not in _batches:
@@ -106,9 +115,7 @@ def _batch(mesh: bpy.types.Mesh) -> tuple[Any, float]:
         mesh.loop_triangles.foreach_get("vertices", triangles)
         bright = brightness_of(mesh)
         most = float(bright.max(initial=0.0))
-        colours = np.column_stack(
-            [viridis(bright / max(most, 1e-30)), np.full(len(bright), ALPHA)]
-        ).astype(np.float32)
+        colours = _with_alpha(viridis(bright / max(most, 1e-30)), ALPHA)
         batch = batch_for_shader(
             gpu.shader.from_builtin("SMOOTH_COLOR"),
             "TRIS",

@@ -149,7 +149,7 @@ def grid_object(
         thing = bpy.data.objects.new(name, mesh)
         thing[OBJECT_MARK] = name
         # panels/range_view.py draws it translucent
-        thing.hide_render, thing.display_type = True, "WIRE"
+        thing.hide_render, thing.display_type = True, "BOUNDS"
         scene.collection.objects.link(thing)
     else:
         old, thing.data = thing.data, mesh
