@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..operators import proposal
+from ..operators import needed, proposal
 from .words import sentence
 
 WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
@@ -18,7 +18,7 @@ def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
         row.operator_context = "EXEC_DEFAULT"  # the panel has the sentence already
         row.operator("kiriko.take_proposal", icon="CHECKMARK")
         row.operator("kiriko.drop_proposal", icon="X")
-    elif scene.kiriko.result.source is not None and scene.kiriko.result.coverage < WHOLE:
+    elif not needed.unsolved(scene) and scene.kiriko.result.coverage < WHOLE:
         row = layout.row(align=True)  # those that fit a part stand in the checklist
         row.operator("kiriko.best_place")
         row.operator("kiriko.turn_back")

@@ -564,3 +564,16 @@ def test_the_menu_has_each_verb_once(drawn: Callable[..., Layout]) -> None:
     small_rig()
     verbs = [v for v in drawn("menus", "VIEW3D_MT_kiriko").operators if v != "kiriko.add_rig"]
     assert sorted(verbs) == sorted(set(verbs))
+
+
+def test_a_coarse_image_tells_of_no_loss(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """How much of the picture arrives is not known before the final one."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    result = scene.kiriko.result
+    result.coverage = 0.5
+    assert "kiriko.best_place" in drawn("result", "VIEW3D_PT_kiriko_result").operators
+    result.is_coarse = True
+    assert "kiriko.best_place" not in drawn("result", "VIEW3D_PT_kiriko_result").operators
