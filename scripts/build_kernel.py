@@ -102,7 +102,8 @@ def compile_library(target: Target, path: Path) -> None:
 def fingerprint() -> str:
     """Hash of all that the library is made from."""
     digest = hashlib.sha256(" ".join(FLAGS).encode())
-    for path in sorted([*SOURCES.glob("*.[ch]"), ROOT / "scripts" / f"requirements-{KERNEL}.txt"]):
+    compiler_named = ROOT / "scripts" / f"requirements-{KERNEL}.txt"
+    for path in [*sorted(SOURCES.glob("*.[ch]")), compiler_named]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
