@@ -12,7 +12,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.blender.result import MATERIAL_MARK, update_solution, update_source
+from ..core.blender.result import (
+    MATERIAL_MARK,
+    update_solution,
+    update_source,
+    write_helps,
+)
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError, one_line
@@ -22,9 +27,9 @@ from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.solve.coarse import enlarged, ladder
 from ..core.solve.memory import check_memory
-from ..core.solve.solution import Solution
 from . import compared, work
 from .chosen import chosen_settings, uid
+from .remedies import remedies_for
 from .telling import in_words
 from .windows import all_windows, redraw
 
@@ -48,6 +53,7 @@ class Step:
 READING = "reading the scene"
 WRITING = "writing the source image"
 COMPARING = "comparing before and after"
+REMEDIES = "looking for remedies"
 
 
 class Live:
@@ -221,10 +227,16 @@ class Live:
             first = perf_counter() - started if first is None else first
             redraw()
         if compared.is_shown(scene_by_uid(scene_uid)):
-            yield from self._compare(scene_uid, found, settings)
+            scene = scene_by_uid(scene_uid)
+            comparing = compared.comparing(scene, self._reading.rig, found, settings)
+            yield from self._stepped(COMPARING, comparing)
+            redraw()
         self._optics = optics
         self.seconds = (first, perf_counter() - started)
         self._show_problem("")
+        helps = yield from self._stepped(REMEDIES, remedies_for(rig, settings, found))
+        write_helps(scene_by_uid(scene_uid), helps)
+        redraw()
 
     def _solve(
         self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
@@ -248,19 +260,17 @@ class Live:
                 return end.value
             n += 1
 
-    def _compare(
-        self, scene_uid: int, solution: Solution, settings: Settings
-    ) -> Generator[Step, None, None]:
-        """Before and After of the solution; names each step before it."""
-        steps = compared.comparing(scene_by_uid(scene_uid), self._reading.rig, solution, settings)
+    def _stepped(
+        self, phrase: str, steps: Generator[float, None, Any]
+    ) -> Generator[Step, None, Any]:
+        """Long work on the last solution; names each step before it."""
         n = 0
         while True:
-            yield Step(COMPARING, (*_sizes(self._reading.rig), n))
+            yield Step(phrase, (*_sizes(self._reading.rig), n))
             try:
                 next(steps)
-            except StopIteration:
-                redraw()
-                return
+            except StopIteration as end:
+                return end.value
             n += 1
 
     def _note_ours(self, scene: bpy.types.Scene) -> None:

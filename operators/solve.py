@@ -6,10 +6,14 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.blender.result import write_coarse, write_solution
+from ..core.blender.result import write_coarse, write_helps, write_solution
 from ..core.solve.coarse import solve_in_sight
+from ..core.steps import within
 from . import live, long_work, needed, work
+from .remedies import remedies_for
 from .windows import show_image
+
+SOLVED = 0.98  # of the progress: the rest is the search for remedies, where light is lost
 
 
 class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
@@ -38,11 +42,14 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         yield 0.0
         # Live shows coarse images itself, and would take one that stays here for its own, final one
         if self.is_watched and not live.is_on():
-            solution = yield from solve_in_sight(work.session(), reading.rig, settings, show)
+            steps = solve_in_sight(work.session(), reading.rig, settings, show)
         else:
-            solution = yield from work.session().solve(reading.rig, settings)
+            steps = work.session().solve(reading.rig, settings)
+        solution = yield from within(steps, 0.0, SOLVED)
+        helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 1.0)
 
         text = write_solution(scene, reading, solution)
+        write_helps(scene, helps)
         show_image(scene.kiriko.result.source, scene.kiriko.result)
         return text
 

@@ -4,14 +4,16 @@ Each remedy is found as by its own button, with fewer rays, and only those that 
 back are told. An operator's name stands with each, so that a list can have a button for it.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from math import inf
+from time import perf_counter
 
 import numpy as np
 
 from ..errors import RigError
 from ..light.landings import REASON_WORDS, Reason
-from ..messages import Length, Message, joined
+from ..messages import Message
 from ..rig import Rig
 from ..steps import within
 from ..words import percent
@@ -22,49 +24,63 @@ from .room import PlanOf, Wanted, fit_display, fit_plate, traced
 N_GRID = 32  # points along each edge of a triangle of the picture
 WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back
 REACH = 0.5  # of the picture's longer side: so far it may move
+TOLD = 5e-3  # share of the picture: more that is lost all the same is told
+
+
+# the clause for an operator's amount
+WORDS = {
+    "kiriko.fit_plate": "make the plate {amount} larger",
+    "kiriko.fit_display": "make the display {amount} larger",
+    "kiriko.fit_picture_size": "make the picture {amount} wide",
+    "kiriko.best_place": "move it",
+}
 
 
 @dataclass(frozen=True)
 class Help:
     """A remedy.
 
-    operator : the button that does it; text : a clause, as "make the plate 20 mm larger"
+    operator : the button that does it
+    amount : m, by which plate or display have to be larger, or the
+        width that the picture then has; 0 where there is none
     after : share of the picture that then arrives
     """
 
     operator: str
-    text: Message
+    amount: float
     after: float
+
+    def told(self, length_text: Callable[[float], str]) -> Message:
+        """A clause, as "make the plate 20 mm larger", with the share where some is still lost.
+
+        length_text : a length, m, in words
+        """
+        values = {"amount": length_text(self.amount)} if self.amount else {}
+        clause = Message(WORDS[self.operator], **values)
+        if self.after >= 1 - TOLD:
+            return clause
+        return Message("{clause} ({share} arrives)", clause=clause, share=percent(self.after))
 
 
 @dataclass(frozen=True)
 class Helps:
     """The share of the picture that arrives, shares that do not by
     reason, and what helps, the most helpful first.
+
+    is_whole : was every remedy tried? Else time was over before.
     """
 
     share: float
     lost: dict[str, float]
     helps: tuple[Help, ...]
-
-    @property
-    def text(self) -> Message:
-        """One sentence: "3 % of the picture missed the plate: make the plate 20 mm larger"."""
-        lost = joined(
-            [
-                Message("{share} {reason}", share=percent(share), reason=reason)
-                for reason, share in sorted(self.lost.items(), key=lambda item: -item[1])
-            ],
-            ", ",
-        )
-        if not self.helps:
-            return Message("Of the picture {lost}.", lost=lost)
-        ways = joined([help.text for help in self.helps], " / ")
-        return Message("Of the picture {lost}: {ways}.", lost=lost, ways=ways)
+    is_whole: bool = True
 
 
-def what_helps(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Helps]:
-    """Find what brings lost light of the picture back; yields progress 0..1."""
+def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[float, None, Helps]:
+    """Find what brings lost light of the picture back, within
+    about so many seconds; yields progress 0..1.
+    """
+    end = perf_counter() + seconds
     before = yield from within(traced(rig, plan_of, N_GRID), 0.0, 0.1)
     lost = {reason: share for reason, share in before.lost.items() if share > WORTH_IT}
     if not lost:
@@ -76,34 +92,50 @@ def what_helps(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Helps]:
     if REASON_WORDS[Reason.MISSED_PLATE] in lost and rig.plates:
         remedies.insert(0, _by_plate)
 
-    found = []
+    helps = []
+    is_whole = True
     for n, remedy in enumerate(remedies):
         start = 0.1 + 0.9 * n / len(remedies)
+        steps = within(remedy(rig, plan_of), start, start + 0.9 / len(remedies))
         try:
-            steps = remedy(rig, plan_of)
-            found.append((yield from within(steps, start, start + 0.9 / len(remedies))))
+            help = yield from _until(end, steps)
         except RigError:
-            pass  # it is no remedy for this rig
-    helps = [help for help in found if help.after > before.share + WORTH_IT]
-    return Helps(before.share, lost, tuple(sorted(helps, key=lambda help: -help.after)))
+            continue  # it is no remedy for this rig
+        if help is None:
+            is_whole = False
+            break
+        if help.after > before.share + WORTH_IT and help.amount >= 0:
+            helps.append(help)
+
+    helps.sort(key=lambda help: -help.after)
+    return Helps(before.share, lost, tuple(helps), is_whole)
+
+
+def _until(end: float, steps: Generator[float, None, Help]) -> Generator[float, None, Help | None]:
+    """Long work that is given up at a time, and then finds nothing."""
+    while True:
+        if perf_counter() >= end:
+            steps.close()
+            return None
+        try:
+            yield next(steps)
+        except StopIteration as done:
+            return done.value
 
 
 def _by_plate(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     fitted = yield from fit_plate(rig, plan_of, Wanted(n_grid=N_GRID))
-    text = Message("make the plate {more} larger", more=Length(fitted.more))
-    return Help("kiriko.fit_plate", text, fitted.after)
+    return Help("kiriko.fit_plate", fitted.more, fitted.after)
 
 
 def _by_display(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     fitted = yield from fit_display(rig, plan_of, Wanted(n_grid=N_GRID))
-    text = Message("make the display {more} larger", more=Length(fitted.more))
-    return Help("kiriko.fit_display", text, fitted.after)
+    return Help("kiriko.fit_display", fitted.more, fitted.after)
 
 
 def _by_picture(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     fitted = yield from fit_picture(rig, plan_of, Wanted(share=1 - WORTH_IT, n_grid=N_GRID))
-    text = Message("make the picture {width} wide", width=Length(fitted.width))
-    return Help("kiriko.fit_picture_size", text, fitted.after)
+    return Help("kiriko.fit_picture_size", fitted.width, fitted.after)
 
 
 def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
@@ -111,4 +143,4 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     found = yield from best_place(rig, plan_of, Limits(shift=REACH * side))
     # its shares are of more rays than the others'
     after = found.after if found.after > found.before + WORTH_IT else 0.0
-    return Help("kiriko.best_place", Message("move it"), after)
+    return Help("kiriko.best_place", 0.0, after)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from math import floor, log10
 
 from ..light.landings import REASON_WORDS, Reason
-from ..messages import Message
+from ..messages import Message, joined
 from ..rig import ROLES
 from ..words import millimetres, percent
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Named, Thing
@@ -20,25 +20,33 @@ SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.num
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
 # and the buttons. Operators that make a part as large as needed add themselves here.
+# Where remedies were found they stand in their place, with their amounts.
 FIT_PICTURE = Button("kiriko.fit_picture_size", "Fit Picture")
+FIT_PLATE = Button("kiriko.fit_plate", "Fit Plate")
+FIT_DISPLAY = Button("kiriko.fit_display", "Fit Display")
+BEST_PLACE = Button("kiriko.best_place", "Best Place")
+TURN_BACK = Button("kiriko.turn_back", "Turn It Back")
 REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     REASON_WORDS[Reason.MISSED_PLATE]: (
         Message("make the plate larger, or the picture smaller"),
-        (Button("kiriko.fit_plate", "Fit Plate"), FIT_PICTURE),
+        (FIT_PLATE, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_DISPLAY]: (
         Message("make the display larger, or the picture smaller"),
-        (Button("kiriko.fit_display", "Fit Display"), FIT_PICTURE),
+        (FIT_DISPLAY, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.MISSED_GLASS]: (
         Message("move the picture into the glass, or make it smaller"),
-        (Button("kiriko.best_place", "Best Place"), FIT_PICTURE),
+        (BEST_PLACE, FIT_PICTURE),
     ),
     REASON_WORDS[Reason.LOST_INSIDE]: (
         Message("turn the glass, or make the picture smaller"),
-        (Button("kiriko.turn_back", "Turn It Back"), FIT_PICTURE),
+        (TURN_BACK, FIT_PICTURE),
     ),
 }
+BY_OPERATOR = {b.operator: b for b in (FIT_PLATE, FIT_DISPLAY, FIT_PICTURE, BEST_PLACE)}
+# remedies for any loss; those for plate and display mend losses there
+FOR_ALL = (FIT_PICTURE.operator, BEST_PLACE.operator)
 
 
 def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
@@ -51,7 +59,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *_on_too_many(look),
         *_on_hidden(look),
         *(entry for thing in _shown(look) for entry in _on_thing(thing)),
-        *_on_result(look),
+        *_on_result(look, length_text),
         *_on_size(look, length_text),
     ]
     return sorted(found, key=lambda entry: entry.icon == ADVICE)
@@ -186,7 +194,7 @@ def _select_part(thing: Thing) -> Button:
     return Button("kiriko.select_part", "Select Part", _naming(thing.named), "RESTRICT_SELECT_OFF")
 
 
-def _on_result(look: Look) -> Iterator[Entry]:
+def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Is there one, of the scene as it is, of all of the picture?"""
     solve = (Button("kiriko.solve", "Solve", (), "LIGHT_SUN"),)
     if look.missing:
@@ -200,7 +208,7 @@ def _on_result(look: Look) -> Iterator[Entry]:
 
     for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:
-            remedy, buttons = REMEDIES[reason]
+            remedy, buttons = _remedy(look, reason, length_text)
             text = Message(
                 "{share} of the picture {reason}: {remedy}.",
                 share=percent(share),
@@ -212,6 +220,24 @@ def _on_result(look: Look) -> Iterator[Entry]:
     if look.is_solved and look.is_unsaved:
         text = "The export goes beside this file, which was never saved."
         yield Entry(text, ADVICE, (Button("wm.save_mainfile", "Save", (), "FILE_TICK"),))
+
+
+def _remedy(
+    look: Look, reason: str, length_text: Callable[[float], str]
+) -> tuple[Message, tuple[Button, ...]]:
+    """The words and buttons for a loss: with amounts where remedies were sought."""
+    remedy, buttons = REMEDIES[reason]
+    if look.helps is None:
+        return remedy, buttons
+
+    fits = {button.operator for button in buttons} | set(FOR_ALL)
+    found = [help for help in look.helps if help.operator in fits]
+    clauses = [help.told(length_text) for help in found]
+    mends = [BY_OPERATOR[help.operator] for help in found]
+    if not found or TURN_BACK in buttons:
+        clauses.append(Message("turn the glass"))
+        mends.append(TURN_BACK)
+    return joined(clauses, " / "), tuple(mends)
 
 
 def meant_factor(width: float) -> float:

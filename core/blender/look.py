@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
+from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
 from .faults import Faults, faults_of
@@ -36,6 +37,8 @@ def look_at(
     is_stale : is the result that of another scene?
     """
     result = scene.kiriko.result
+    details = Numbers.read(result.details).by_name
+    helps = details.get("helps")
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid))
         for role, members in found.items()
@@ -45,7 +48,8 @@ def look_at(
         things=tuple(things),
         missing=tuple(missing.items()),
         cameras=tuple(thing.name for thing in scene.objects if thing.type == "CAMERA"),
-        misses=Numbers.read(result.details).by_name.get("misses", {}),
+        misses=details.get("misses", {}),
+        helps=None if helps is None else tuple(Help(**help) for help in helps),
         is_coarse=result.is_coarse,
         is_stale=is_stale,
         is_solved=result.source is not None,

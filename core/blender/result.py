@@ -2,12 +2,13 @@
 material, the numbers. All of it, or nothing.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ..bench.helps import Helps
 from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
@@ -270,3 +271,16 @@ def _write_numbers(
     result.solved_for = reading.solved_for
 
     return result.summary
+
+
+def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
+    """Keep the remedies that were found for the light a result lacks, None where none were sought.
+
+    They are told as long as the result is that of the scene.
+    """
+    if helps is None or not (helps.helps or helps.is_whole):
+        return
+    result = scene.kiriko.result
+    details = Numbers.read(result.details).by_name
+    details["helps"] = [asdict(help) for help in helps.helps]
+    result.details = Numbers(details).text()

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ..bench.helps import Help
+
 PROBLEM, ADVICE = "ERROR", "INFO"  # as Blender's icons are called
 
 
@@ -72,12 +74,14 @@ class Look:
     missing : phrases on the roles that a rig needs and has not, by role
     cameras : names of the scene's cameras
     misses : shares of the picture by the reason why they are lost, of the last result
+    helps : remedies that were found for them, the most helpful first; None where none were sought
     """
 
     things: tuple[Thing, ...] = ()
     missing: tuple[tuple[str, str], ...] = ()
     cameras: tuple[str, ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
+    helps: tuple[Help, ...] | None = None
     is_coarse: bool = False
     is_stale: bool = False
     is_solved: bool = False

@@ -1,6 +1,7 @@
 """The checklist: each thing to do is told, and its button does it."""
 
 import importlib
+import re
 from collections.abc import Callable
 from time import perf_counter
 from types import ModuleType, SimpleNamespace
@@ -305,6 +306,49 @@ def test_a_loss_has_its_remedy_s_place(core: ModuleType) -> None:
     for _, fits in checklist.REMEDIES.values():
         for button in fits:
             getattr(bpy.ops.kiriko, button.operator.split(".")[1]).get_rna_type()
+
+
+def test_a_loss_is_told_with_the_amounts_that_mend_it(look: Callable[[], list]) -> None:
+    """After a solve, in the scene's unit; the button makes the plate as much larger as was told,
+    and then nothing is lost.
+    """
+    parts = small_rig(plate_size=0.03)
+    units = bpy.context.scene.unit_settings
+    units.system, units.length_unit = "METRIC", "MILLIMETERS"
+    bpy.ops.kiriko.solve()
+    entries = look()
+    (entry,) = (e for e in entries if "missed the plate" in e.text)
+    operators = [button.operator for button in entry.buttons]
+    assert sorted(operators) == ["kiriko.fit_picture_size", "kiriko.fit_plate"]
+    more = float(re.search(r"make the plate ([0-9.]+) mm larger", entry.text)[1])
+    width = float(re.search(r"make the picture ([0-9.]+) mm wide", entry.text)[1])
+    assert 0 < width < 30 < 30 + more < 100
+
+    before = max(parts["PLATE"].dimensions)
+    press(entries, "missed the plate", operators.index("kiriko.fit_plate"))
+    bpy.context.view_layer.update()
+    # the list's rays are 32 along a side
+    assert 1e3 * (max(parts["PLATE"].dimensions) - before) == pytest.approx(more, rel=0.05)
+    bpy.ops.kiriko.solve()
+    press(look(), "missed the display: make the display")  # which was made for the small plate
+    bpy.ops.kiriko.solve()
+    assert not [text for text in told(look()) if "missed" in text]
+
+
+def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleType) -> None:
+    """Remedies were sought, and only those that mend this loss are offered for it."""
+    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
+    to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
+    help = to_do.Help("kiriko.fit_plate", 0.02, 0.99)
+    misses = {"missed the plate": 0.3, "missed the glass": 0.1}
+    look = to_do.Look(misses=misses, helps=(help,))
+    plate, glass = checklist.entries(look, lambda length: f"{1e3 * length:g} mm")
+    assert plate.text == (
+        "30 % of the picture missed the plate: make the plate 20 mm larger (99 % arrives)."
+    )
+    assert [button.operator for button in plate.buttons] == ["kiriko.fit_plate"]
+    assert glass.text == "10 % of the picture missed the glass: turn the glass."
+    assert [button.operator for button in glass.buttons] == ["kiriko.turn_back"]
 
 
 @pytest.mark.parametrize("state", ["is_stale", "is_coarse"])

@@ -294,7 +294,10 @@ def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.Monke
     """An interface, each of whose turns does one step."""
     window = Window()
     app = SimpleNamespace(
-        background=False, handlers=bpy.app.handlers, is_job_running=bpy.app.is_job_running
+        background=False,
+        handlers=bpy.app.handlers,
+        timers=bpy.app.timers,
+        is_job_running=bpy.app.is_job_running,
     )
     shown = SimpleNamespace(app=app, context=window, data=bpy.data)
     monkeypatch.setattr(part("operators.work"), "bpy", shown)

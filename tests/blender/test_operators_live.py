@@ -100,6 +100,19 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
+def test_remedies_follow_the_final_image(live: ModuleType) -> None:
+    """As after Solve, where light is lost: a plate of 3 cm is too small."""
+    rig = follow(live)
+    result = bpy.context.scene.kiriko.result
+    kept = importlib.import_module(f"{EXTENSION}.core.blender.kept")
+    assert "helps" not in kept.Numbers.read(result.details).by_name
+    rig["PLATE"].scale *= 0.03 / max(rig["PLATE"].dimensions)
+    bpy.context.view_layer.update()
+    settle(live)
+    helps = kept.Numbers.read(result.details).by_name["helps"]
+    assert "kiriko.fit_plate" in {help["operator"] for help in helps}
+
+
 def test_a_coarse_picture_comes_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

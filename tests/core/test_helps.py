@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from kiriko.core.bench.flat import outline_of
-from kiriko.core.bench.helps import what_helps
+from kiriko.core.bench.helps import Help, what_helps
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.bench.room import fit_plate
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
+from kiriko.core.words import millimetres
 from known.reference_rigs import box
 
 SLAB = Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0))
@@ -41,8 +42,8 @@ def test_each_remedy_is_told_with_its_amount() -> None:
         "kiriko.fit_picture_size",
     }
     assert all(help.after > 0.999 for help in found.helps)
-    assert "missed the display: make the display 5.3 mm larger" in found.text
-    assert "make the picture 20 mm wide" in found.text
+    words = {str(help.told(millimetres)) for help in found.helps}
+    assert words == {"make the display 5.3 mm larger", "make the picture 20 mm wide"}
 
 
 def test_a_plate_that_is_too_small_is_named() -> None:
@@ -51,7 +52,7 @@ def test_a_plate_that_is_too_small_is_named() -> None:
     found = finish(what_helps(rig, plan_of()))
     fitted = finish(fit_plate(rig, plan_of()))
     help = next(help for help in found.helps if help.operator == "kiriko.fit_plate")
-    assert help.text.values["more"].metres == pytest.approx(fitted.more, rel=1e-2)
+    assert help.amount == pytest.approx(fitted.more, rel=1e-2)
 
     rig = rig_around(picture=0.02, display=0.03)
     plane = outline_of(rig.picture_place.mesh, np.array([1.0, 0, 0]), "It")
@@ -59,10 +60,24 @@ def test_a_plate_that_is_too_small_is_named() -> None:
     rig = replace(rig, pictures=(replace(rig.picture_place, mesh=moved),))
     found = finish(what_helps(rig, plan_of()))
     assert "kiriko.best_place" in {help.operator for help in found.helps}
-    assert "move it" in found.text
+    help = next(help for help in found.helps if help.operator == "kiriko.best_place")
+    assert help.told(millimetres) == "move it"
 
 
 def test_where_all_arrives_nothing_is_told() -> None:
     """No remedy for a picture that is whole."""
     found = finish(what_helps(rig_around(picture=0.02, display=0.03), plan_of()))
     assert (found.share, found.lost, found.helps) == (1.0, {}, ())
+
+
+def test_a_remedy_that_leaves_some_lost_says_how_much_arrives() -> None:
+    """A picture that a plate of any size serves in part alone."""
+    told = Help("kiriko.fit_plate", 0.02, 0.98).told(millimetres)
+    assert told == "make the plate 20 mm larger (98 % arrives)"
+
+
+def test_it_takes_no_longer_than_it_may() -> None:
+    """The seconds are over before the first remedy, and it says so."""
+    found = finish(what_helps(rig_around(picture=0.025, display=0.02), plan_of(), seconds=0.0))
+    assert (found.helps, found.is_whole) == ((), False)
+    assert "missed the display" in found.lost
