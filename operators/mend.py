@@ -5,6 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..core.arrays import Ints
+from ..core.blender.cuts import cut_polygons
 from ..core.blender.faults import faults_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
@@ -167,6 +169,7 @@ class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
 FAULTS = (
     ("OPEN", "Open Edges", "Edges with one face, or more than two"),
     ("FLAT", "Flat Faces", "Faces with triangles without area"),
+    ("CUT", "Cut Faces", "Faces that other faces of the glass pass through"),
 )
 
 
@@ -185,8 +188,8 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
             raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
 
         bpy.ops.kiriko.select_part(part=self.part, library=self.library)
-        faults = faults_of(thing.data)
         is_open = self.kind == "OPEN"
+        chosen = _found(thing.data, self.kind)
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.select_mode(type="EDGE" if is_open else "FACE")
         bpy.ops.mesh.reveal(select=False)
@@ -194,7 +197,6 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
         shape = bmesh.from_edit_mesh(thing.data)
         members = shape.edges if is_open else shape.faces
         members.ensure_lookup_table()
-        chosen = np.flatnonzero(faults.is_open if is_open else faults.is_flat)
         for k in chosen:
             members[k].select_set(True)
         shape.select_flush_mode()
@@ -206,9 +208,23 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
                 n=len(chosen),
                 name=thing.name,
             )
+        if self.kind == "CUT":
+            return Message(
+                "{n} faces of '{name}' that cut each other are selected: move or smooth them.",
+                n=len(chosen),
+                name=thing.name,
+            )
         return Message(
             "{n} faces of '{name}' without area are selected.", n=len(chosen), name=thing.name
         )
+
+
+def _found(mesh: bpy.types.Mesh, kind: str) -> Ints:
+    """Numbers of a mesh's edges or polygons that have a fault."""
+    if kind == "CUT":
+        return np.flatnonzero(cut_polygons(mesh))
+    faults = faults_of(mesh)
+    return np.flatnonzero(faults.is_open if kind == "OPEN" else faults.is_flat)
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):

@@ -158,7 +158,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
 def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
     name = thing.named.name
-    n_open, n_flat, is_inside_out = faults
+    n_open, n_flat, is_inside_out, n_cut = faults
     if n_flat:
         text = Message(
             "'{name}' has {n} triangle{s} without area.",
@@ -176,6 +176,16 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
         )
         yield Entry(text, PROBLEM, _select(thing, "OPEN", own.n_open) or (_select_part(thing),))
+
+    if n_cut:
+        n = own.n_cut or n_cut
+        text = Message(
+            "'{name}' cuts itself at {n} face{s}, where light may be lost.",
+            name=name,
+            n=n,
+            s="s" if n > 1 else "",
+        )
+        yield Entry(text, PROBLEM, _select(thing, "CUT", own.n_cut) or (_select_part(thing),))
 
     if n_open and is_inside_out and thing.role == "GLASS":
         text = Message("The faces of '{name}' look into the glass.", name=name)

@@ -8,7 +8,8 @@ import numpy as np
 from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
-from .faults import Faults, faults_of
+from .cuts import cut_polygons
+from .faults import faults_of
 from .kept import Numbers
 from .material import refracts
 from .picture import check_readable
@@ -107,18 +108,25 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
 
 def mesh_faults(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Counts, Counts]:
     """Faults of an object's mesh as it is read, and of the one before modifiers."""
+    is_glass = thing.kiriko.role == "GLASS"
     shown = thing.evaluated_get(depsgraph)
     try:
-        as_read = counts_of(faults_of(shown.to_mesh()))
+        as_read = counts_of(shown.to_mesh(), is_glass)
     finally:
         shown.to_mesh_clear()
     if thing.type != "MESH":
         return as_read, Counts()
     if not any(m.show_viewport for m in thing.modifiers) and thing.data.shape_keys is None:
         return as_read, as_read
-    return as_read, counts_of(faults_of(thing.data))
+    return as_read, counts_of(thing.data, is_glass)
 
 
-def counts_of(faults: Faults) -> Counts:
+def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
     """How many there are."""
-    return Counts(int(np.count_nonzero(faults.is_open)), faults.n_flat, faults.is_inside_out)
+    faults = faults_of(mesh)
+    return Counts(
+        n_open=int(np.count_nonzero(faults.is_open)),
+        n_flat=faults.n_flat,
+        is_inside_out=faults.is_inside_out,
+        n_cut=int(np.count_nonzero(cut_polygons(mesh))) if is_glass else 0,
+    )

@@ -16,11 +16,15 @@ class Named(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """How many faults a mesh has, and whether it is open and its faces look inwards."""
+    """How many faults a mesh has, and whether it is open and its faces look inwards.
+
+    n_cut : polygons that others cut, so that nothing tells the inside
+    """
 
     n_open: int = 0
     n_flat: int = 0
     is_inside_out: bool = False
+    n_cut: int = 0
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from types import ModuleType, SimpleNamespace
 
 import bmesh
 import bpy
+import numpy as np
 import pytest
 
 from panel_layout import Layout
@@ -187,6 +188,92 @@ def test_triangles_without_area_are_removed(look: Callable[[], list], kind: str)
         return  # Blender divided the faces so that there are none
     press(entries, "without area")
     assert told(look()) == []
+
+
+def folded(depth: float) -> bpy.types.Mesh:
+    """A cube of 5 by 5 by 5 cells, whose top's middle is pushed down by so many of its sides."""
+    mesh = primitive("cube", size=SIDE)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.subdivide_edges(shape, edges=shape.edges[:], cuts=4, use_grid_fill=True)
+    for vertex in shape.verts:
+        if vertex.co.z > 0.49 * SIDE and abs(vertex.co.x) < 0.2 * SIDE > abs(vertex.co.y):
+            vertex.co.z -= depth * SIDE
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+def test_faces_that_cut_each_other_are_selected(look: Callable[[], list]) -> None:
+    """The middle of the top, pushed through the bottom: the eight faces around it pass through the
+    eight around the bottom's middle.
+    """
+    glass = glass_of(folded(1.1))
+    entries = look()
+    (text,) = told(entries)
+    assert text.startswith("'Cube' cuts itself at ")
+    press(entries, "cuts itself")
+    shape = bmesh.from_edit_mesh(glass.data)
+    chosen = [face for face in shape.faces if face.select]
+    assert text == f"'Cube' cuts itself at {len(chosen)} faces, where light may be lost."
+    heights = [np.ptp([vertex.co.z for vertex in face.verts]) for face in chosen]
+    assert sorted(round(height / SIDE, 3) for height in heights) == [0] * 8 + [1.1] * 8
+    assert all(0 < max(map(abs, face.calc_center_median()[:2])) < 0.3 * SIDE for face in chosen)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_faces_that_touch_cut_nothing(look: Callable[[], list]) -> None:
+    """A top that lies on the bottom, and closed shells that overlap, of which each is a solid."""
+    glass = glass_of(folded(0.9))
+    assert told(look()) == []
+    glass.data = folded(1.0)
+    assert told(look()) == []
+    mesh = primitive("icosphere", subdivisions=3, radius=SIDE / 2)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    again = bmesh.ops.duplicate(shape, geom=shape.faces[:])["geom"]
+    vertices = [part for part in again if isinstance(part, bmesh.types.BMVert)]
+    bmesh.ops.translate(shape, verts=vertices, vec=(0.3 * SIDE, 0.01, 0.002))
+    shape.to_mesh(mesh)
+    glass.data = mesh
+    assert told(look()) == []
+
+    # without a face the second ball is open, and nothing tells its inside
+    shape.faces.ensure_lookup_table()
+    far = max(shape.faces, key=lambda face: face.calc_center_median().x)
+    bmesh.ops.delete(shape, geom=[far], context="FACES_ONLY")
+    shape.to_mesh(mesh)
+    shape.free()
+    mesh.update_tag()
+    assert "cuts itself at" in " ".join(told(look()))
+
+
+def test_a_tangle_is_told_within_seconds(core: ModuleType) -> None:
+    """20 000 random triangles, whose hundred million pairs would take minutes."""
+    cuts = importlib.import_module(f"{core.__name__}.blender.cuts")
+    rng = np.random.default_rng(0)
+    mesh = bpy.data.meshes.new("tangle")
+    corners = 60_000
+    mesh.from_pydata(rng.random((corners, 3)), [], np.arange(corners).reshape(-1, 3))
+    started = perf_counter()
+    n = np.count_nonzero(cuts.cut_polygons(mesh))
+    assert n > 1000
+    assert perf_counter() - started < 20
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 1.1])
+def test_triangles_cut_as_told(core: ModuleType, turn: float) -> None:
+    """One through another's middle; one that ends before it, touches it, or passes beside it."""
+    cuts = importlib.import_module(f"{core.__name__}.blender.cuts")
+    flat = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
+    upright = np.array([[0.0, 0, -0.5], [0.3, 0, -0.5], [0, 0, 0.5]])
+    shifts = np.array([[0, 0, 0], [0, 0, 0.6], [0, 0, 0.5], [2, 0, 0], [0, 0, 1e-9 - 0.5]])
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    a = np.tile(flat @ rotation, (5, 1, 1))
+    b = (upright + shifts[:, None]) @ rotation
+    assert cuts.cuts(a, b, 1e-6).tolist() == [True, False, False, False, False]
+    assert cuts.cuts(b, a, 1e-6).tolist() == [True, False, False, False, False]
 
 
 def test_triangles_that_a_modifier_makes_are_welded(look: Callable[[], list]) -> None:
