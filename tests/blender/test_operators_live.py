@@ -27,6 +27,15 @@ def settle(live: ModuleType) -> int:
     raise AssertionError("Live never comes to rest.")
 
 
+def until(written: list[str], live: ModuleType) -> None:
+    """Take the timer's turns until something is written."""
+    for _ in range(MANY):
+        if written:
+            return
+        live.tick()
+    raise AssertionError("Live never writes.")
+
+
 def shown() -> np.ndarray:
     return pixels(bpy.context.scene.kiriko.result.source)[..., :3].copy()
 
@@ -124,8 +133,7 @@ def test_a_coarse_picture_comes_first(
     assert written == ["update_source", "update_solution"]
     written.clear()
     turn(rig["GLASS"])
-    while not written:
-        live.tick()
+    until(written, live)
     coarse = shown()
     settle(live)
 
@@ -178,8 +186,7 @@ def test_a_coarse_picture_is_not_exported(
     rig = follow(live, viewer_resolution=192)
     written.clear()
     turn(rig["GLASS"])
-    while not written:
-        live.tick()
+    until(written, live)
     live.stop()
 
     assert bpy.context.scene.kiriko.result.is_coarse
