@@ -71,7 +71,8 @@ KINDS = (
         "BEHIND_GLASS",
         "Behind the Glass",
         "No plate: the display, as a telephone or a tablet, is seen straight through the glass. It"
-        " stands behind it, or lies under it where the viewer looks down",
+        " stands behind it, or lies under it where the viewer looks down. Of several glasses the"
+        " viewer looks through the active one",
     ),
 )
 # properties that only one kind of rig has
@@ -198,7 +199,11 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         _refuse_second(scene, is_straight)
         bench = read_bench(context, scene, glass_among(context.selected_objects))
         wishes = _wishes(self, length_of_unit(scene))
-        proposal = (propose_behind if is_straight else propose)(bench.bounds, wishes)
+        proposal = (
+            propose_behind(bench.bounds, wishes, bench.aim)
+            if is_straight
+            else propose(bench.bounds, wishes)
+        )
         side = self.viewer_resolution
         pixels = tuple(self.display_resolution)
         frame = Frame(side, side) if side else frame_of_render(scene.render)

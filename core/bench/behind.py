@@ -33,12 +33,18 @@ class StraightBench:
 STRAIGHT_BENCH = StraightBench()
 
 
-def propose_behind(bounds: Floats, wishes: Wishes) -> Proposal:
-    """A rig without a plate, around glass within these bounds (2, 3), world, m."""
+def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) -> Proposal:
+    """A rig without a plate, around glass within these bounds (2, 3), world, m.
+
+    aim : bounds (2, 3) of the glass of which the viewer looks at the middle, where it is not
+        all of it: between two glasses there is none. The display is behind all of it
+    """
     bench = STRAIGHT_BENCH
-    low, high = bounds
-    centre = (low + high) / 2
-    corners = np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3) - centre
+    aim = bounds if aim is None else aim
+    centre = (aim[0] + aim[1]) / 2
+    corners, of_aim = (
+        np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) - centre for box in (bounds, aim)
+    )
 
     # the viewer's axes
     level = np.array([-np.sin(wishes.azimuth), np.cos(wishes.azimuth), 0.0])
@@ -51,11 +57,12 @@ def propose_behind(bounds: Floats, wishes: Wishes) -> Proposal:
     # sizes of the glass, as the viewer sees it, and how far it reaches to the display
     lies = wishes.look_down >= bench.lies_from - 1e-6
     away = -up if lies else level
-    width, height, depth = (float(np.ptp(corners @ axis)) for axis in (right, upward, away))
-    wide = max(width, height)
+    width, height, depth = (float(np.ptp(of_aim @ axis)) for axis in (right, upward, away))
+    # all of it is in sight
+    wide = 2 * max(float(np.abs(corners @ axis).max()) for axis in (right, upward))
     grow = max(1.0, wide / REFERENCE_BENCH.large_m)
     gap = wishes.distance or (0.0 if lies else bench.gap_share * depth)
-    way = (depth / 2 + gap) / float(away @ forward)
+    way = (float((corners @ away).max()) + gap) / float(away @ forward)
 
     # what is seen at the glass is seen larger further away
     distance = wishes.viewer_distance or REFERENCE_BENCH.viewer_distance_m * grow

@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..bench.placement import Proposal, lattice
 from ..errors import RigError
+from ..glass.meshes import box_of
 from ..messages import Message
 from ..rig import ROLES, ConstantIndex, Glass, Rig
 from . import shaders
@@ -39,12 +40,14 @@ class Bench:
     glasses : objects that are to be glass; none: a ball is made
     rig : all the glass, and the plates, mirrors and blockers that are there
     bounds : (2, 3) of those glasses, world, m
+    aim : (2, 3) of the active one among them, or of all
     opaque : those of them whose material does not refract
     """
 
     glasses: tuple[bpy.types.Object, ...]
     rig: Rig
     bounds: Floats
+    aim: Floats
     opaque: tuple[bpy.types.Object, ...]
 
 
@@ -96,12 +99,16 @@ def read_bench(
     if glasses:
         chosen = [part for part in solids if part.owner in glasses]
         _check_bodies(glasses, chosen, Shown(scene, context.view_layer))
-        meshes = [part.mesh for part in chosen]
     else:
         found.append(_ball(scene, metres))
-        meshes = [found[-1].mesh]
+        chosen = found[-1:]
 
-    corners = np.stack([mesh.bounds for mesh in meshes])
+    active = context.view_layer.objects.active
+    aimed = [part for part in chosen if glasses and part.owner == active]
+    bounds, aim = (
+        box_of(np.concatenate([part.mesh.bounds for part in parts]))
+        for parts in (chosen, aimed or chosen)
+    )
     others = {
         role.field: tuple(
             in_blender(role.name).read(part, kept).part for part in by_role[role.name]
@@ -110,9 +117,8 @@ def read_bench(
         if role.kind is not None and not role.is_single and role.name != "GLASS"
     }
     rig = Rig(viewers=(), glasses=tuple(found), displays=(), **others)
-    bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
-
-    return Bench(glasses, rig, bounds, tuple(thing for thing in glasses if thing.name in opaque))
+    not_refracting = tuple(thing for thing in glasses if thing.name in opaque)
+    return Bench(glasses, rig, bounds, aim, not_refracting)
 
 
 @contextmanager

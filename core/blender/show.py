@@ -3,12 +3,15 @@
 from collections.abc import Iterator
 
 import bpy
+from bpy_extras import anim_utils
 
 from ..errors import RigError
 from ..messages import Message
 from .visibility import Shown, ways_to
 
 Switch = tuple[bpy.types.bpy_struct, str, str]  # its owner, its name, the words for it
+
+IS_ON = 1e-6  # a curve this close to 1 switches on, as Blender rounds
 
 
 def show(
@@ -21,12 +24,14 @@ def show(
 
     Raises
     ------
-    RigError : it stays hidden, since it is linked, animated or driven; everything is as it was
+    RigError : it stays hidden, since it is linked or driven, or is hidden again by its animation;
+        everything is as it was
     """
     before: list[tuple[bpy.types.bpy_struct, str, bool]] = []
     words: list[Message] = []
     try:
         for shown in _to_show(thing, scene):
+            _refuse_animated(shown, scene)
             for owner, name, text in [*_of_collections(shown, layer), *_of_object(shown)]:
                 before.append((owner, name, True))
                 setattr(owner, name, False)
@@ -37,7 +42,7 @@ def show(
         by = Shown(scene, layer).hidden_by(thing)
         if by:
             raise RigError(
-                "'{name}' stays hidden{by}: it is linked from another file, or animated or driven.",
+                "'{name}' stays hidden{by}: it is linked from another file, or driven.",
                 name=thing.name,
                 by=by,
             )
@@ -51,6 +56,36 @@ def show(
         raise
 
     return words
+
+
+def _refuse_animated(thing: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    """Raise RigError for an object that its keyframes hide in this frame: they would hide it again
+    when it is rendered, or another frame is shown.
+    """
+    frame = scene.frame_current_final
+    hides = [
+        curve
+        for curve in _curves(thing)
+        if curve.data_path in {"hide_viewport", "hide_render"} and not curve.mute
+    ]
+    if any(curve.evaluate(frame) >= 1 - IS_ON for curve in hides):
+        raise RigError(
+            "'{name}' stays hidden, for its keyframes hide it in frame {frame}: delete the"
+            " keyframes of its monitor or camera symbol, or go to a frame in which it is shown.",
+            name=thing.name,
+            frame=f"{frame:g}",
+        )
+
+
+def _curves(thing: bpy.types.Object) -> list[bpy.types.FCurve]:
+    """The curves by which an object's own action moves it."""
+    data = thing.animation_data
+    if data is None or data.action is None:
+        return []
+    if bpy.app.version < (5, 0):
+        return list(data.action.fcurves)
+    found = anim_utils.animdata_get_channelbag_for_assigned_slot(data)
+    return [] if found is None else list(found.fcurves)
 
 
 def _to_show(thing: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:

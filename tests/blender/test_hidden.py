@@ -184,6 +184,28 @@ def test_an_object_that_a_driver_hides_stays_as_it_is(scene: bpy.types.Scene) ->
     assert bpy.data.collections["drawer"].hide_viewport
 
 
+@pytest.mark.parametrize("symbol", ["hide_viewport", "hide_render"])
+def test_an_object_that_its_keyframes_hide_stays_as_it_is(
+    scene: bpy.types.Scene, symbol: str
+) -> None:
+    """They would hide it again with the next frame; in a frame in which they do not it is shown."""
+    part = small_rig()["PLATE"]
+    for frame, is_hidden in ((1, True), (5, False)):
+        setattr(part, symbol, is_hidden)
+        part.keyframe_insert(symbol, frame=frame)
+    scene.frame_set(1)
+    by_monitor_of_collection(part)
+    with pytest.raises(RuntimeError, match=r"'Kiriko Plate' stays hidden, for .* in frame 1:"):
+        bpy.ops.kiriko.show_part(part=part.name)
+    assert bpy.data.collections["drawer"].hide_viewport
+    assert getattr(part, symbol)
+
+    scene.frame_set(5)
+    assert bpy.ops.kiriko.show_part(part=part.name) == {"FINISHED"}
+    scene.frame_set(5)
+    assert bpy.ops.kiriko.solve.poll()
+
+
 @every_way
 def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]) -> None:
     """Glass that is hidden though it is selected is refused, and nothing is made."""

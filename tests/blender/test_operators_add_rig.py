@@ -6,6 +6,8 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
 
 from known.closed_forms import landing, through_ball
 from small_rigs import SIDE, cube, inventory, new_object, primitive, small_rig
@@ -609,6 +611,45 @@ def test_a_display_behind_the_glass_is_where_the_viewer_looks(
     assert before == pytest.approx(0.01 * rig["PICTURE"].dimensions.x, abs=1e-5)
     assert np.abs(normal_of(rig["PICTURE"]) - front).max() < SINGLE
     assert (np.ptp(display, axis=0) >= np.ptp(picture, axis=0) - SINGLE).all()
+
+
+@pytest.mark.parametrize("look_down", [0, 60])
+def test_of_several_glasses_the_viewer_looks_through_the_active_one(
+    scene: bpy.types.Scene, look_down: float
+) -> None:
+    """Not through the gap between them; all is in sight, and the display is behind all."""
+    for x, y, height in ((-0.1, 0.0, 0.03), (0.1, 0.05, 0.05)):
+        glass = new_object(primitive("cube", size=0.04))
+        glass.location, glass.dimensions = (x, y, 0), (0.04, 0.04, height)
+        glass.select_set(True)
+    active, other = (thing for thing in scene.objects if thing.select_get())
+    bpy.context.view_layer.objects.active = active
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.add_rig(
+        kind="BEHIND_GLASS",
+        look_down=np.radians(look_down),
+        viewer_resolution=64,
+        display_resolution=(64, 64),
+    )
+    (display,) = (thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
+    (picture,) = (thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
+    viewer = np.array(scene.kiriko.viewer.matrix_world.translation)
+    middle = world_corners(active).mean(axis=0)
+    axis = (middle - viewer) / np.linalg.norm(middle - viewer)
+    to_display = world_corners(display).mean(axis=0) - viewer
+    assert np.linalg.norm(np.cross(to_display, axis)) < 1e-5
+
+    front = normal_of(display)
+    for glass in (active, other):
+        heights = (world_corners(glass) - world_corners(display).mean(axis=0)) @ front
+        assert heights.min() > -SINGLE
+        seen = [
+            world_to_camera_view(scene, scene.kiriko.viewer, Vector(corner))[:2]
+            for corner in world_corners(glass)
+        ]
+        # the field is that at the glass's middle: nearer corners are seen larger
+        assert -0.05 < np.min(seen) < np.max(seen) < 1.05
+    assert max(picture.dimensions) < max(active.dimensions)
 
 
 @pytest.mark.parametrize("look_down", [0, 60])
