@@ -35,8 +35,6 @@ FORMATS = {
     "EXR_HALF": Format(".exr", "half", True),
     "EXR_FLOAT": Format(".exr", "float", True),
 }
-
-
 SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
@@ -217,28 +215,32 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
             save_png(part, pixels)
             return path
 
-        out = oiio.ImageOutput.create(str(part))
-        is_written = out is not None and out.open(
-            str(part), _spec(oiio, kind, pixels.shape, size, title, gamma)
-        )
-        is_written = is_written and out.write_image(pixels) and out.close()
-        if not is_written:
-            why = (
-                out.geterror() if out is not None else oiio.geterror()
-            ).strip() or "no reason given"
-            out = None  # closes it: not every system removes an open file
-            raise ImageError(
-                "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
-            )
-
-        try:
-            read(part)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
-        except ImageError:
-            raise ImageError(
-                "The file '{path}' is not whole after writing: check the disk.", path=path
-            ) from None
+        put(part, _spec(oiio, kind, pixels.shape, size, title, gamma), pixels)
 
     return path
+
+
+def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
+    """Write pixels (h, w, c) to a new file by OpenImageIO's specification; ImageError where the
+    file is not whole then.
+    """
+    oiio = openimageio()
+    out = oiio.ImageOutput.create(str(path))
+    is_written = out is not None and out.open(str(path), spec)
+    is_written = is_written and out.write_image(pixels) and out.close()
+    if not is_written:
+        why = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
+        out = None  # closes it: not every system removes an open file
+        raise ImageError(
+            "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
+        )
+
+    try:
+        read(path)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
+    except ImageError:
+        raise ImageError(
+            "The file '{path}' is not whole after writing: check the disk.", path=path
+        ) from None
 
 
 def _line(text: str) -> str:

@@ -16,7 +16,9 @@ from ..core.blender.kept import Numbers
 from ..core.errors import ImageError, KirikoError, RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
-from . import bench_drawing, folder, report, solve_to_folder, telling, work
+from ..core.warp.files import SIDECAR
+from ..core.warp.options import FORMATS, TIMES, MapOptions
+from . import bench_drawing, export_maps, folder, report, solve_to_folder, telling, work
 from .calibrate import calibrated
 from .export import use_bundled_modules
 
@@ -77,6 +79,39 @@ def parser() -> argparse.ArgumentParser:
         help="size of the sheets (A4)",
     )
     drawing.set_defaults(run=_drawing)
+    maps = verbs.add_parser(
+        "maps", parents=[shared], help="write warp maps, by which other programs warp pictures"
+    )
+    maps.add_argument(
+        "--formats",
+        nargs="+",
+        choices=[name.lower() for name in FORMATS],
+        default=["exr"],
+        metavar="NAME",
+        help=f"which files: {', '.join(name.lower() for name in FORMATS)} (exr)",
+    )
+    maps.add_argument(
+        "--overscan",
+        type=float,
+        default=MapOptions.overscan,
+        metavar="PERCENT",
+        help="by which images are larger than the picture at each side (0)",
+    )
+    maps.add_argument(
+        "--times",
+        type=int,
+        choices=TIMES,
+        default=MapOptions.times,
+        help=f"size of ffmpeg's maps, in display pixels ({MapOptions.times})",
+    )
+    maps.add_argument(
+        "--mesh-step",
+        type=float,
+        default=MapOptions.mesh_step,
+        metavar="N",
+        help=f"display pixels between the nodes of meshes ({MapOptions.mesh_step:g})",
+    )
+    maps.set_defaults(run=_maps)
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
     pictures.add_argument(
         "--preview", action="store_true", help="render the viewer's image in Cycles, too"
@@ -213,6 +248,21 @@ def _drawing(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, sheets, "add --overwrite")
     bench_drawing.write(arguments.out, sheets)
     yield Message("wrote {names} to '{folder}'", names=", ".join(sheets), folder=arguments.out)
+
+
+def _maps(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Write warp maps; yields lines of progress."""
+    formats = tuple(name for name in FORMATS if name.lower() in arguments.formats)
+    options = MapOptions(formats, arguments.overscan, arguments.times, arguments.mesh_step)
+    yield Message("mapping '{file}'", file=Path(bpy.data.filepath).name)
+    about = yield from solve_to_folder.told_in_tenths(
+        export_maps.exported(
+            bpy.context, arguments.out, options, arguments.overwrite, "add --overwrite"
+        )
+    )
+    files = [*export_maps.files_in(about), SIDECAR]
+    yield Message("wrote {names} to '{folder}'", names=", ".join(files), folder=arguments.out)
+    yield from (one["ffmpeg"]["command"] for one in about["maps"] if "ffmpeg" in one)
 
 
 def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:

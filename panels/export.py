@@ -28,6 +28,7 @@ class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
 
         layout.operator("kiriko.export", icon="EXPORT")
+        layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
 
 

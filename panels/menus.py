@@ -45,6 +45,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.remove_calibration")
         layout.separator()
         layout.operator("kiriko.export", icon="EXPORT").choose = True
+        layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.report", icon="GRAPH")
 
@@ -60,3 +61,5 @@ def draw_in_export(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     if needed.has_rig(context.scene):
         text = "Kiriko Source Image (.png, .tif, .exr)"
         menu.layout.operator("kiriko.export", text=text).choose = True
+        text = "Kiriko Warp Maps (.exr, .pgm, .obj, .data, .npz, .png)"
+        menu.layout.operator("kiriko.export_maps", text=text)

@@ -32,6 +32,7 @@ ROOMS = (
     "core/map",
     "core/image",
     "core/solve",
+    "core/warp",
     "core/bench/lattice",
     "core/bench/drawing",
     "core/bench",

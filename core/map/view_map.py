@@ -157,11 +157,14 @@ class ViewMap:
             False,
         )
 
-    def pieces(self, at_pixels: bool = False, beside: bool = False) -> Iterator[Piece]:
+    def pieces(
+        self, at_pixels: bool = False, beside: bool = False, sampled: bool = True
+    ) -> Iterator[Piece]:
         """Quads and triangles that make up the map, by way of the glass, or beside it.
 
         Each lies within one viewer pixel when asked to, but for the squares around samples, whose
-        middles do. Their arrays are new each time: whoever asks for them may change them.
+        middles do. Those come last, unless only the rest is asked for. Arrays are new each time:
+        whoever asks for them may change them.
         """
         # smooth cells, by the number of their quads
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
@@ -176,6 +179,9 @@ class ViewMap:
             asked = kind[self.is_beside_glass(kind[:, 0]) == beside]
             for first in range(0, len(asked), QUADS_AT_ONCE):
                 yield polygons(self.points, asked[first : first + QUADS_AT_ONCE])
+
+        if not sampled:
+            return
 
         # samples
         landed = self.points.branch[self.samples] != 0

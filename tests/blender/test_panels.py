@@ -363,7 +363,7 @@ def test_each_verb_is_in_a_menu(
         small_rig()
         here = SimpleNamespace(layout=Layout())
         menus.draw_in_export(here, bpy.context)
-        assert here.layout.operators == ["kiriko.export"]
+        assert here.layout.operators == ["kiriko.export", "kiriko.export_maps"]
         for menu in (bpy.types.VIEW3D_MT_object, bpy.types.TOPBAR_MT_file_export):
             drawers = [f.__module__ for f in menu._dyn_ui_initialize()]
             assert menus.__name__ in drawers

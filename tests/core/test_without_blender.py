@@ -23,6 +23,7 @@ ROOMS = (
     "map",
     "image",
     "solve",
+    "warp",
     "bench.lattice",
     "bench.drawing",
     "bench",

@@ -1,0 +1,118 @@
+"""Which pieces of a view map show the points of a grid on the display?
+
+A quad counts as two triangles. A point on an edge may be found in both triangles beside it.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Ints, taken
+from ..image.ghosts import paths_of
+from ..map.outlines import ragged
+from ..map.pieces import Piece
+from ..map.view_map import ViewMap
+from ..vectors import cross_2d
+from .grid import Grid
+
+SLACK = 1e-9  # of a triangle, so that no point on an edge falls between two
+POINTS_AT_ONCE = 1 << 18  # of triangles' boxes that are looked at together
+
+
+class Candidates(NamedTuple):
+    """Places of the viewer's image that show points of the display, as a view map has it.
+
+    point : (n,) number in the grid
+    view : (n, 2) viewer px
+    view_by_display : (n, 2, 2) viewer px per display px, rows x and y of the viewer
+    branch, path : (n,) uint64
+    throughput : (n,)
+    """
+
+    point: Ints
+    view: Floats
+    view_by_display: Floats
+    branch: NDArray[np.uint64]
+    path: NDArray[np.uint64]
+    throughput: Floats
+
+    def at(self, which: NDArray) -> "Candidates":
+        """Some of them."""
+        return Candidates(*(taken(values, which) for values in self))
+
+
+def candidates(view_map: ViewMap, grid: Grid) -> Iterator[Candidates]:
+    """Where the pieces of a map show the points of a grid, some at a time.
+
+    Samples of chaotic light are left out: between them there is no map.
+    """
+    for piece in view_map.pieces(sampled=False):
+        n = piece.view.shape[1]
+        for corners in ((0, 1, 2), (0, 2, 3))[: n - 2]:
+            triangles = Piece(
+                piece.view[:, corners],
+                piece.display[:, corners],
+                piece.throughput,
+                piece.branch,
+            )
+            yield from _in_triangles(triangles, grid)
+
+
+def _in_triangles(triangles: Piece, grid: Grid) -> Iterator[Candidates]:
+    """The points of a grid that lie in triangles."""
+    steps = grid.steps_to(triangles.display)
+    last = np.array([grid.columns, grid.rows]) - 1
+    low = np.clip(np.ceil(steps.min(axis=1) - SLACK), 0, last + 1)
+    high = np.clip(np.floor(steps.max(axis=1) + SLACK), -1, last)
+    counts = np.maximum(high - low + 1, 0).astype(np.int64)
+    n_points = counts.prod(axis=1)
+
+    some = np.flatnonzero(n_points)
+    runs = np.cumsum(n_points[some]) // POINTS_AT_ONCE
+    for number in np.unique(runs):
+        batch = some[runs == number]
+        yield _within(triangles.at(batch), grid, low[batch].astype(np.int64), counts[batch])
+
+
+def _within(triangles: Piece, grid: Grid, low: Ints, counts: Ints) -> Candidates:
+    """The points of a grid in triangles, of those in boxes from `low` (n, 2), `counts` (n, 2)
+    columns and rows large.
+    """
+    # all points in the boxes
+    owner, k = ragged(counts.prod(axis=1))
+    columns = counts[owner, 0]
+    number = (low[owner, 1] + k // columns) * grid.columns + low[owner, 0] + k % columns
+
+    # the map of each triangle, and its inverse
+    a = triangles.display[:, 1] - triangles.display[:, 0]
+    b = triangles.display[:, 2] - triangles.display[:, 0]
+    det = cross_2d(a, b)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        to_triangle = (
+            np.stack(
+                [np.stack([b[:, 1], -b[:, 0]], axis=1), np.stack([-a[:, 1], a[:, 0]], axis=1)],
+                axis=1,
+            )
+            / det[:, None, None]
+        )
+        p = grid.at(number) - triangles.display[owner, 0]
+        u, v = np.einsum("nij,nj->in", to_triangle[owner], p)
+        inside = (u >= -SLACK) & (v >= -SLACK) & (u + v <= 1 + SLACK)
+
+    u, v, owner, number = (values[inside] for values in (u, v, owner, number))
+    sides = np.stack([triangles.view[:, k] - triangles.view[:, 0] for k in (1, 2)], axis=2)
+    with np.errstate(invalid="ignore", over="ignore"):
+        view_by_display = np.einsum("nij,njk->nik", sides, to_triangle)
+
+    return Candidates(
+        point=number,
+        view=triangles.view[owner, 0]
+        + u[:, None] * sides[owner, :, 0]
+        + v[:, None] * sides[owner, :, 1],
+        view_by_display=view_by_display[owner],
+        branch=triangles.branch[owner],
+        path=paths_of(triangles)[owner],
+        throughput=triangles.throughput[owner],
+    )

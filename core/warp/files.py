@@ -1,0 +1,94 @@
+"""The files of warp maps: which there are, how they are called, and their description."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from .channel_maps import ChannelMaps
+from .images import SavePng, write_exr, write_png
+from .mesh import write_data, write_obj
+from .options import FORMATS, MapOptions
+from .tables import write_npz, write_pgm
+
+SIDECAR = "maps.json"
+CONVENTION = (
+    "s and t are 0 to 1 from the picture's left and lower edge; the middle of pixel i of W is at"
+    " (i + 0.5) / W.",
+    "warp: for each display pixel, at its middle, the place in the picture that it shows, on the"
+    " path that most of the pixel is seen by. Where its middle is not seen, but another part is,"
+    " the place is the middle of the largest such part, and multiplicity is 0.",
+    "view: for each viewer pixel, at its middle, the place on the display that it sees.",
+    "EXR: R = s, G = t, B = coverage of the pixel, A = 1; s = t = -1 and B = 0 where nothing is"
+    " shown. multiplicity: at how many places of the viewer's image the display's place is seen."
+    " jacobian_xx, _xy, _yx, _yy: pixels of the other image per pixel, x right and y down; the"
+    " second letter is the axis of this image.",
+    "x.pgm, y.pgm: column and row of the picture made so many times as large; 65535 is nothing.",
+    "OBJ and .data: x from -aspect to aspect, y from -1 to 1 upwards over the display, with s and"
+    " t. In .data the fifth number is the coverage, -1 where no cell is drawn.",
+    "NPZ: map_x and map_y in pixels of the picture, row 0 at the top, whole numbers at the middles"
+    " of pixels; -64 is nothing.",
+    "PNG: R = s, G = t, B = coverage, each times 65535; B = 0 is nothing.",
+)
+
+
+def names_of(suffix: str, options: MapOptions) -> dict[str, tuple[str, ...]]:
+    """The files of each format that is wanted, for a channel."""
+    return {
+        form: tuple(f"{Path(name).stem}{suffix}{Path(name).suffix}" for name in names)
+        for form, names in FORMATS.items()
+        if form in options.formats
+    }
+
+
+def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
+    """What is added to the names of files for each channel, by its viewer's name and wavelength,
+    m; nothing where there is one channel alone.
+    """
+    has_viewers, has_wavelengths = (len(set(them)) > 1 for them in zip(*seen_by, strict=True))
+    found: list[str] = []
+    taken: set[str] = set()  # disks may not tell capitals from small letters
+
+    for viewer, wavelength in seen_by:
+        base = "_" + re.sub(r"[^\w-]+", "_", viewer) if has_viewers else ""
+        base += f"_{1e9 * wavelength:.0f}nm" if has_wavelengths else ""
+        suffix, n = base, 1
+        while suffix.casefold() in taken:
+            n += 1
+            suffix = f"{base}_{n}"
+        taken.add(suffix.casefold())
+        found.append(suffix)
+
+    return found
+
+
+def write_maps(
+    folder: Path,
+    names: dict[str, tuple[str, ...]],
+    maps: ChannelMaps,
+    about: str,
+    save_png: SavePng | None = None,
+) -> None:
+    """Write the files of a channel, by their names, to a new folder.
+
+    about : a line on them, kept in the files that have room for it
+    save_png : writes integers (h, w, 3) to a new file where there is no OpenImageIO
+
+    Raises
+    ------
+    ImageError, OSError : one cannot be written
+    """
+    for form, of_form in names.items():
+        paths = [folder / name for name in of_form]
+        if form == "EXR":
+            for path, stmap in zip(paths, (maps.warp, maps.view), strict=True):
+                write_exr(path, stmap, about)
+        elif form == "PNG":
+            write_png(paths[0], maps.warp, about, save_png)
+        elif form == "NPZ":
+            write_npz(paths[0], maps.warp)
+        elif form == "FFMPEG":
+            write_pgm(folder, of_form, maps.larger, maps.times)
+        elif form == "OBJ":
+            write_obj(paths[0], maps.mesh, about)
+        else:
+            write_data(paths[0], maps.mesh)

@@ -1,0 +1,56 @@
+"""Which files of warp maps are wanted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import RigError
+
+# the files of each format
+FORMATS = {
+    "EXR": ("warp.exr", "view.exr"),
+    "FFMPEG": ("x.pgm", "y.pgm"),
+    "OBJ": ("warp.obj",),
+    "DATA": ("warp.data",),
+    "NPZ": ("warp.npz",),
+    "PNG": ("warp.png",),
+}
+TIMES = (1, 2, 4)
+MOST_OVERSCAN = 100.0
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Which files are wanted.
+
+    formats : keys of FORMATS
+    overscan : per cent by which the picture's image is larger than the picture at each side
+    times : size of the maps for ffmpeg, in display pixels
+    mesh_step : display px, about, between the nodes of meshes
+    """
+
+    formats: tuple[str, ...] = ("EXR",)
+    overscan: float = 0.0
+    times: int = 2
+    mesh_step: float = 8.0
+
+    def check(self) -> None:
+        """Raise RigError when nothing is wanted, or something that cannot be."""
+        if not self.formats:
+            raise RigError("No format is chosen for the maps: choose one or more.")
+        if not 0 <= self.overscan <= MOST_OVERSCAN:
+            raise RigError(
+                "Overscan is {overscan:g} %: set it from 0 to {most:g}.",
+                overscan=self.overscan,
+                most=MOST_OVERSCAN,
+            )
+        if self.times not in TIMES:
+            raise RigError(
+                "The maps for ffmpeg cannot be {times} times as large as the display: set 1, 2"
+                " or 4.",
+                times=self.times,
+            )
+        if not 1 <= self.mesh_step < np.inf:
+            raise RigError(
+                "The mesh step is {step:g} display pixels: set 1 or more.", step=self.mesh_step
+            )

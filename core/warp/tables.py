@@ -1,0 +1,75 @@
+"""STMaps as tables of pixels: for ffmpeg's remap filter, and for OpenCV's."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Floats
+from .stmap import STMap
+
+NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
+FAR = -64.0  # px: so far beside the picture no filter of OpenCV reads any of it
+
+
+def pixels_of(stmap: STMap) -> Floats:
+    """Places (h, w, 2) as pixels of the other image, x right and y down, whole numbers at their
+    middles; NaN where nothing is shown.
+    """
+    width, height = stmap.to_size
+    xy = stmap.st * [width, -height] + [-0.5, height - 0.5]
+    return np.where(stmap.is_there[..., None], xy, np.nan)
+
+
+def write_pgm(folder: Path, names: tuple[str, str], stmap: STMap, times: int) -> None:
+    """Write the maps of ffmpeg's remap filter: which column, and which row, of the picture made
+    `times` as large each pixel shows.
+
+    stmap : with each display pixel cut into `times` a side
+    """
+    size = np.array(stmap.to_size) * times
+    with np.errstate(invalid="ignore"):
+        pixel = np.floor((pixels_of(stmap) + 0.5) * times)
+        pixel = np.where(np.isfinite(pixel), np.clip(pixel, 0, size - 1), NOTHING)
+
+    width, height = stmap.size
+    for axis, name in enumerate(names):
+        header = f"P5\n{width} {height}\n{NOTHING}\n".encode()
+        (folder / name).write_bytes(header + pixel[..., axis].astype(">u2").tobytes())
+
+
+def ffmpeg_command(
+    names: tuple[str, str], display_size: tuple[int, int], picture_size: tuple[int, int], times: int
+) -> str:
+    """The command that warps a picture, or a film, by the maps.
+
+    The picture is made larger first and the image smaller at last: the filter between them reads
+    the nearest pixel. The end is a pixel format that players take; 4:2:0 wants even sizes.
+    """
+    width, height = display_size
+    larger = "x".join(str(n * times) for n in picture_size)
+    last = "yuv420p" if width % 2 == height % 2 == 0 else "yuv444p"
+    steps = [
+        f"[0:v]scale={larger}:flags=bicubic,format=gbrp[p]",
+        "[p][1:v][2:v]remap=fill=black[w]",
+        f"[w]scale={width}x{height}:flags=area,format={last}[v]",
+    ]
+    x, y = names
+    return (
+        f'ffmpeg -i PICTURE -i {x} -i {y} -filter_complex "{";".join(steps)}" -map "[v]"'
+        ' -map "0:a?" OUT.mp4'
+    )
+
+
+def write_npz(path: Path, stmap: STMap) -> None:
+    """Write the maps of OpenCV's remap: map_x, map_y (h, w) float32 px, whole numbers at the
+    middles of pixels; coverage (h, w) float32, and the sizes.
+    """
+    xy = np.nan_to_num(pixels_of(stmap), nan=FAR).astype(np.float32)
+    with path.open("wb") as file:
+        np.savez_compressed(
+            file,
+            map_x=xy[..., 0],
+            map_y=xy[..., 1],
+            coverage=stmap.coverage.astype(np.float32),
+            picture_size=np.array(stmap.to_size),
+        )

@@ -1,0 +1,229 @@
+"""The view map the other way: at which places of the viewer's image is a point of the display seen?
+
+A point may be seen at several places, on as many sheets of the map. One of them counts: that on
+the path that most of the display pixel is seen by, and of several on this path the one that shows
+it largest. A source image that settles ghosts by the strongest path shows the same.
+
+Where the middle of a pixel is seen on no such path, but a part of the pixel is, the place is the
+middle of that part's largest share. So no pixel at a border is lost.
+"""
+
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Floats, Ints
+from ..image.ghosts import NO_PATH, Paths
+from ..light.plan import Plan
+from ..map.points import trace_points
+from ..map.shares import Shares
+from ..map.view_map import ViewMap
+from ..solve.channel import shares_of
+from ..steps import Pauses, at
+from .covering import Candidates, candidates
+from .grid import Grid
+from .settling import derivative, inverse_of, settle
+
+SAME_PX = 1e-3  # viewer px: places on one path that are nearer to each other are one
+SETTLED_AT_ONCE = 1 << 17  # candidates
+HALF_PIXEL = 0.5**0.5  # display px, from its middle to its corner
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPlaces:
+    """For each point of a grid the place of the viewer's image that shows it.
+
+    view : (n, 2) viewer px, NaN where the point's pixel is not seen
+    view_by_display : (n, 2, 2) viewer px per display px
+    path : (n,) uint64, the way that its light takes, NO_PATH where it is not known
+    multiplicity : (n,) at how many places the very point is seen; 0 where only another part of its
+        pixel is
+    off : (n,) display px between the point and the place's landing, at most; inf where its pixel is
+        not seen
+    """
+
+    view: Floats
+    view_by_display: Floats
+    path: NDArray[np.uint64]
+    multiplicity: Ints
+    off: Floats
+
+
+def view_from_display(
+    plan: Plan, view_map: ViewMap, grid: Grid
+) -> Generator[float, None, ViewPlaces]:
+    """The places that show the points of a grid; yields progress 0..1."""
+    shares = shares_of(view_map, plan.settings.brightness, view_map.pieces, has_path=True)
+    strongest = yield from at(0.0, _strongest(shares))
+    wanted = strongest[grid.pixels(view_map.display_size)]
+
+    # the very points, by the pieces of the map that show them
+    lots = []
+    done = 0.1
+    for lot in _together(candidates(view_map, grid)):
+        lots.append((yield from at(done, _settled(plan, view_map, grid, lot))))
+        done = min(done + 0.7 * len(lot.point) / len(grid), 0.8)
+        yield done
+
+    found = ViewPlaces(
+        view=np.full((len(grid), 2), np.nan),
+        view_by_display=np.zeros((len(grid), 2, 2)),
+        path=np.full(len(grid), NO_PATH),
+        multiplicity=np.zeros(len(grid), np.int64),
+        off=np.full(len(grid), np.inf),
+    )
+    is_wanted = _choose(found, _joined(lots), wanted, plan.settings.brightness)
+
+    # other parts of their pixels
+    lacks = np.flatnonzero(~is_wanted & (wanted != NO_PATH))
+    if len(lacks):
+        largest = yield from at(0.85, _largest(shares, strongest, view_map.display_size))
+        pixels = grid.pixels(view_map.display_size)[lacks]
+        yield from at(0.9, _fill(found, plan, view_map, grid.at(lacks), lacks, largest[pixels]))
+    return found
+
+
+def _strongest(shares: Iterable[Shares]) -> Pauses[NDArray[np.uint64]]:
+    """The path (H * W,) that most of each display pixel is seen by."""
+    paths = None
+    for some in shares:
+        paths = paths or Paths(some.display_size)
+        paths.add(some)
+        yield 0
+    return paths.strongest()
+
+
+def _largest(
+    shares: Iterable[Shares], strongest: NDArray[np.uint64], display_size: tuple[int, int]
+) -> Pauses[Floats]:
+    """The middle (H * W, 2), viewer px, of the largest share of each pixel's strongest path."""
+    width, height = display_size
+    place = np.full((width * height, 2), np.nan)
+    weight = np.zeros(width * height)
+
+    for some in shares:
+        pixel = some.display_index
+        counts = (some.path == strongest[pixel]) & (some.weight > weight[pixel])
+        # of several of one pixel the last is kept
+        order = np.flatnonzero(counts)
+        order = order[np.argsort(some.weight[order], kind="stable")]
+        weight[pixel[order]] = some.weight[order]
+        place[pixel[order]] = some.view_xy[order]
+        yield 0
+
+    return place
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """Candidates that were brought to their points, and how far off (n,) they are, display px."""
+
+    of: Candidates
+    off: Floats
+
+
+def _together(lots: Iterable[Candidates]) -> Iterator[Candidates]:
+    """Candidates, more of them at a time."""
+    few: list[Candidates] = []
+    n = 0
+    for lot in lots:
+        few.append(lot)
+        n += len(lot.point)
+        if n >= SETTLED_AT_ONCE:
+            yield Candidates(*map(np.concatenate, zip(*few, strict=True)))
+            few = []
+            n = 0
+    if few:
+        yield Candidates(*map(np.concatenate, zip(*few, strict=True)))
+
+
+def _settled(plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates) -> Pauses[_Settled]:
+    """Those of some candidates that show their points. Light ends, or jumps, where the map knows
+    only as well as its tolerance: there it lands so far off.
+    """
+    places = yield from settle(plan, grid.at(lot.point), lot.view, lot.view_by_display, lot.branch)
+    true = np.flatnonzero(places.off <= view_map.tolerance)
+    return _Settled(lot._replace(view=places.view).at(true), places.off[true])
+
+
+def _joined(lots: list[_Settled]) -> _Settled:
+    """All candidates, each place but once."""
+    if not lots:
+        nothing = np.empty(0, np.uint64)
+        two = np.empty((0, 2))
+        none = Candidates(
+            np.empty(0, np.int64), two, np.empty((0, 2, 2)), nothing, nothing, two[:, 0]
+        )
+        return _Settled(none, two[:, 0])
+
+    of = Candidates(*map(np.concatenate, zip(*(lot.of for lot in lots), strict=True)))
+    off = np.concatenate([lot.off for lot in lots])
+    kept = np.flatnonzero(~_is_repeated(of))
+    return _Settled(of.at(kept), off[kept])
+
+
+def _is_repeated(lot: Candidates) -> Bools:
+    """Which candidates (n,) are the same place as another one, which is kept?"""
+    order = np.lexsort((lot.path, lot.point))
+    point, path, view = (values[order] for values in (lot.point, lot.path, lot.view))
+    repeated = np.zeros(len(order), bool)
+
+    for k in range(1, len(order)):
+        is_same_point = (point[k:] == point[:-k]) & (path[k:] == path[:-k])
+        if not is_same_point.any():
+            break
+        is_near = np.abs(view[k:] - view[:-k]).max(axis=1) < SAME_PX
+        repeated[order[k:][is_same_point & is_near]] = True
+
+    return repeated
+
+
+def _choose(
+    found: ViewPlaces, settled: _Settled, wanted: NDArray[np.uint64], brightness: bool
+) -> Bools:
+    """Keep one place for each point (n,), if it can be on the wanted path (n,); is it?"""
+    lot = settled.of
+    (a, b), (c, d) = np.moveaxis(lot.view_by_display, 0, 2)
+    size = np.abs(a * d - b * c)
+    if brightness:
+        size *= lot.throughput**2
+    is_on_path = lot.path == wanted[lot.point]
+
+    # of several of one point the last is kept
+    order = np.lexsort((size, is_on_path))
+    point = lot.point[order]
+    found.view[point] = lot.view[order]
+    found.view_by_display[point] = lot.view_by_display[order]
+    found.path[point] = lot.path[order]
+    found.off[point] = settled.off[order]
+    found.multiplicity[:] = np.bincount(lot.point, minlength=len(wanted))
+
+    is_wanted = np.zeros(len(wanted), bool)
+    is_wanted[point] = is_on_path[order]
+    return is_wanted
+
+
+def _fill(
+    found: ViewPlaces, plan: Plan, view_map: ViewMap, points: Floats, number: Ints, start: Floats
+) -> Pauses[None]:
+    """Set the places of points (n, 2) by their numbers (n,) from shares in their pixels: the very
+    points where the way leads there, else the middles (n, 2) of the shares.
+    """
+    traced = yield from trace_points(plan, start)
+    by_view = yield from derivative(plan, start, traced.xy, traced.branch)
+    inverse = inverse_of(by_view)
+    places = yield from settle(plan, points, start, inverse, traced.branch)
+    is_there = (places.off <= view_map.tolerance) & (traced.branch != 0)
+
+    found.view[number] = np.where(is_there[:, None], places.view, start)
+    found.view_by_display[number] = inverse
+    # the way round that it shows the display is the sign of the derivative
+    (a, b), (c, d) = np.moveaxis(inverse, 0, 2)
+    found.path[number] = np.where(is_there, traced.branch ^ (a * d < b * c), NO_PATH)
+    away = np.hypot(*(traced.xy - points).T)
+    found.off[number] = np.where(
+        is_there, places.off, np.where(traced.branch != 0, away, HALF_PIXEL)
+    )
+    found.multiplicity[number] = np.maximum(found.multiplicity[number], is_there)

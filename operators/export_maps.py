@@ -1,0 +1,217 @@
+"""Export maps: files by which other programs warp any picture, or film, for the display."""
+
+import importlib.util
+import json
+import tomllib
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core import disk, image_io
+from ..core.blender.image import save_png
+from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.errors import ImageError
+from ..core.fingerprint import fingerprint
+from ..core.messages import Message
+from ..core.rig import Rig
+from ..core.settings import Settings
+from ..core.steps import within
+from ..core.warp.channel_maps import description, maps_of
+from ..core.warp.files import CONVENTION, SIDECAR, names_of, suffixes, write_maps
+from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions
+from . import folder, long_work, needed, telling, work
+from .export import use_bundled_modules
+
+ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
+SOLVED, MAPPED = 0.4, 0.95  # progress, about
+FORMAT_ITEMS = (
+    (
+        "EXR",
+        "OpenEXR",
+        "warp.exr and view.exr, 32-bit: for Nuke, Natron, Fusion, TouchDesigner and Map UV",
+    ),
+    (
+        "FFMPEG",
+        "ffmpeg",
+        "x.pgm and y.pgm for ffmpeg's filter remap, with the command in maps.json",
+    ),
+    ("OBJ", "OBJ Mesh", "warp.obj: the display's plane with the places in the picture as its UV"),
+    ("DATA", "Warp Mesh .data", "warp.data: Paul Bourke's format, a regular grid"),
+    ("NPZ", "OpenCV", "warp.npz: map_x and map_y for cv2.remap"),
+    ("PNG", "16-bit PNG", "warp.png: red and green are the place; for programs that read no EXR"),
+)
+
+
+def exported(
+    context: bpy.types.Context, target: Path, options: MapOptions, overwrite: bool, remedy: str
+) -> Generator[float, None, dict[str, Any]]:
+    """Write the maps of the scene's rig to a folder, all of them or none.
+
+    Yields progress 0..1, returns the contents of maps.json; `remedy` ends the sentence that files
+    are there already.
+    """
+    options.check()
+    use_bundled_modules()
+    if "EXR" in options.formats:
+        image_io.openimageio()
+
+    rig = work.read(context).rig
+    rig.check()
+    settings = work.settings_of(context.scene)
+    of_channels = suffixes([(viewer.name, settings.wavelength) for viewer in rig.viewers])
+    names = [names_of(suffix, options) for suffix in of_channels]
+    if not overwrite:
+        files = [name for forms in names for of_form in forms.values() for name in of_form]
+        folder.refuse_existing(target, [*files, SIDECAR], remedy)
+
+    has_openimageio = importlib.util.find_spec("OpenImageIO") is not None
+    solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
+    about = _about(rig, settings, options)
+
+    with disk.together(target) as new:
+        n = len(names)
+        for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
+            steps = maps_of(channel, options)
+            start, stop = (SOLVED + (MAPPED - SOLVED) * i / n for i in (k, k + 1))
+            maps = yield from within(steps, start, stop)
+            write_maps(new, forms, maps, ABOUT, None if has_openimageio else save_png)
+            about["maps"].append(description(channel, maps, forms, options))
+            yield stop
+        disk.write_text(new / SIDECAR, json.dumps(about, indent=2) + "\n")
+
+    return about
+
+
+def files_in(about: dict[str, Any]) -> list[str]:
+    """The files that maps.json tells of."""
+    return [name for one in about["maps"] for names in one["files"].values() for name in names]
+
+
+def _about(rig: Rig, settings: Settings, options: MapOptions) -> dict[str, Any]:
+    """maps.json, without the maps themselves."""
+    place, display = rig.picture_place, rig.display
+    manifest = Path(__file__).parent.parent / "blender_manifest.toml"
+    return {
+        "kiriko": tomllib.loads(manifest.read_text(encoding="utf-8"))["version"],
+        "blender": bpy.app.version_string,
+        "file": Path(bpy.data.filepath).name,
+        "rig": fingerprint(replace(rig, pictures=(place,)), settings.of_optics),
+        "display": {"name": display.name, "size": [display.width, display.height]},
+        "picture": {
+            "name": place.name,
+            "size": [place.width, place.height],
+            "is_on": "the viewer's own pixels" if place.mesh is None else "a plane",
+        },
+        "overscan_percent": options.overscan,
+        "convention": list(CONVENTION),
+        "maps": [],
+    }
+
+
+class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
+    """Write warp maps: by them other programs make the source image of any picture, or film,
+    that takes the place of this one
+    """
+
+    bl_idname = "kiriko.export_maps"
+    bl_label = "Export Maps"
+    bl_options = {"REGISTER"}
+
+    directory: bpy.props.StringProperty(
+        name="Folder",
+        description="Where to write",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    formats: bpy.props.EnumProperty(
+        name="Formats",
+        description="Which files are written",
+        items=FORMAT_ITEMS,
+        options={"ENUM_FLAG"},
+        default={"EXR"},
+    )
+    overscan: bpy.props.FloatProperty(
+        name="Overscan",
+        description="By how much the images that will be warped are larger than the picture, at"
+        " each side",
+        subtype="PERCENTAGE",
+        min=0.0,
+        max=MOST_OVERSCAN,
+    )
+    times: bpy.props.EnumProperty(
+        name="ffmpeg Size",
+        description="How many times as large as the display the maps for ffmpeg are: its filter"
+        " reads the nearest pixel, and more of them are smoother and slower",
+        items=[(str(n), f"{n} x", "") for n in TIMES],
+        default="2",
+    )
+    mesh_step: bpy.props.FloatProperty(
+        name="Mesh Step",
+        description="Display pixels between the nodes of a mesh: smaller is nearer to the map",
+        subtype="PIXEL",
+        default=8.0,
+        min=1.0,
+        soft_max=128.0,
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite",
+        description="Replace files that are there already",
+        options={"SKIP_SAVE"},
+    )
+    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+
+    is_in_dialogue = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.directory or bpy.app.background or context.window is None:
+            return super().invoke(context, event)
+        self.is_in_dialogue = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self.is_in_dialogue:
+            return super().execute(context)
+
+        # an operator of a dialogue cannot go on in steps: another one can
+        with telling.told(self):
+            bpy.ops.kiriko.export_maps(
+                "INVOKE_DEFAULT",
+                directory=self.directory,
+                formats=self.formats,
+                overscan=self.overscan,
+                times=self.times,
+                mesh_step=self.mesh_step,
+                overwrite=self.overwrite,
+            )
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        if not self.directory:
+            raise ImageError("The maps have no folder: choose one.")
+
+        target = absolute(self.directory)
+        overwrite = self.overwrite or context.scene.kiriko.export_overwrite
+        options = MapOptions(
+            formats=tuple(name for name, *_ in FORMAT_ITEMS if name in self.formats),
+            overscan=self.overscan,
+            times=int(self.times),
+            mesh_step=self.mesh_step,
+        )
+        with folder.made(target):
+            about = yield from exported(context, target, options, overwrite, "set Overwrite")
+
+        return Message(
+            "Wrote {files} and {sidecar} to '{folder}'.",
+            files=", ".join(files_in(about)),
+            sidecar=SIDECAR,
+            folder=target,
+        )
