@@ -9,6 +9,7 @@ from . import (
     best_place,
     calibrate,
     choose_picture,
+    choose_rig,
     command_line,
     compared,
     display_preset,
@@ -46,6 +47,7 @@ from . import (
 CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
     remove_rig.KIRIKO_OT_remove_rig,
+    choose_rig.KIRIKO_OT_choose_rig,
     plate_material.KIRIKO_OT_add_plate_material,
     plate_material.KIRIKO_OT_add_asset_library,
     plate_preset.KIRIKO_OT_plate_preset,
@@ -101,6 +103,7 @@ def register() -> None:
     live.register()
     look_through.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
+    choose_rig.register()
     watch.register()
     sketcher.register()
     look_over.register()
@@ -114,6 +117,7 @@ def unregister() -> None:
     proposal.unregister()
     look_over.unregister()
     watch.unregister()
+    choose_rig.unregister()
     look_through.unregister()
     live.unregister()
     compared.unregister()

@@ -14,6 +14,7 @@ from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
 from ..core.blender.rig_record import Record
+from ..core.blender.rigs import has_roles, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
@@ -22,7 +23,7 @@ from ..core.messages import Message, joined
 from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, number, percent, summary
-from . import framing, long_work, needed, work
+from . import framing, live, long_work, look_through, needed, work
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 # times the picture: a display whose shorter side is longer by itself is worth a sentence
@@ -196,8 +197,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         is_straight = self.kind == "BEHIND_GLASS"
-        _refuse_second(scene, is_straight)
-        bench = read_bench(context, scene, glass_among(context.selected_objects))
+        glasses = glass_among(context.selected_objects)
+        _refuse_second(scene, glasses, is_straight)
+        bench = read_bench(context, scene, glasses)
         wishes = _wishes(self, length_of_unit(scene))
         proposal = (
             propose_behind(bench.bounds, wishes, bench.aim)
@@ -226,6 +228,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
         text = _on_display(scene, proposal, limit, spread, aspect)
+        if scene.kiriko.looking:
+            look_through.leave(scene)
+        live.settle(scene)
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(record, scene, text, remarks)
         if not bpy.app.background:
@@ -274,19 +279,35 @@ def _wishes(asked: KIRIKO_OT_add_rig, metres: float) -> Wishes:
     )
 
 
-def _refuse_second(scene: bpy.types.Scene, is_straight: bool) -> None:
-    """Raise RigError for a part of which a rig has one, or none
-    where light goes straight, and which is there.
+def _refuse_second(
+    scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...], is_straight: bool
+) -> None:
+    """Raise RigError for glass that a rig has already, and for a part in no rig, which each
+    has: of those that a rig has one of, and a plate where light goes straight.
     """
+    keys = rigs_of(scene)
+    for thing in glasses:
+        rig = rig_of(scene, thing)
+        if thing.kiriko.role != "NONE" and rig is not None and has_roles(scene, rig):
+            raise RigError(
+                "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig"
+                " first.",
+                name=thing.name,
+                rig=rig.name,
+            )
+
+    found = needed.parts(scene, is_left_out=lambda thing: bool(keys(thing)))
     for role in ROLES:
         if role.number is None or not (role.is_single or (is_straight and role.is_missed)):
             continue
-        found = needed.parts(scene).get(role.name)
-        if found:
+        for thing in found.get(role.name, ()):
             raise RigError(
-                "The scene has a {role} already ('{name}'): set its role to None first.",
+                "The scene has a {role} already ('{name}'): {remedy} first.",
                 role=role.noun,
-                name=next(iter(found)).name,
+                name=thing.name,
+                remedy=Message("move it into its rig's collection")
+                if rigs(scene)
+                else Message("set its role to None"),
             )
 
 

@@ -13,6 +13,7 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender.kept import Numbers
+from ..core.blender.rigs import rigs
 from ..core.errors import ImageError, KirikoError, RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
@@ -20,8 +21,10 @@ from ..core.warp.files import SIDECAR
 from ..core.warp.options import FORMATS, TIMES, MapOptions
 from . import bench_drawing, export_maps, folder, report, solve_to_folder, telling, work
 from .calibrate import calibrated
+from .choose_rig import choose_by_name
 from .export import use_bundled_modules
 
+ALL = "all"  # in place of a rig's name
 USAGE_ERROR = 2  # exit code, as other commands have it
 
 
@@ -57,6 +60,12 @@ def parser() -> argparse.ArgumentParser:
     )
     shared.add_argument(
         "--overwrite", action="store_true", help="replace results that are there already"
+    )
+    shared.add_argument(
+        "--rig",
+        metavar="NAME",
+        help="a rig of the scene, by its collection's name, or 'all' of them, each to a folder of"
+        " its name (the one that the file shows)",
     )
     measure = verbs.add_parser(
         "report", parents=[shared], help="measure error against run time and write a report"
@@ -217,7 +226,34 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     with folder.made(arguments.out):
+        if arguments.rig == ALL:
+            yield from _each_rig(arguments)
+            return
+        if arguments.rig is not None:
+            choose_by_name(bpy.context, arguments.rig)
         yield from arguments.run(arguments)
+
+
+def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Do the work for each rig of the scene, in a folder of its name; yields lines of progress."""
+    names = [rig.name for rig in rigs(bpy.context.scene)]
+    if arguments.verb == "calibrate":
+        raise UsageError("A photograph is of one rig: name it by --rig.")
+    if not names:
+        raise RigError("The scene has no rig that Add Rig made: leave out --rig.")
+
+    taken: set[str] = set()
+    for name in names:
+        choose_by_name(bpy.context, name)
+        yield Message("rig '{name}'", name=name)
+        of_name = bpy.path.clean_name(name)
+        while of_name.casefold() in taken:
+            of_name += "_"
+        taken.add(of_name.casefold())
+
+        out = arguments.out / of_name
+        with folder.made(out):
+            yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:

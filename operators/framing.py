@@ -7,6 +7,7 @@ from mathutils import Matrix
 from ..core.arrays import Floats
 from ..core.blender.changes import Change, change
 from ..core.blender.framing import Window, framed, turned
+from ..core.blender.rigs import elsewhere
 from .windows import view_of
 
 BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it would dwarf them
@@ -31,7 +32,12 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
         return []
 
     context.view_layer.update()
-    things = [thing for thing in context.scene.objects if thing.kiriko.role in BENCH]
+    is_elsewhere = elsewhere(context.scene)
+    things = [
+        thing
+        for thing in context.scene.objects
+        if thing.kiriko.role in BENCH and not is_elsewhere(thing)
+    ]
     points = np.concatenate([corners(thing) for thing in things])
     space = area.spaces.active
     region = next(region for region in area.regions if region.type == "WINDOW")

@@ -79,6 +79,14 @@ def pack_if_needed(live: live_follower.Live) -> None:
         live.is_unpacked = False
 
 
+def settle(scene: bpy.types.Scene) -> None:
+    """Leave the scene's result as a whole one before another takes its place."""
+    followed_scene = followed()
+    if followed_scene is not None and followed_scene.uid == scene.session_uid:
+        pack_if_needed(followed_scene)
+        followed_scene.start_over()
+
+
 def tick() -> float | None:
     """Called by the timer."""
     if not _lives:

@@ -60,7 +60,7 @@ class Live:
     """One scene that is followed. `turn` does a little work; it needs no window and no event."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        self.uid = scene.session_uid
+        self.uid, self._rig = scene.session_uid, scene.kiriko.rig
         self.problem = ""
         self.n_pictures = 0
         self.is_unpacked = False
@@ -106,6 +106,10 @@ class Live:
         if work.is_busy():
             return IDLE
         with bpy.context.temp_override(window=window):
+            if window.scene.kiriko.rig != self._rig:
+                # another rig's result is never written to
+                self._rig = window.scene.kiriko.rig
+                self.start_over()
             settings = chosen_settings(window.scene)
             if settings != self._settings:
                 self._settings = settings

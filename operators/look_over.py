@@ -60,6 +60,12 @@ def found(context: bpy.types.Context) -> list[Entry]:
     return _looked[uid].entries
 
 
+def look_again(scene: bpy.types.Scene) -> None:
+    """Have the timer look a scene over at once, for another of its rigs is active."""
+    if scene.session_uid in _looked:
+        _looked[scene.session_uid].asked, _looked[scene.session_uid].rests_until = True, 0.0
+
+
 def look_now(context: bpy.types.Context) -> list[Entry]:
     """Look over a scene at once, with all of its meshes."""
     looked = _looked.setdefault(context.scene.session_uid, Looked())

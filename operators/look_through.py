@@ -160,7 +160,8 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
                 return {"FINISHED"}
 
             enter(context)
-            opaque = [thing for thing in scene.objects if make_glass.can_be_given(thing)]
+            glasses = needed.parts(scene).get("GLASS", ())
+            opaque = [thing for thing in glasses if make_glass.can_be_given(thing)]
             if opaque:
                 notes = [
                     Message(

@@ -4,7 +4,8 @@ from time import monotonic
 
 import bpy
 
-from ..core.blender.parts import hidden_words
+from ..core.blender.parts import LeftOut, hidden_words
+from ..core.blender.rigs import elsewhere
 from ..core.blender.viewer import viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.messages import Message
@@ -30,14 +31,19 @@ _answers: dict[
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
-def parts(scene: bpy.types.Scene) -> dict[str, dict[bpy.types.Object, str]]:
-    """Objects of the scene by role, those in instanced
+def parts(
+    scene: bpy.types.Scene, is_left_out: LeftOut | None = None
+) -> dict[str, dict[bpy.types.Object, str]]:
+    """Objects of the active rig by role, those in instanced
     collections too, each with what hides it, '' if shown.
+
+    is_left_out : tells objects that are not looked at; None: those of other rigs
     """
+    is_left_out = is_left_out or elsewhere(scene)
     found: dict[str, dict[bpy.types.Object, str]] = {}
     shown = Shown(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
-    todo = [(thing, True, "") for thing in scene.objects]
+    todo = [(thing, True, "") for thing in scene.objects if not is_left_out(thing)]
     while todo:
         thing, is_itself, by = todo.pop()
         if thing.kiriko.role == "NONE" and thing.instance_collection is None:

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_of
+from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_to_remove
 from ..core.messages import Message, joined
 from . import live, look_through, needed, telling, work
 
@@ -22,7 +22,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = [] if context.mode == "OBJECT" else [Message("Leave edit mode first")]
-        if rig_of(context.scene, context.active_object) is None:
+        if rig_to_remove(context.scene, context.active_object) is None:
             has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
             reasons.append(NO_COLLECTION if has_parts else NO_RIG)
         if work.is_busy():
@@ -31,7 +31,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
-            rig = rig_of(context.scene, context.active_object)
+            rig = rig_to_remove(context.scene, context.active_object)
             refuse_shared(context.scene, rig)
             if context.scene.kiriko.looking:
                 look_through.leave(context.scene)

@@ -16,6 +16,7 @@ from . import (
     range_view,
     result,
     rig,
+    rigs,
     shown_images,
     solve,
     wipe,
@@ -23,6 +24,7 @@ from . import (
 
 # the order in which they stand in the sidebar
 CLASSES = (
+    rigs.VIEW3D_MT_kiriko_rigs,
     checklist.VIEW3D_PT_kiriko_checklist,
     solve.VIEW3D_PT_kiriko_solve,
     solve.VIEW3D_PT_kiriko_settings,

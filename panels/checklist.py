@@ -7,6 +7,7 @@ from ..core.messages import Message
 from ..operators import look_over, needed
 from ..operators.telling import in_words
 from .add_menu import add_rig
+from .rigs import draw_rigs
 from .words import Sidebar, sentence
 
 FIRST = Message(
@@ -39,6 +40,7 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             layout.operator_menu_enum("kiriko.open_example", "example", text="Examples")
             return
 
+        draw_rigs(layout, context)
         found = look_over.found(context)
         for entry in found:
             draw_entry(layout, context, entry)

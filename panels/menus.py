@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.blender.rigs import rigs
 from ..operators import live, needed
 from .add_menu import add_rig
 
@@ -16,6 +17,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         add_rig(layout, "Add Rig")
         layout.operator("kiriko.remove_rig", icon="TRASH")
+        if len(rigs(context.scene)) > 1:
+            layout.menu("VIEW3D_MT_kiriko_rigs", icon="OUTLINER_COLLECTION")
         layout.operator_menu_enum("kiriko.open_example", "example")
         layout.separator()
         layout.operator("kiriko.solve", icon="LIGHT_SUN")

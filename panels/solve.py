@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..operators import live
+from ..operators import live, needed
 from .words import OfRig, sentence
 
 
@@ -55,7 +55,7 @@ class VIEW3D_PT_kiriko_settings(OfRig, bpy.types.Panel):
         column.prop(ours, "ghosts")
         column.prop(ours, "only_through_glass")
         row = column.row()
-        row.active = any(thing.kiriko.role == "PLATE" for thing in context.scene.objects)
+        row.active = "PLATE" in needed.parts(context.scene)
         row.prop(ours, "only_through_plate")
         row = column.row()
         row.active = ours.only_through_glass

@@ -14,6 +14,7 @@ from .framing import Window
 from .kept import Changed
 from .preview_settings import BOUNCES
 from .remove_rig import spaces
+from .rigs import elsewhere
 from .viewer import frame_of, viewer_of
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
@@ -52,8 +53,13 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
     kept = []
     try:
         kept += [["", *one] for one in change(scene, SCENE)]
+        is_elsewhere = elsewhere(scene)
         for thing in scene.objects:
-            if thing.kiriko.role == "PICTURE" and thing.is_editable:
+            if thing.kiriko.role == "NONE" or not thing.is_editable:
+                continue
+            if is_elsewhere(thing):  # it would stand in the light's way
+                _change(key, thing, {"hide_viewport": True})
+            elif thing.kiriko.role == "PICTURE":
                 _change(key, thing, PLANE)
         _change(key, viewer, {})
         if viewer.type == "CAMERA" and viewer.data.is_editable:

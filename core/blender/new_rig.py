@@ -23,6 +23,7 @@ from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .parts import Part, parts_by_role, read_parts, role_label
 from .rig_record import Record
+from .rigs import rigs_of
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
@@ -78,6 +79,8 @@ def read_bench(
 ) -> Bench:
     """Read the bench as it stands, with these objects as glass; nothing is changed.
 
+    Parts of other rigs are left out.
+
     Raises
     ------
     RigError : one of them encloses nothing, or is not shown
@@ -87,7 +90,9 @@ def read_bench(
 
     with _as_glass(glasses):
         context.view_layer.update()
-        parts, _ = read_parts(context.evaluated_depsgraph_get(), scene, metres, kept)
+        depsgraph, keys = context.evaluated_depsgraph_get(), rigs_of(scene)
+        others = lambda thing: thing not in glasses and bool(keys(thing))  # noqa: E731
+        parts, _ = read_parts(depsgraph, scene, metres, kept, is_left_out=others)
 
     by_role = parts_by_role(parts, glasses)
 
@@ -202,13 +207,15 @@ def make_rig(
     ----------
     viewer_resolution : None: the viewer has the pixels of the scene's render
     """
-    before = scene.camera, scene.kiriko.viewer
+    before = scene.camera
     made = Workbench(scene, "Kiriko Rig")
-    record = Record(made.collection)
+    record = Record(scene, made.collection)
+    own_before = scene.kiriko.viewer
 
     try:
         glasses = bench.glasses or (_make_ball(scene, made),)
         for thing in bench.glasses:
+            record.take_in(thing)
             record.change(thing, {"kiriko.role": "GLASS"})
             for owner, values in see_through(thing, bench.glasses):
                 record.change(owner, values)
@@ -216,12 +223,12 @@ def make_rig(
         record.change(scene, {"kiriko.picture_source": "PLANE"})
         _make_parts(scene, made, proposal, display_resolution)
         _make_viewer(scene, made, proposal, viewer_resolution)
-        record.rig.viewer_before = before[1]
+        record.rig.viewer_before = own_before
         record.mark(made.made)
     except BaseException:
+        scene.camera, scene.kiriko.viewer = before, own_before
         record.take_back()
         made.clear()
-        scene.camera, scene.kiriko.viewer = before
         raise
 
     return record, glasses

@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..arrays import Bools, Floats
+from .rigs import active_rig, elsewhere
 
 OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
 
@@ -92,8 +93,10 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
 
 
 def grid_of(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """The object that `grid_object` made, if there is one."""
-    return next((thing for thing in scene.objects if thing.get(OBJECT_MARK) == name), None)
+    """The object that `grid_object` made for the active rig, if there is one."""
+    is_elsewhere = elsewhere(scene)
+    things = (thing for thing in scene.objects if thing.get(OBJECT_MARK) == name)
+    return next((thing for thing in things if not is_elsewhere(thing)), None)
 
 
 def brightness_of(mesh: bpy.types.Mesh) -> Floats:
@@ -150,7 +153,7 @@ def grid_object(
         thing[OBJECT_MARK] = name
         # panels/range_view.py draws it translucent
         thing.hide_render, thing.display_type = True, "BOUNDS"
-        scene.collection.objects.link(thing)
+        (active_rig(scene) or scene.collection).objects.link(thing)
     else:
         old, thing.data = thing.data, mesh
         if old.users == 0:

@@ -1,7 +1,7 @@
 """Which objects of the scene are parts of the rig, by role."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -14,8 +14,11 @@ from ..messages import Message
 from ..rig import ROLES, Mesh
 from .bodies import bodiless
 from .material import Texture
+from .rigs import elsewhere
 from .shapes import Kept, used_materials
 from .visibility import Shown, instance_hidden_by, open_collections
+
+LeftOut = Callable[[bpy.types.Object], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +109,14 @@ def read_part(
 
 
 def shown_parts(
-    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, is_left_out: LeftOut | None = None
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
     """Instances with a role that are seen both in the viewport and
     in renders, and the objects they have it from.
+
+    is_left_out : tells objects that are not looked at; None: those of rigs that are not active
     """
+    is_left_out = is_left_out or elsewhere(scene)
     shown = Shown(scene, depsgraph.view_layer)
     # one object may make thousands of instances
     is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
@@ -126,6 +132,8 @@ def shown_parts(
             if instance.is_instance and instance.parent is not None
             else own
         )
+        if is_left_out(owner) or is_left_out(top):
+            continue
         if not (instance_hidden_by(own) or is_hidden(top)):
             yield instance, owner
 
@@ -136,9 +144,12 @@ def read_parts(
     metres: float,
     kept: Kept,
     needed: tuple[str, ...] = (),
+    is_left_out: LeftOut | None = None,
 ) -> tuple[list[Part], list[str]]:
     """All parts with a role that are seen both in the viewport
     and in renders; notes on those that are not.
+
+    is_left_out : as `shown_parts` has it
 
     Raises RigError for an object with a role that can be no part of a
     rig, and where all of a role that is needed are hidden.
@@ -147,8 +158,9 @@ def read_parts(
     parts: list[Part] = []
     met: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
+    is_left_out = is_left_out or elsewhere(scene)
 
-    for instance, owner in shown_parts(depsgraph, scene):
+    for instance, owner in shown_parts(depsgraph, scene, is_left_out):
         met.add(owner)
         if why := bodiless(owner):
             raise RigError(
@@ -163,7 +175,7 @@ def read_parts(
 
     kept.end()
     parts = without_hollows(parts, met)
-    unmet = unmet_parts(met, scene, depsgraph.view_layer)
+    unmet = unmet_parts(met, scene, depsgraph.view_layer, is_left_out)
     for role in needed:
         check_some_are_shown(role, parts, unmet)
 
@@ -200,14 +212,19 @@ def role_label(owner: bpy.types.Object) -> str:
 
 
 def unmet_parts(
-    met: set[bpy.types.Object], scene: bpy.types.Scene, layer: bpy.types.ViewLayer
+    met: set[bpy.types.Object],
+    scene: bpy.types.Scene,
+    layer: bpy.types.ViewLayer,
+    is_left_out: LeftOut,
 ) -> dict[bpy.types.Object, str]:
     """Objects of the scene that have a role but no part
     was met of, and the setting that hides each.
     """
     shown = Shown(scene, layer)
     return {
-        o: shown.hidden_by(o) for o in scene.objects if o.kiriko.role != "NONE" and o not in met
+        o: shown.hidden_by(o)
+        for o in scene.objects
+        if o.kiriko.role != "NONE" and o not in met and not is_left_out(o)
     }
 
 

@@ -8,20 +8,35 @@ from typing import Any
 
 import bpy
 
+from .active_rig import make_active, replace
 from .changes import Change, change, put_back
 from .kept import Changed
+from .rigs import RIG_MARK, active_rig, let_go, take_in
 
-RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
 KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
 
 
 class Record:
     """Of the rig in a new collection. Changes are kept where Remove Rig will find them."""
 
-    def __init__(self, collection: bpy.types.Collection) -> None:
+    def __init__(self, scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+        self._scene, self._collection = scene, collection
+        self._before, self._key = active_rig(scene), scene.kiriko.rig
         self.rig = collection.kiriko
         self.rig.key = token_hex(8)
         self._done: list[tuple[Any, Any, str, list[Change]]] = []
+        self._taken: list[bpy.types.Object] = []
+
+        # the first rig takes the scene's settings as they are
+        self.rig.has_own_settings = self._before is not None or bool(self._key)
+        if self.rig.has_own_settings:
+            make_active(scene, collection)
+        scene.kiriko.rig = self.rig.key
+
+    def take_in(self, thing: bpy.types.Object) -> None:
+        """Have an object of the artist's be a part of the rig."""
+        take_in(thing, self._collection)
+        self._taken.append(thing)
 
     def change(self, owner: bpy.types.ID, values: dict[str, Any]) -> None:
         """Give settings of an object, a material or the scene other values, by their paths."""
@@ -49,6 +64,15 @@ class Record:
             owner, keeper, before, changes = self._done.pop()
             put_back(owner, changes)
             keeper.changed = before
+
+        for thing in self._taken:
+            let_go(thing, self._collection)
+        if self.rig.has_own_settings:
+            replace(self._scene, self._before)
+        if self._key:
+            self._scene.kiriko.rig = self._key
+        else:
+            self._scene.kiriko.property_unset("rig")
 
     def mark(self, made: list[bpy.types.ID]) -> None:
         """Mark datablocks as the rig's own."""

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .active_rig import shown_settings
 from .mesh import column, uv_layer
 from .plane import image_of, own_texture
 
@@ -42,13 +43,14 @@ def shown_images(
         if thing.type != "MESH" or thing.mode != "OBJECT":
             continue
 
-        is_picture = thing.kiriko.role == "PICTURE" and scene.kiriko.picture_source == "PLANE"
+        ours = shown_settings(scene, thing)
+        is_picture = thing.kiriko.role == "PICTURE" and ours.picture_source == "PLANE"
         image = image_of(thing) if is_picture else None
         uv_map = ""
         if is_picture and (texture := own_texture(thing)) and texture.image == image:
             uv_map = texture.uv_map
         if thing.kiriko.role == "DISPLAY":
-            image = scene.kiriko.result.source
+            image = ours.result.source
 
         if image is not None:
             laid = _laid(thing.evaluated_get(layer.depsgraph), uv_map)

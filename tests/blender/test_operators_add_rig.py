@@ -497,15 +497,6 @@ def test_undo_removes_the_rig_and_redo_brings_it_back(scene: bpy.types.Scene) ->
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-def test_second_rig_is_refused_and_changes_nothing(scene: bpy.types.Scene) -> None:
-    """A scene with a display gets no second one; the sentence names it, and nothing is made."""
-    small_rig()
-    before = inventory()
-    with pytest.raises(RuntimeError, match="has a display already \\('Kiriko Display'\\)"):
-        bpy.ops.kiriko.add_rig()
-    assert inventory() == before
-
-
 def test_failure_leaves_nothing_behind(scene: bpy.types.Scene) -> None:
     """A viewer inside the glass is refused in one sentence; objects and roles are as before."""
     glass = cube()

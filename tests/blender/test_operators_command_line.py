@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import pixels, small_rig
+from small_rigs import cube, pixels, small_rig
 
 
 @pytest.fixture
@@ -171,3 +171,48 @@ def test_solve_simulates_when_asked(
     )
     assert run("solve", "--out", saved, "--simulate", 4) == 1
     assert "simulated.png" in refusal(capsys)
+
+
+@pytest.fixture
+def two_saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+    """Two small rigs of which the second is active, saved; the folder for results beside it."""
+    small_rig()
+    other = cube(turn=0.3)
+    other.location.x, other.name = 0.2, "Other"
+    scene.objects["Cube"].select_set(False)
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32), field=0.04)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    return tmp_path / "out"
+
+
+@pytest.mark.parametrize(
+    ("words", "pixels"), [((), 32), (("--rig", "Kiriko Rig"), 64)], ids=["active", "named"]
+)
+def test_one_of_two_rigs_is_solved(
+    run: Callable[..., int], two_saved: Path, words: tuple[str, ...], pixels: int
+) -> None:
+    """The one that the file shows, or that is named."""
+    assert run("solve", "--out", two_saved, *words) == 0
+    report = json.loads((two_saved / "report.json").read_text())
+    assert report["resolution"] == [pixels, pixels]
+
+
+def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_saved: Path) -> None:
+    assert run("solve", "--out", two_saved, "--rig", "all") == 0
+    assert run("drawing", "--out", two_saved, "--rig", "all", "--paper", "A3") == 0
+    for name, side in (("Kiriko_Rig", 64), ("Kiriko_Rig_001", 32)):
+        report = json.loads((two_saved / name / "report.json").read_text())
+        assert report["resolution"] == [side, side]
+        assert list((two_saved / name).glob("*.svg"))
+    assert len(list(two_saved.iterdir())) == 2
+
+
+def test_a_rig_that_is_not_there_is_refused(
+    run: Callable[..., int], two_saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """By its name, with those that are; nothing is written."""
+    assert run("solve", "--out", two_saved, "--rig", "Goblet") == 1
+    assert "no rig 'Goblet': there are 'Kiriko Rig', 'Kiriko Rig.001'" in refusal(capsys)
+    assert run("calibrate", "--out", two_saved, "--rig", "all", "--measured", "a.csv") == 2
+    assert "A photograph is of one rig" in refusal(capsys)
+    assert not two_saved.exists()

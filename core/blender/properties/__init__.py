@@ -3,7 +3,7 @@ on the scene, what is shown on the window manager.
 """
 
 import bpy
-from bpy.props import PointerProperty
+from bpy.props import CollectionProperty, PointerProperty
 
 from . import view
 from .calibration import KirikoCalibration
@@ -11,7 +11,7 @@ from .light import KirikoDisplay, KirikoPicture
 from .objects import KirikoObject, KirikoPlate, show_image
 from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
-from .scene import KirikoScene, is_camera
+from .scene import KirikoOther, KirikoScene, is_camera
 from .view import KirikoView
 
 classes = (
@@ -24,6 +24,7 @@ classes = (
     KirikoResult,
     KirikoCalibration,
     KirikoScene,
+    KirikoOther,
     KirikoView,
 )
 
@@ -58,7 +59,14 @@ def register() -> None:
         name="Kiriko", description="The rig that the collection holds", type=KirikoRig
     )
     bpy.types.Scene.kiriko = PointerProperty(
-        name="Kiriko", description="How the scene's rig is solved and exported", type=KirikoScene
+        name="Kiriko",
+        description="How the scene's active rig is solved and exported",
+        type=KirikoScene,
+    )
+    bpy.types.Scene.kiriko_others = CollectionProperty(
+        name="Kiriko's Other Rigs",
+        description="Settings and results of the scene's rigs that are not active",
+        type=KirikoOther,
     )
     bpy.types.WindowManager.kiriko = PointerProperty(
         name="Kiriko", description="What the interface shows of a rig", type=KirikoView
@@ -68,6 +76,7 @@ def register() -> None:
 def unregister() -> None:
     """Take the settings away again."""
     del bpy.types.WindowManager.kiriko
+    del bpy.types.Scene.kiriko_others
     del bpy.types.Scene.kiriko
     del bpy.types.Collection.kiriko
     del bpy.types.Material.kiriko

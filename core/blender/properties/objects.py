@@ -234,6 +234,11 @@ class KirikoObject(bpy.types.PropertyGroup):
         description="Settings of the object that Add Rig changed, as JSON",
         options={"HIDDEN"},
     )
+    rigs: StringProperty(
+        name="Rigs",
+        description="Keys of the rigs that Add Rig took the object into",
+        options={"HIDDEN"},
+    )
     # image: see `register`
     is_image_shown: BoolProperty(
         name="Image Is Shown",

@@ -54,6 +54,16 @@ class KirikoScene(bpy.types.PropertyGroup):
     """How the scene's rig is solved and exported."""
 
     # viewer: see `register`
+    rig: StringProperty(
+        name="Rig",
+        description="Key of the rig that these settings are of; empty: the scene's only one",
+        options={"HIDDEN"},
+    )
+    followed: StringProperty(
+        name="Followed",
+        description="The active object whose rig was looked up last, by its name",
+        options={"HIDDEN"},
+    )
     looking: StringProperty(
         name="Looking",
         description="Settings that Look Through Viewer changed and will put back, as JSON",
@@ -179,4 +189,17 @@ class KirikoScene(bpy.types.PropertyGroup):
     result: PointerProperty(name="Result", description="The last solve's result", type=KirikoResult)
     calibration: PointerProperty(
         name="Calibration", description="Measurements of a real bench", type=KirikoCalibration
+    )
+
+
+class KirikoOther(bpy.types.PropertyGroup):
+    """A rig of the scene that is not the active one."""
+
+    key: StringProperty(
+        name="Key",
+        description="Tells the rig from others; empty: the scene without any rig",
+        options={"HIDDEN"},
+    )
+    settings: PointerProperty(
+        name="Settings", description="How the rig is solved and exported", type=KirikoScene
     )

@@ -1,0 +1,125 @@
+"""Which rig of a scene is active: `scene.kiriko` holds its settings and its result, and those of
+the other rigs are kept beside them.
+
+All of it is the scene's own data, so that undo, which puts datablocks back one by one, never mixes
+one rig's settings with another's.
+"""
+
+import bpy
+
+from .rigs import active_rig, rig_of, rigs
+
+OF_SCENE = {"rig", "followed", "looking"}  # settings that no rig has for itself
+
+
+def settings_of(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bpy.types.PropertyGroup:
+    """Settings and result of a rig; those of the scene where it has none of its own yet."""
+    if rig != active_rig(scene):
+        for one in scene.kiriko_others:
+            if one.key == rig.kiriko.key:
+                return one.settings
+    return scene.kiriko
+
+
+def has_settings(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
+    """Are there settings and a result of a rig?"""
+    return rig == active_rig(scene) or any(one.key == rig.kiriko.key for one in scene.kiriko_others)
+
+
+def shown_settings(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.PropertyGroup:
+    """Settings and result of the rig that an object is a part of."""
+    rig = rig_of(scene, thing) if len(scene.kiriko_others) else None
+    return scene.kiriko if rig is None else settings_of(scene, rig)
+
+
+def make_active(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
+    """Have a scene's settings be those of one of its rigs; those of the one before are kept."""
+    ours = scene.kiriko
+    before = active_rig(scene)
+    if before == rig:
+        ours.rig = rig.kiriko.key
+        return
+
+    key = ours.rig or ("" if before is None else before.kiriko.key)
+    keep_as(scene, key)
+    replace(scene, rig)
+
+
+def keep_as(scene: bpy.types.Scene, key: str) -> None:
+    """Keep the scene's settings as those of a rig, by its key; '': of the scene without any."""
+    known = {"", *(group.kiriko.key for group in bpy.data.collections)}
+    for n in reversed(range(len(scene.kiriko_others))):
+        if scene.kiriko_others[n].key == key or scene.kiriko_others[n].key not in known:
+            scene.kiriko_others.remove(n)
+    if key in known:
+        kept = scene.kiriko_others.add()
+        kept.key = key
+        copy_settings(scene.kiriko, kept.settings)
+
+
+def replace(scene: bpy.types.Scene, rig: bpy.types.Collection | None) -> None:
+    """Put a rig's settings, or those of the scene without any, in the place of the scene's.
+
+    One that has neither settings of its own nor any kept has those of the scene.
+    """
+    keys = [""] if rig is None else [rig.kiriko.key]
+    if rig is not None and not rig.kiriko.has_own_settings:
+        keys.append("")
+    others = scene.kiriko_others
+    places = [n for key in keys for n, one in enumerate(others) if one.key == key]
+    if places:
+        copy_settings(others[places[0]].settings, scene.kiriko)
+        others.remove(places[0])
+    else:
+        clear_settings(scene.kiriko)
+    scene.kiriko.rig = keys[0]
+
+
+def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
+    """The rig that is to be active because another object is; None where it is already.
+
+    The object's name is noted, so that a rig which was chosen
+    by hand stays until another object is selected.
+    """
+    found = rigs(scene)
+    active = active_rig(scene)
+    if active is None and found and scene.kiriko.rig:  # its collection is gone
+        return rig_of(scene, thing) or found[-1]
+    if len(found) < 2 or not is_new(scene, thing):
+        return None
+
+    # files of before there were several are left as they are until something is selected
+    is_first = not (scene.kiriko.rig or scene.kiriko.followed)
+    scene.kiriko.followed = thing.name
+    rig = rig_of(scene, thing)
+    return None if is_first or rig == active else rig
+
+
+def is_new(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
+    """Is an object another than the one whose rig was looked up last?"""
+    return thing is not None and thing.name != scene.kiriko.followed
+
+
+def copy_settings(source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup) -> None:
+    """Give one group of settings the values of another, and what is unset there is unset."""
+    for name, value in _settings(source):
+        if isinstance(value, bpy.types.PropertyGroup):
+            copy_settings(value, getattr(target, name))
+        elif source.is_property_set(name):
+            setattr(target, name, value)
+        else:
+            target.property_unset(name)
+
+
+def clear_settings(group: bpy.types.PropertyGroup) -> None:
+    """Give a group of settings its defaults."""
+    for name, value in _settings(group):
+        if isinstance(value, bpy.types.PropertyGroup):
+            clear_settings(value)
+        else:
+            group.property_unset(name)
+
+
+def _settings(group: bpy.types.PropertyGroup) -> list[tuple[str, object]]:
+    names = set(group.bl_rna.properties.keys()) - {"rna_type", "name"} - OF_SCENE
+    return [(name, getattr(group, name)) for name in sorted(names)]

@@ -1,0 +1,116 @@
+"""The things that were made for a rig and its results, and those of them that nothing else uses."""
+
+import json
+from typing import Any
+
+import bpy
+
+from .changes import value_of
+from .kept import Changed
+from .objects import OBJECT_MARK
+from .result import MATERIAL_MARK, SOURCE
+from .rig_record import KEPT_MARK
+from .rigs import RIG_MARK, active_rig, rigs_of
+
+DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
+RESULT = "kiriko.result."  # path of the panel's numbers in the scene
+IMAGES = ("source", "seen", "preview")  # of a result
+
+
+def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
+    """Objects that Add Rig made for a rig, and those that show its results in the scene."""
+    made = objects_of(scene, rig.kiriko.key)
+    if rig != active_rig(scene):
+        return made
+    keys = rigs_of(scene)
+    return made + [
+        thing for thing in scene.objects if OBJECT_MARK in thing and keys(thing) <= {rig.kiriko.key}
+    ]
+
+
+def objects_of(scene: bpy.types.Scene, key: str) -> list[bpy.types.Object]:
+    """Objects that Add Rig made, by the rig's key."""
+    return _without_copies([thing for thing in scene.objects if _mark_of(thing)[0] == key])
+
+
+def _mark_of(block: bpy.types.ID) -> tuple[str, str]:
+    """Key of the rig that a datablock was made for, and the name it got; '' if there is none."""
+    key, name = json.loads(block.get(RIG_MARK, '["", ""]'))
+    return key, name
+
+
+def _without_copies(marked: list[Any]) -> list[Any]:
+    """A copy has the mark of the one that was made, too. It is the artist's,
+    and the one that has kept the name is the one that was made.
+    """
+    by_name: dict[str, list[Any]] = {}
+    for block in marked:
+        by_name.setdefault(_mark_of(block)[1], []).append(block)
+    return [
+        next((block for block in blocks if block.name == name), blocks[0])
+        for name, blocks in by_name.items()
+    ]
+
+
+def made_data(
+    scene: bpy.types.Scene, rig: bpy.types.Collection, objects: list[bpy.types.Object]
+) -> list[bpy.types.ID]:
+    """Meshes, cameras, materials and images that were made for a rig and its results."""
+    marked = [
+        block
+        for kind in DATA
+        for block in _without_copies(
+            [one for one in getattr(bpy.data, kind) if _mark_of(one)[0] == rig.kiriko.key]
+        )
+    ]
+    shown = [
+        slot.material
+        for thing in objects
+        for slot in thing.material_slots
+        if slot.material is not None and MATERIAL_MARK in slot.material
+    ]
+    meshes = [thing.data for thing in objects if OBJECT_MARK in thing]
+    images = [getattr(scene.kiriko.result, name) for name in IMAGES if has_result(scene, rig)]
+    if rig == active_rig(scene):  # also one that a newer rig, gone by now, has left on the display
+        images += [
+            node.image
+            for material in shown
+            for node in material.node_tree.nodes
+            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name == SOURCE
+        ]
+    found = [*marked, *shown, *meshes, *images]
+    return list(dict.fromkeys(block for block in found if block is not None))
+
+
+def unused_elsewhere(
+    scene: bpy.types.Scene, rig: bpy.types.Collection, blocks: list[bpy.types.ID]
+) -> list[bpy.types.ID]:
+    """Those of these datablocks that only the rig, the scene and each other use.
+
+    One that the artist keeps by a fake user stays, too.
+    """
+    here = {scene, rig, *scene.collection.children_recursive}
+    users = bpy.data.user_map(subset=blocks)
+    going = {block for block in blocks if not block.use_fake_user or KEPT_MARK in block}
+
+    while True:
+        used = {block for block in going if _others(users[block], here | going)}
+        used |= {b for b in going if isinstance(b, bpy.types.Object) and len(b.users_scene) > 1}
+        if not used:
+            return [block for block in blocks if block in going]
+        going -= used
+
+
+def _others(users: set[bpy.types.ID], known: set[bpy.types.ID]) -> set[bpy.types.ID]:
+    """Users that would miss a thing; windows that show it do not."""
+    shown = bpy.types.Screen | bpy.types.WorkSpace | bpy.types.WindowManager
+    return {user for user in users - known if not isinstance(user, shown)}
+
+
+def has_result(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
+    """Is the scene's result the rig's: another than when the rig was added, or was there none?"""
+    changes = Changed.read(rig.kiriko.changed).changes
+    lines = [one for one in changes if one[0].startswith(RESULT)]
+    was_none = bool(lines) and not any(before for _, before, _ in lines)
+    is_new = was_none or any(value_of(scene, path) != after for path, _, after in lines)
+    return is_new and rig == active_rig(scene)

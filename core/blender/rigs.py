@@ -1,0 +1,121 @@
+"""The rigs of a scene, the one of them that is active, and the objects that are parts of each.
+
+A rig is a collection with a key. An object is a part of the rigs whose collections hold it and of
+those that Add Rig took it into as glass. One that is in none is a part of all: of a mirror that
+stands there all the light knows.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+
+import bpy
+
+from .kept import Changed
+
+RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
+
+
+def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """Collections of a scene's rigs, the newest last."""
+    groups = dict.fromkeys(scene.collection.children_recursive)  # one may be in two others
+    return [group for group in groups if group.kiriko.key]
+
+
+def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """The rig that the scene's settings and result are of; None where it has no collection.
+
+    Files of before there were several do not name it: there it is
+    the newest whose parts have roles, else the newest.
+    """
+    found = rigs(scene)
+    key = scene.kiriko.rig
+    if key:
+        return next((rig for rig in found if rig.kiriko.key == key), None)
+    with_roles = [rig for rig in found if len(found) == 1 or has_roles(scene, rig)]
+    return (with_roles or found or [None])[-1]
+
+
+def has_roles(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
+    """Has anything that was made for a rig a role? Else the rig was put out of use."""
+    key = rig.kiriko.key
+    return any(marked_key(one) == key for one in scene.objects if one.kiriko.role != "NONE")
+
+
+def marked_key(block: bpy.types.ID) -> str:
+    """Key of the rig that Add Rig made a datablock for, '' if none."""
+    return json.loads(block[RIG_MARK])[0] if RIG_MARK in block else ""
+
+
+def belongs_to(thing: bpy.types.Object, rig: bpy.types.Collection) -> bool:
+    """Is an object in a rig's collection, was it made for the rig, or taken into it by Add Rig?"""
+    return rig.kiriko.key in _keys(thing) or thing in set(_held(rig))
+
+
+def _keys(thing: bpy.types.Object) -> set[str]:
+    """Keys of rigs that an object belongs to wherever it is."""
+    keys = {marked_key(thing), *thing.kiriko.rigs.split()}
+    if thing.kiriko.changed:  # as before there were several
+        keys.add(Changed.read(thing.kiriko.changed).rig)
+    return keys - {""}
+
+
+def _held(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
+    """Objects in a rig's collection and those below it that are no rigs."""
+    yield from rig.objects
+    for child in rig.children:
+        if not child.kiriko.key:
+            yield from _held(child)
+
+
+def rigs_of(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], set[str]]:
+    """A function that tells the keys of the scene's rigs that an object is in."""
+    found = rigs(scene)
+    known = {rig.kiriko.key for rig in found}
+    held: dict[bpy.types.Object, set[str]] = {}
+    for rig in found:
+        for thing in _held(rig):
+            held.setdefault(thing, set()).add(rig.kiriko.key)
+    return lambda thing: (_keys(thing) & known) | held.get(thing, set())
+
+
+def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
+    """A function that tells whether an object is in other rigs only, and so no part of the
+    active one.
+    """
+    if len(rigs(scene)) < 2:
+        return lambda thing: False
+
+    active = active_rig(scene)
+    here = "" if active is None else active.kiriko.key
+    keys = rigs_of(scene)
+
+    def is_elsewhere(thing: bpy.types.Object) -> bool:
+        found = keys(thing)
+        return bool(found) and here not in found
+
+    return is_elsewhere
+
+
+def rig_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
+    """The rig of an object: the active one where it is in several; None where in none."""
+    if thing is None:
+        return None
+    own = [rig for rig in rigs(scene) if belongs_to(thing, rig)]
+    active = active_rig(scene)
+    return active if active in own else (own or [None])[-1]
+
+
+def take_in(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
+    """Have an object be a part of a rig wherever it is."""
+    if thing.is_editable:
+        thing.kiriko.rigs = " ".join([*thing.kiriko.rigs.split(), rig.kiriko.key])
+
+
+def let_go(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
+    """Undo that."""
+    keys = thing.kiriko.rigs.split()
+    if rig.kiriko.key in keys:
+        rest = [key for key in keys if key != rig.kiriko.key]
+        thing.kiriko.rigs = " ".join(rest)
+        if not rest:
+            thing.kiriko.property_unset("rigs")

@@ -1,0 +1,110 @@
+"""Choose rig: of several rigs in a scene one is active. It follows the selection, or is chosen.
+
+A timer of the application looks which object is active: neither a draw nor a handler within an
+undo step may write. The settings are exchanged within the scene's own data, so that undo brings
+back a whole state, which the next look puts right again.
+"""
+
+import bpy
+
+from ..core.blender.active_rig import follow, make_active
+from ..core.blender.rigs import active_rig, rigs
+from ..core.errors import RigError
+from ..core.messages import Message
+from . import live, look_over, look_through, needed, proposal, telling, work
+from .windows import all_windows, redraw
+
+TICK = 0.1  # s between two looks at the active object
+PATIENCE = 10.0  # s after an error that was not foreseen
+AT_WORK = Message("Kiriko is at work: wait for it or press Esc")
+
+
+def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
+    """Have a rig of the scene be the active one; Live goes on with it."""
+    live.settle(scene)
+    proposal.drop()
+    make_active(scene, rig)
+    look_over.look_again(scene)
+    redraw()
+
+
+def tick() -> float:
+    """Called by the timer."""
+    try:
+        look()
+    except Exception as error:
+        telling.sentence(error, "The choice of the rig")  # prints errors that were not foreseen
+        return PATIENCE
+    return TICK
+
+
+def look() -> None:
+    """Have the rig of the active object be active, in each scene that is shown.
+
+    Where windows show a scene in several view layers, the first one counts. A rig that is looked
+    through stays, and so does the one that is at work.
+    """
+    if work.is_busy():
+        return
+
+    shown = {window.scene: window.view_layer for window in reversed(all_windows())}
+    for scene, layer in shown.items():
+        if scene.is_editable and not scene.kiriko.looking:
+            rig = follow(scene, layer.objects.active)
+            if rig is not None:
+                choose(scene, rig)
+
+
+class KIRIKO_OT_choose_rig(bpy.types.Operator):
+    """Show another rig of the scene, with its own settings and its own result"""
+
+    bl_idname = "kiriko.choose_rig"
+    bl_label = "Choose Rig"
+    bl_options = {"REGISTER", "UNDO"}
+
+    rig: bpy.props.StringProperty(
+        name="Rig", description="Its collection's name", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = [] if rigs(context.scene) else [Message("The scene has no rig that Add Rig made")]
+        if work.is_busy():
+            reasons.append(AT_WORK)
+        return needed.can_run(cls, reasons)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            choose_by_name(context, self.rig)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def choose_by_name(context: bpy.types.Context, name: str) -> None:
+    """Choose a rig by its collection's name, until another object is selected.
+
+    Raises RigError where there is none of that name.
+    """
+    scene = context.scene
+    found = {rig.name: rig for rig in rigs(scene)}
+    if name not in found:
+        raise RigError(
+            "The scene has no rig '{name}': there are {names}.",
+            name=name,
+            names=", ".join(f"'{one}'" for one in found) or Message("none"),
+        )
+    if scene.kiriko.looking and found[name] != active_rig(scene):
+        look_through.leave(scene)
+    choose(scene, found[name])
+    if context.active_object is not None and len(found) > 1:
+        scene.kiriko.followed = context.active_object.name
+
+
+def register() -> None:
+    """Begin to look."""
+    work.follow(tick, TICK, ())
+
+
+def unregister() -> None:
+    """Look no more."""
+    work.stop_following(tick, ())
