@@ -24,13 +24,13 @@ from . import (
 
 # the order in which they stand in the sidebar
 CLASSES = (
-    rigs.VIEW3D_MT_kiriko_rigs,
     checklist.VIEW3D_PT_kiriko_checklist,
     solve.VIEW3D_PT_kiriko_solve,
     solve.VIEW3D_PT_kiriko_settings,
     solve.VIEW3D_PT_kiriko_preview,
     result.VIEW3D_PT_kiriko_result,
     result.VIEW3D_PT_kiriko_details,
+    rigs.VIEW3D_MT_kiriko_rigs,
     object.VIEW3D_MT_kiriko_images,
     object.VIEW3D_PT_kiriko_object,
     object.OBJECT_PT_kiriko,

@@ -458,7 +458,9 @@ def test_every_button_is_an_operator_with_its_properties(
     entries = look()
     assert len(entries) == 2
     shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
-    assert shown.operators == [b.operator for entry in entries for b in entry.buttons]
+    another, *buttons = shown.operators
+    assert another == "kiriko.add_rig"
+    assert buttons == [b.operator for entry in entries for b in entry.buttons]
     assert " ".join(told(entries)) == " ".join(shown.texts)
     for entry in entries:
         for button in entry.buttons:

@@ -370,7 +370,12 @@ def test_each_verb_is_in_a_menu(
         return
 
     classes = importlib.import_module(f"{kiriko.__name__}.operators").CLASSES
-    own = {"add_plate_material", "add_asset_library", "choose_picture"}  # elsewhere in menus
+    own = {
+        "add_plate_material",
+        "add_asset_library",
+        "choose_picture",
+        "choose_rig",
+    }  # elsewhere in menus
     parts = importlib.import_module(f"{kiriko.__name__}.operators.parts")
     named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}
     verbs = {c.bl_idname for c in classes} - named - {f"kiriko.{name}" for name in own}
