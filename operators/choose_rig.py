@@ -11,7 +11,7 @@ from ..core.blender.active_rig import follow, make_active
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message
-from . import live, look_over, look_through, needed, proposal, telling, work
+from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .windows import all_windows, redraw
 
 TICK = 0.1  # s between two looks at the active object
@@ -25,6 +25,7 @@ def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     proposal.drop()
     make_active(scene, rig)
     look_over.look_again(scene)
+    sketcher.erase(scene)
     redraw()
 
 

@@ -140,6 +140,14 @@ def drawing_of(scene: bpy.types.Scene) -> Drawing | None:
     return None if sketched is None else sketched.drawing
 
 
+def erase(scene: bpy.types.Scene) -> None:
+    """Draw nothing over a scene until it was read again, for another of its rigs is active."""
+    sketched = _sketched.get(scene.session_uid)
+    if sketched is not None:
+        sketched.drawing, sketched.steps, sketched.key = None, None, ""
+        sketched.touch()
+
+
 def is_looked_at(area: bpy.types.Area) -> bool:
     """Does a 3D viewport show overlays, and its sidebar the Kiriko tab?"""
     space = area.spaces.active
