@@ -77,9 +77,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
 def read_bench(
     context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
 ) -> Bench:
-    """Read the bench as it stands, with these objects as glass; nothing is changed.
-
-    Parts of other rigs are left out.
+    """Read the bench as it stands without other rigs, these objects as glass; nothing is changed.
 
     Raises
     ------
@@ -91,8 +89,8 @@ def read_bench(
     with _as_glass(glasses):
         context.view_layer.update()
         depsgraph, keys = context.evaluated_depsgraph_get(), rigs_of(scene)
-        others = lambda thing: thing not in glasses and bool(keys(thing))  # noqa: E731
-        parts, _ = read_parts(depsgraph, scene, metres, kept, is_left_out=others)
+        is_out = lambda thing: thing not in glasses and bool(keys(thing))  # noqa: E731
+        parts, _ = read_parts(depsgraph, scene, metres, kept, is_left_out=is_out)
 
     by_role = parts_by_role(parts, glasses)
 
