@@ -8,7 +8,7 @@ import numpy as np
 
 from ..solve.channel import Channel
 from ..steps import within
-from .mesh import FINER, WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
+from .mesh import WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
 from .options import MapOptions
 from .stmap import STMap, of_places, view_stmap, warp_map
 from .tables import ffmpeg_command
@@ -62,7 +62,7 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
         coverage = channel.coverage.of_display.ravel()[pixels].reshape(grid.rows, grid.columns)
         place = channel.plan.rig.picture_place
         stmap = of_places(place, channel.viewer, grid, places, coverage, options.overscan)
-        mesh = mesh_of((width, height), stmap, places)
+        mesh = mesh_of((width, height), options.mesh_step, stmap, places)
 
     return ChannelMaps(warp, view, larger, options.times, mesh)
 
@@ -98,7 +98,7 @@ def description(
         }
     if maps.mesh is not None:
         found["mesh"] = {
-            "nodes": [n // FINER + 1 for n in maps.mesh.path.shape[::-1]],
+            "nodes": [n // maps.mesh.finer + 1 for n in maps.mesh.path.shape[::-1]],
             "faces": len(quads_of(maps.mesh)),
             "off_px": mesh_error(maps.mesh),
         }

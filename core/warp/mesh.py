@@ -16,7 +16,6 @@ from .grid import Grid, nodes
 from .stmap import STMap
 from .view_from_display import ViewPlaces
 
-FINER = 8  # cells along a large one, where it is cut
 QUAD_CORNERS = (0, 0), (0, 1), (1, 1), (1, 0)  # rows and columns, with the clock
 
 
@@ -25,11 +24,13 @@ class WarpMesh:
     """Nodes in rows and columns over a display, the finest there are, row 0 at the top.
 
     display_size : (width, height) px
-    stmap : at the nodes, (FINER n + 1, FINER m + 1) of them for n x m large cells
+    finer : cells along a large one, where it is cut
+    stmap : at the nodes, (finer n + 1, finer m + 1) of them for n x m large cells
     path : (h, w) uint64, on which each is seen; NO_PATH where it is no node
     """
 
     display_size: tuple[int, int]
+    finer: int
     stmap: STMap
     path: np.ndarray
 
@@ -55,51 +56,62 @@ class WarpMesh:
 def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
     """The finest nodes of a mesh, the large cells of which are about `step` px wide."""
     large = nodes(display_size, step)
+    finer = _finer(step)
     x, y = large.step
     return Grid(
         large.first,
-        (x / FINER, y / FINER),
-        FINER * (large.columns - 1) + 1,
-        FINER * (large.rows - 1) + 1,
+        (x / finer, y / finer),
+        finer * (large.columns - 1) + 1,
+        finer * (large.rows - 1) + 1,
     )
 
 
-def mesh_of(display_size: tuple[int, int], stmap: STMap, places: ViewPlaces) -> WarpMesh:
-    """The mesh of a map at the nodes of a grid, by the places that show them."""
+def _finer(step: float) -> int:
+    """Into how many cells of about a pixel a large one is cut along its side."""
+    return max(1, round(step))
+
+
+def mesh_of(
+    display_size: tuple[int, int], step: float, stmap: STMap, places: ViewPlaces
+) -> WarpMesh:
+    """The mesh of a map at the nodes of its grid, by the places that show them."""
     path = places.path.reshape(stmap.size[::-1])
     is_node = (places.multiplicity > 0).reshape(path.shape) & stmap.is_there
-    return WarpMesh(display_size, stmap, np.where(is_node, path, NO_PATH))
+    return WarpMesh(display_size, _finer(step), stmap, np.where(is_node, path, NO_PATH))
 
 
 def quads_of(mesh: WarpMesh) -> Ints:
     """Corners (n, 4) of the cells, by their numbers among the finest nodes, row by row; they run
     with the clock as they are seen, upper left first.
     """
-    whole = mesh.is_cell(FINER)
-    large = _corners(np.argwhere(whole) * FINER, FINER, mesh.path.shape[1])
-    fine = mesh.is_cell(1) & ~whole.repeat(FINER, axis=0).repeat(FINER, axis=1)
+    whole = mesh.is_cell(mesh.finer)
+    large = _corners(np.argwhere(whole) * mesh.finer, mesh.finer, mesh.path.shape[1])
+    fine = mesh.is_cell(1) & ~whole.repeat(mesh.finer, axis=0).repeat(mesh.finer, axis=1)
     return np.concatenate([large, _corners(np.argwhere(fine), 1, mesh.path.shape[1])])
 
 
 def mesh_error(mesh: WarpMesh) -> dict[str, float]:
     """How far the large cells are off at the finest nodes within them, picture px: rms, largest."""
-    whole = mesh.is_cell(FINER)
+    whole = mesh.is_cell(mesh.finer)
     if not whole.any():
         return {"rms": 0.0, "largest": 0.0}
 
     # both triangles of a cell meet along the diagonal from its upper left corner
-    y, x = (np.arange(FINER)[:, None] / FINER, np.arange(FINER) / FINER)
+    fine = np.arange(mesh.finer)
+    y, x = fine[:, None] / mesh.finer, fine / mesh.finer
     row, column = np.nonzero(whole)
     st = mesh.stmap.st
     a, b, c, d = (
-        st[FINER * (row + i), FINER * (column + j)][:, None, None] for i, j in QUAD_CORNERS
+        st[mesh.finer * (row + i), mesh.finer * (column + j)][:, None, None]
+        for i, j in QUAD_CORNERS
     )
     x = x[..., None]
     y = y[..., None]
     linear = np.where(x >= y, a + x * (b - a) + y * (c - b), a + y * (d - a) + x * (c - d))
 
-    fine = np.arange(FINER)
-    true = st[FINER * row[:, None, None] + fine[:, None], FINER * column[:, None, None] + fine]
+    true = st[
+        mesh.finer * row[:, None, None] + fine[:, None], mesh.finer * column[:, None, None] + fine
+    ]
     off = np.linalg.norm((linear - true) * mesh.stmap.to_size, axis=-1)
     off = off[np.isfinite(off)]
     return {"rms": float(np.sqrt((off**2).mean())), "largest": float(off.max())}
@@ -126,7 +138,7 @@ def write_obj(path: Path, mesh: WarpMesh, about: str) -> int:
 def write_data(path: Path, mesh: WarpMesh) -> None:
     """Write a mesh as Paul Bourke's .data: planar, rows from below, x y u v i a node."""
     is_kept = _kept_nodes(mesh)[::-1]
-    step = np.s_[::-FINER, ::FINER]
+    step = np.s_[:: -mesh.finer, :: mesh.finer]
     st = mesh.stmap.st[step]
     brightness = np.where(is_kept, mesh.stmap.coverage[step], -1.0)
     st = np.where(is_kept[..., None], st, 0.0)
@@ -142,7 +154,7 @@ def _kept_nodes(mesh: WarpMesh) -> Bools:
     """Which nodes (h, w) of the large cells are drawn: a program draws each cell all of whose
     corners are, so of a cell that has several paths only one keeps its nodes.
     """
-    path = mesh.path[::FINER, ::FINER]
+    path = mesh.path[:: mesh.finer, :: mesh.finer]
     kept = path != NO_PATH
     corners = [np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, 1:], np.s_[1:, :-1]]
     of_cell = np.stack([path[corner] for corner in corners])
