@@ -143,6 +143,15 @@ def write_text(path: Path, text: str) -> None:
             raise _unwritable(path, reason) from None
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write any other file, likewise."""
+    with together(path.parent) as new:
+        try:
+            (new / path.name).write_bytes(data)
+        except OSError as reason:
+            raise _unwritable(path, reason) from None
+
+
 def digest(path: Path | str) -> str:
     """Tells a file's contents from others'; ImageError when it cannot be read."""
     return hashlib.sha1(read_bytes(path), usedforsecurity=False).hexdigest()

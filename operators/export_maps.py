@@ -58,9 +58,10 @@ def exported(
     if "EXR" in options.formats:
         image_io.openimageio()
 
+    scene = context.scene
     rig = work.read(context).rig
     rig.check()
-    settings = work.settings_of(context.scene)
+    settings = work.settings_of(scene)
     of_channels = suffixes([(viewer.name, settings.wavelength) for viewer in rig.viewers])
     names = [names_of(suffix, options) for suffix in of_channels]
     if not overwrite:
@@ -69,7 +70,7 @@ def exported(
 
     has_openimageio = importlib.util.find_spec("OpenImageIO") is not None
     solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
-    about = _about(rig, settings, options)
+    told = []
 
     with disk.together(target) as new:
         n = len(names)
@@ -78,8 +79,10 @@ def exported(
             start, stop = (SOLVED + (MAPPED - SOLVED) * i / n for i in (k, k + 1))
             maps = yield from within(steps, start, stop)
             write_maps(new, forms, maps, ABOUT, None if has_openimageio else save_png)
-            about["maps"].append(description(channel, maps, forms, options))
+            told.append(description(channel, maps, forms, options))
             yield stop
+        # undo, or another file, may have taken the scene away meanwhile: nothing is written then
+        about = {**_about(scene, rig, settings, options), "maps": told}
         disk.write_text(new / SIDECAR, json.dumps(about, indent=2) + "\n")
 
     return about
@@ -90,7 +93,9 @@ def files_in(about: dict[str, Any]) -> list[str]:
     return [name for one in about["maps"] for names in one["files"].values() for name in names]
 
 
-def _about(rig: Rig, settings: Settings, options: MapOptions) -> dict[str, Any]:
+def _about(
+    scene: bpy.types.Scene, rig: Rig, settings: Settings, options: MapOptions
+) -> dict[str, Any]:
     """maps.json, without the maps themselves."""
     place, display = rig.picture_place, rig.display
     manifest = Path(__file__).parent.parent / "blender_manifest.toml"
@@ -98,6 +103,7 @@ def _about(rig: Rig, settings: Settings, options: MapOptions) -> dict[str, Any]:
         "kiriko": tomllib.loads(manifest.read_text(encoding="utf-8"))["version"],
         "blender": bpy.app.version_string,
         "file": Path(bpy.data.filepath).name,
+        "scene": scene.name,
         "rig": fingerprint(replace(rig, pictures=(place,)), settings.of_optics),
         "display": {"name": display.name, "size": [display.width, display.height]},
         "picture": {
@@ -107,7 +113,6 @@ def _about(rig: Rig, settings: Settings, options: MapOptions) -> dict[str, Any]:
         },
         "overscan_percent": options.overscan,
         "convention": list(CONVENTION),
-        "maps": [],
     }
 
 

@@ -75,7 +75,7 @@ def write_maps(
 
     Raises
     ------
-    ImageError, OSError : one cannot be written
+    ImageError : one cannot be written
     """
     for form, of_form in names.items():
         paths = [folder / name for name in of_form]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import disk
 from ..arrays import Bools, Floats, Ints
 from ..image.ghosts import NO_PATH
 from .grid import Grid, nodes
@@ -117,8 +118,8 @@ def mesh_error(mesh: WarpMesh) -> dict[str, float]:
     return {"rms": float(np.sqrt((off**2).mean())), "largest": float(off.max())}
 
 
-def write_obj(path: Path, mesh: WarpMesh, about: str) -> int:
-    """Write a mesh as OBJ, and tell how many faces it has."""
+def write_obj(path: Path, mesh: WarpMesh, about: str) -> None:
+    """Write a mesh as OBJ."""
     quads = quads_of(mesh)
     used, number = np.unique(quads, return_inverse=True)
     places = mesh.places.reshape(-1, 2)[used]
@@ -131,8 +132,7 @@ def write_obj(path: Path, mesh: WarpMesh, about: str) -> int:
     lines += [f"v {x:.9g} {y:.9g} 0" for x, y in places]
     lines += [f"vt {s:.9g} {t:.9g}" for s, t in st]
     lines += ["f " + " ".join(f"{k}/{k}" for k in face) for face in faces.tolist()]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return len(faces)
+    disk.write_text(path, "\n".join(lines) + "\n")
 
 
 def write_data(path: Path, mesh: WarpMesh) -> None:
@@ -147,7 +147,7 @@ def write_data(path: Path, mesh: WarpMesh) -> None:
     table = np.concatenate([mesh.places[step], st, brightness[..., None]], axis=2)
     lines = ["2", f"{columns} {rows}"]
     lines += [" ".join(f"{x:.7g}" for x in node) for node in table.reshape(-1, 5)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    disk.write_text(path, "\n".join(lines) + "\n")
 
 
 def _kept_nodes(mesh: WarpMesh) -> Bools:

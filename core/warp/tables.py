@@ -1,9 +1,11 @@
 """STMaps as tables of pixels: for ffmpeg's remap filter, and for OpenCV's."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
+from .. import disk
 from ..arrays import Floats
 from .stmap import STMap
 
@@ -34,7 +36,7 @@ def write_pgm(folder: Path, names: tuple[str, str], stmap: STMap, times: int) ->
     width, height = stmap.size
     for axis, name in enumerate(names):
         header = f"P5\n{width} {height}\n{NOTHING}\n".encode()
-        (folder / name).write_bytes(header + pixel[..., axis].astype(">u2").tobytes())
+        disk.write_bytes(folder / name, header + pixel[..., axis].astype(">u2").tobytes())
 
 
 def ffmpeg_command(
@@ -65,11 +67,12 @@ def write_npz(path: Path, stmap: STMap) -> None:
     middles of pixels; coverage (h, w) float32, and the sizes.
     """
     xy = np.nan_to_num(pixels_of(stmap), nan=FAR).astype(np.float32)
-    with path.open("wb") as file:
-        np.savez_compressed(
-            file,
-            map_x=xy[..., 0],
-            map_y=xy[..., 1],
-            coverage=stmap.coverage.astype(np.float32),
-            picture_size=np.array(stmap.to_size),
-        )
+    file = BytesIO()
+    np.savez_compressed(
+        file,
+        map_x=xy[..., 0],
+        map_y=xy[..., 1],
+        coverage=stmap.coverage.astype(np.float32),
+        picture_size=np.array(stmap.to_size),
+    )
+    disk.write_bytes(path, file.getvalue())

@@ -20,7 +20,7 @@ import pytest
 from small_rigs import cube, inventory, pixels, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
-LONG = ("solve", "simulate", "visible_range", "report")
+LONG = ("solve", "simulate", "visible_range", "report", "export_maps")
 SAMPLES = 5  # of the steps at which long work is stopped, the first and the last among them
 MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 
@@ -72,6 +72,14 @@ STAGES = {
         "operators.report.plate_view",
         "operators.report.as_svg",
         "core.disk.write_text",
+    ),
+    "export_maps": (
+        "core.blender.scene.read",
+        "core.warp.view_from_display.candidates",
+        "core.warp.settling.trace_points",
+        "core.warp.files.write_exr",
+        "core.disk.write_text",
+        "core.image_io.put",
     ),
     "export": ("operators.export.pixels_from_image", "core.image_io._quantised"),
     "preview": (
@@ -180,6 +188,8 @@ def product(name: str) -> object:
         return [tuple(v.co) for v in mesh.vertices], [
             d.value for d in mesh.attributes["brightness"].data
         ]
+    if name == "export_maps":
+        return files()["warp.exr"], files()["maps.json"]
     rungs = json.loads(files()["report.json"])["rungs"]
     return [{key: value for key, value in rung.items() if "seconds" not in key} for rung in rungs]
 
@@ -199,7 +209,9 @@ class Asked:
         self.shown = 0
         self.samples = 8
         self.share = 0.2
-        self.directory = ""
+        folder = bpy.context.scene.kiriko.report_folder
+        self.directory = folder if name == "export_maps" else ""
+        self.is_in_dialogue = False
         self.overwrite = True
         self.seconds = 1.0
 
@@ -331,6 +343,7 @@ def run(name: str) -> Callable[[], object]:
         "simulate": ("samples",),
         "visible_range": ("share",),
         "report": ("seconds", "overwrite"),
+        "export_maps": ("directory", "overwrite"),
     }.get(name, ())
     always = {"allow_stale": True} if name == "export" else {}
     return lambda: operator(**always, **{option: getattr(given, option) for option in options})

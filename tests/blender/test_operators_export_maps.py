@@ -1,7 +1,10 @@
 """Export Maps: the files, and Blender's own compositor as their reader."""
 
+import importlib
 import json
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
@@ -88,3 +91,79 @@ def test_map_uv_makes_the_source_image(scene: bpy.types.Scene, tmp_path: Path) -
     source = pixels(scene.kiriko.result.source)[..., :2] * 1024
     off = np.abs(source - places(stmap, (1024, 1024)))[sure]
     assert np.median(off) < 0.05 * 1024 / 64
+
+
+def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """All or none: one that is taken is reason enough to refuse, before any work."""
+    small_rig()
+    taken = tmp_path / "view.exr"
+    taken.write_text("mine")
+    with pytest.raises(RuntimeError, match=r"has view\.exr already: choose another or set"):
+        bpy.ops.kiriko.export_maps(directory=str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["view.exr"]
+    assert taken.read_text() == "mine"
+
+    bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})
+    assert {path.name for path in tmp_path.iterdir()} == {"view.exr", "warp.npz", "maps.json"}
+    bpy.ops.kiriko.export_maps(directory=str(tmp_path), overwrite=True)
+    assert taken.read_bytes()[:4] == bytes([0x76, 0x2F, 0x31, 0x01])  # OpenEXR's first bytes
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"directory": ""}, "The maps have no folder: choose one."),
+        ({"formats": set()}, "No format is chosen for the maps: choose one or more."),
+    ],
+)
+def test_nothing_to_write_is_one_sentence(
+    scene: bpy.types.Scene, tmp_path: Path, given: dict, sentence: str
+) -> None:
+    small_rig()
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.kiriko.export_maps(**{"directory": str(tmp_path / "new"), **given})
+    assert not (tmp_path / "new").exists()
+
+
+def test_without_openimageio_all_but_exr_is_written(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blender itself writes the PNG: the same numbers, to the last."""
+    small_rig()
+    both = {"PNG", "NPZ"}
+    bpy.ops.kiriko.export_maps(directory=str(tmp_path / "with"), formats=both)
+    monkeypatch.setitem(sys.modules, "OpenImageIO", None)
+    with pytest.raises(RuntimeError, match="has no OpenImageIO"):
+        bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"))
+
+    module = importlib.import_module(f"{kiriko.__name__}.operators.export_maps")
+    monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
+    bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"), formats=both)
+    one, other = (numbers_of(tmp_path / name / "warp.png") for name in ("with", "without"))
+    assert np.abs(one - other)[..., :3].max() == 0
+
+
+def test_command_writes_maps_and_prints_the_one_for_ffmpeg(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    run = importlib.import_module(f"{kiriko.__name__}.operators.command_line").run
+    out = ["--out", str(tmp_path / "out")]
+    given = ["--formats", "ffmpeg", "data", "--times", "4", "--overscan", "5", "--mesh-step", "4"]
+    assert run(["maps", *out, *given]) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert "kiriko: ffmpeg -i PICTURE -i x.pgm" in told.out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"x.pgm", "y.pgm", "warp.data", "maps.json"}
+    about = json.loads((tmp_path / "out" / "maps.json").read_text())
+    assert about["overscan_percent"] == 5
+    assert about["maps"][0]["mesh"]["nodes"] == [17, 17]
+    assert (tmp_path / "out" / "x.pgm").read_bytes().startswith(b"P5\n256 256\n65535\n")
+
+    assert run(["maps", *out, "--formats", "data"]) == 1
+    assert "add --overwrite" in capsys.readouterr().err
+    assert run(["maps", *out, "--overscan", "-1"]) == 1
+    assert "Overscan is -1 %: set it from 0 to 100." in capsys.readouterr().err
+    assert run(["maps", *out, "--formats", "gif"]) == 2
