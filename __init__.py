@@ -5,9 +5,10 @@
 
 def register() -> None:
     """Called by Blender when the extension is enabled."""
-    from . import operators, panels
+    from . import languages, operators, panels
     from .core.blender import properties
 
+    languages.register(operators.TIPS)
     properties.register()  # operators and panels ask for them
     operators.register()
     panels.register()
@@ -15,9 +16,10 @@ def register() -> None:
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled: everything goes, in reverse."""
-    from . import operators, panels
+    from . import languages, operators, panels
     from .core.blender import properties
 
     panels.unregister()
     operators.unregister()
     properties.unregister()
+    languages.unregister()

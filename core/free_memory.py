@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from .errors import RigError
-from .words import number
+from .numbers import number
 
 
 def check_free(needed: float, work: str, remedy: str) -> None:

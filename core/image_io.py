@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .disk import is_there, together
 from .errors import ImageError
+from .messages import Message, joined
 
 # chromaticities: red, green, blue, white
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -66,7 +67,7 @@ def format_for(path: Path | str, form: str) -> str:
     )
 
 
-REMEDY = "install it (in Debian python3-openimageio) or take Blender from blender.org"
+REMEDY = Message("install it (in Debian python3-openimageio) or take Blender from blender.org")
 
 
 def openimageio() -> Any:
@@ -89,10 +90,12 @@ def why_not(form: str, without: Container[str] = ()) -> str:
     if form in without or importlib.util.find_spec("OpenImageIO") is not None:
         return ""
     others = sorted({FORMATS[name].suffix for name in FORMATS if name in without})
-    instead = "".join(f"choose {suffix}, " for suffix in others)
-    return (
-        f"This Blender's Python has no OpenImageIO, which writes {FORMATS[form].suffix}:"
-        f" {instead}{REMEDY}"
+    instead = joined(Message("choose {suffix}, ", suffix=suffix) for suffix in others)
+    return Message(
+        "This Blender's Python has no OpenImageIO, which writes {suffix}: {instead}{remedy}",
+        suffix=FORMATS[form].suffix,
+        instead=instead,
+        remedy=REMEDY,
     )
 
 

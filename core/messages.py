@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from .words import millimetres
+from .numbers import millimetres
+
+CONTEXT = "Kiriko"  # of translations: words with the meaning that they have here
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,19 @@ class Message(str):
         message.values = values
         return message
 
+    def in_units(self, length_text: Callable[[float], str]) -> Message:
+        """The same with its lengths, m, in words as a function puts them, for good."""
+
+        def settled(value: object) -> object:
+            value = getattr(value, "message", value)  # of an error
+            if isinstance(value, Length):
+                return length_text(value.metres)
+            return value.in_units(length_text) if isinstance(value, Message) else value
+
+        return Message(
+            self.template, **{name: settled(value) for name, value in self.values.items()}
+        )
+
     def told(
         self,
         translate: Callable[[str], str] = str,
@@ -54,14 +69,22 @@ class Message(str):
 
         def words(value: object) -> object:
             value = getattr(value, "message", value)  # of an error
-            if isinstance(value, Message):
-                return value.told(translate, length_text)
-            return length_text(value.metres) if isinstance(value, Length) else value
+            if isinstance(value, Length):
+                value = length_text(value.metres)
+            return value.told(translate, length_text) if isinstance(value, Message) else value
 
         return template.format(**{name: words(value) for name, value in self.values.items()})
 
 
+def as_message(template: str) -> Message:
+    """A text that was a constant or a message where it was made, as a value of a message: it is
+    translated as a whole. Names of an artist's things are none.
+    """
+    return Message(template)
+
+
 def joined(parts: Iterable[str], between: str = " ") -> Message:
-    """Several messages as one, each of which is translated by itself."""
-    values = {f"part{n}": part for n, part in enumerate(parts)}
-    return Message(between.join(f"{{{name}}}" for name in values), **values)
+    """Several messages as one, each of which is translated by itself, and the text between them."""
+    values: dict[str, object] = {f"part{n}": part for n, part in enumerate(parts)}
+    template = "{between}".join(f"{{{name}}}" for name in values)
+    return Message(template, between=as_message(between), **values)

@@ -10,7 +10,7 @@ from .errors import RigError
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
-from .messages import Message
+from .messages import Message, as_message
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
@@ -66,36 +66,37 @@ class Rig:
 
     # fmt: off
     viewers: tuple[Viewer, ...] = _parts_of(Role(
-        "VIEWER", "Viewer", remedy="add a camera and make it the viewer",
+        "VIEWER", Message("Viewer"), remedy=Message("add a camera and make it the viewer"),
         is_single=True, may_be_off=True,
     ))
     glasses: tuple[Glass, ...] = _parts_of(Role(
-        "GLASS", "Glass", kind=0, number=1, icon="MATSPHERE",
+        "GLASS", Message("Glass"), kind=0, number=1, icon="MATSPHERE",
         tip="Bends the light; closed surfaces, an inner one is a cavity",
-        remedy="set an object's role to Glass", is_curved=True, may_be_off=True,
+        remedy=Message("set an object's role to Glass"), is_curved=True, may_be_off=True,
     ))
     plates: tuple[Plate, ...] = _parts_of(Role(
-        "PLATE", "Plate", kind=1, number=2, icon="MESH_GRID",
+        "PLATE", Message("Plate"), kind=1, number=2, icon="MESH_GRID",
         tip="Flat imaging plate: sends light to the mirror image of where it came from",
         is_missed=True, may_be_off=True,
     ))
     displays: tuple[Display, ...] = _parts_of(Role(
-        "DISPLAY", "Display", kind=4, number=4, icon="RESTRICT_VIEW_OFF",
+        "DISPLAY", Message("Display"), kind=4, number=4, icon="RESTRICT_VIEW_OFF",
         tip="Shows the source image on its front, laid out by its UV map",
-        remedy="set a plane's role to Display", is_single=True, is_mapped=True, may_be_off=True,
+        remedy=Message("set a plane's role to Display"),
+        is_single=True, is_mapped=True, may_be_off=True,
     ))
     pictures: tuple[Picture | PicturePlace, ...] = _parts_of(Role(
-        "PICTURE", "Picture", number=5, icon="IMAGE_DATA",
+        "PICTURE", Message("Picture"), number=5, icon="IMAGE_DATA",
         tip="Textured plane that the viewer shall see undistorted",
-        remedy="set a textured plane's role to Picture or choose an image",
+        remedy=Message("set a textured plane's role to Picture or choose an image"),
         is_single=True, is_mapped=True,
     ), ())
     mirrors: tuple[Mirror, ...] = _parts_of(Role(
-        "MIRROR", "Mirror", kind=2, number=3, icon="MOD_MIRROR",
+        "MIRROR", Message("Mirror"), kind=2, number=3, icon="MOD_MIRROR",
         tip="Reflects light on both sides", is_curved=True,
     ), ())
     blockers: tuple[Blocker, ...] = _parts_of(Role(
-        "BLOCKER", "Blocker", kind=3, number=6, icon="CANCEL", tip="Stops light",
+        "BLOCKER", Message("Blocker"), kind=3, number=6, icon="CANCEL", tip="Stops light",
     ), ())
     # fmt: on
 
@@ -167,7 +168,7 @@ class Rig:
                 raise RigError(
                     "The rig has {n} {field} ({names}): keep one and set the others to None.",
                     n=len(found),
-                    field=role.field,
+                    field=as_message(role.field),
                     names=names,
                 )
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from .messages import as_message
+
 
 @dataclass(frozen=True)
 class Role:
@@ -42,7 +44,7 @@ class Role:
     @property
     def noun(self) -> str:
         """The word for it within a sentence."""
-        return self.label.lower()
+        return as_message(self.label.lower())
 
 
 class Part:

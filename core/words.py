@@ -1,13 +1,9 @@
 """Numbers as people read them, the same in every sentence, label and report."""
 
-import numpy as np
+from .messages import Message, as_message, joined
+from .numbers import number
 
-NO_PLATE = "The display, seen with no plate in between,"  # the beginning of a sentence
-
-
-def number(value: float) -> str:
-    """A number of two digits, never with an exponent."""
-    return np.format_float_positional(float(f"{value:.2g}"), trim="-")
+NO_PLATE = Message("The display, seen with no plate in between,")  # the beginning of a sentence
 
 
 def percent(share: float) -> str:
@@ -20,35 +16,40 @@ def percent(share: float) -> str:
         text = f"{value:.{digits}f}"
         if not ((float(text) == 0 and value > 0) or (float(text) == 100 and value < 100)):
             return f"{text} %"
-    return "under 0.01 %" if value < 50 else "over 99.99 %"
+    return Message("under 0.01 %") if value < 50 else Message("over 99.99 %")
 
 
-def pixels(error: float) -> str:
+def pixels(error: float) -> Message:
     """An error in pixels as people read it."""
-    return f"about {number(error)} px" if error >= 1e-3 else "under 0.001 px"
+    if error < 1e-3:
+        return Message("under 0.001 px")
+    return Message("about {number} px", number=number(error))
 
 
-def millimetres(length: float) -> str:
-    """A length, m, where no scene says which unit its people read."""
-    return f"{number(1e3 * length)} mm"
-
-
-def shares_in_words(misses: dict[str, float]) -> list[str]:
+def shares_in_words(misses: dict[str, float]) -> list[Message]:
     """Shares with their reasons, the largest first."""
     by_size = sorted(misses.items(), key=lambda miss: -miss[1])
-    return [f"{percent(share)} {word}" for word, share in by_size if round(share, 6) > 0]
+    return [
+        Message("{share} {reason}", share=percent(share), reason=as_message(word))
+        for word, share in by_size
+        if round(share, 6) > 0
+    ]
 
 
-def listed(misses: dict[str, float]) -> str:
+def listed(misses: dict[str, float]) -> Message:
     """Shares by reason, the largest first."""
-    return ", ".join(shares_in_words(misses))
+    return joined(shares_in_words(misses), ", ")
 
 
-def summary(coverage: float, misses: dict[str, float], display: str = "The display") -> str:
+def summary(
+    coverage: float, misses: dict[str, float], display: str = Message("The display")
+) -> Message:
     """One sentence on how much of the picture the viewer gets
     to see of a display, and on the fate of the rest.
     """
-    lost = listed(misses)
-    return (
-        f"{display} shows {percent(coverage)} of the picture" + (f"; {lost}" if lost else "") + "."
+    share, lost = percent(coverage), listed(misses)
+    if not lost:
+        return Message("{display} shows {share} of the picture.", display=display, share=share)
+    return Message(
+        "{display} shows {share} of the picture; {lost}.", display=display, share=share, lost=lost
     )

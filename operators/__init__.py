@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.blender.own_words import in_own_words
 from . import (
     add_rig,
     before_after,
@@ -93,13 +94,17 @@ CLASSES = (
     keep_calibration.KIRIKO_OT_apply_calibration,
     keep_calibration.KIRIKO_OT_remove_calibration,
 )
+# tooltips with values, which Blender looks up as a whole
+TIPS = tuple(
+    tip for preset in (plate_preset, display_preset, glass_preset) for tip in preset.TIPS.values()
+)
 _commands: list[object] = []
 
 
 def register() -> None:
     """Make the operators and the command known to Blender."""
     for cls in CLASSES:
-        bpy.utils.register_class(cls)
+        bpy.utils.register_class(in_own_words(cls))
     live.register()
     look_through.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))

@@ -12,6 +12,7 @@ from ..core.bench.spread import MOST, Spread, part_of_picture
 from ..core.bench.squares import SEARCH
 from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
+from ..core.blender.kept import Sentences
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
 from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, rig_of, rigs, rigs_of
@@ -19,11 +20,13 @@ from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
 from ..core.light.landings import REASON_WORDS, Reason
-from ..core.messages import Message, joined
+from ..core.messages import Message, as_message, joined
+from ..core.numbers import number
 from ..core.rig import ROLES
 from ..core.steps import within
-from ..core.words import listed, number, percent, summary
+from ..core.words import listed, percent, summary
 from . import framing, live, long_work, look_through, needed, work
+from .telling import in_words
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
 # times the picture: a display whose shorter side is longer by itself is worth a sentence
@@ -166,7 +169,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -174,7 +177,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         layout.use_property_decorate = False
         layout.prop(self, "kind")
         for title, names in GROUPS:
-            layout.label(text=title)
+            layout.label(text=in_words(title), translate=False)
             column = layout.column()
             for name in names:
                 if OF_KIND.get(name, self.kind) == self.kind:
@@ -186,13 +189,14 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
             column.prop(self, name)
             return
 
-        row = column.row(heading=self.rna_type.properties[name].name)
+        heading = in_words(as_message(self.rna_type.properties[name].name))
+        row = column.row(heading=heading, translate=False)
         row.prop(self, f"auto_{name}", text="Automatic")
         if getattr(self, name):
             row.prop(self, name, text="")
         elif name in _taken:
             metres = _taken[name] * length_of_unit(context.scene)
-            row.label(text=length_text(context.scene, metres), translate=False)
+            row.label(text=in_words(length_text(context.scene, metres)), translate=False)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -381,7 +385,12 @@ def _on_display(
 
 def _tell(record: Record, scene: bpy.types.Scene, text: str, remarks: list[str]) -> None:
     """Write the panel's lines."""
-    lines = {"summary": text, "seen_summary": "", "notes": "\n".join(map(one_line, remarks))}
+    lines = {
+        "summary": text,
+        "seen_summary": "",
+        "notes": "\n".join(map(one_line, remarks)),
+        "sentences": Sentences.of(text, remarks).text(),
+    }
     record.change(scene, {f"kiriko.result.{name}": line for name, line in lines.items()})
 
 

@@ -32,10 +32,12 @@ def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Com
 
 
 class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
-    """Show what the viewer sees without Kiriko and with it, side by side over the camera view.
-    Drag the handle to wipe; Live keeps it up to date. No renderer is needed
-    """
+    """Show what the viewer sees without Kiriko and with it, over the camera view"""
 
+    bl_description = (
+        "Show what the viewer sees without Kiriko and with it, side by side over the camera view."
+        " Drag the handle to wipe; Live keeps it up to date. No renderer is needed"
+    )
     bl_idname = "kiriko.before_after"
     bl_label = "Before and After"
     bl_options = {"REGISTER"}

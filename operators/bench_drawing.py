@@ -51,10 +51,12 @@ def lattice_of(scene: bpy.types.Scene) -> Lattice:
 
 
 class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
-    """Draw the bench to scale, side view and plan, with distances and angles for whoever builds it.
-    A second sheet has all corners, and where the dots of the lattice should be seen
-    """
+    """Draw the bench to scale, for whoever builds it"""
 
+    bl_description = (
+        "Draw the bench to scale, side view and plan, with distances and angles for whoever builds"
+        " it. A second sheet has all corners, and where the dots of the lattice should be seen"
+    )
     bl_idname = "kiriko.bench_drawing"
     bl_label = "Bench Drawing"
     bl_options = {"REGISTER"}
@@ -79,7 +81,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
             # the dialogue asked about the first name, which the second one goes with
             is_agreed = self.is_in_dialogue and disk.is_there(path)
             if not (self.overwrite or is_agreed or context.scene.kiriko.export_overwrite):
-                folder.refuse_existing(path.parent, sheets, "set Overwrite")
+                folder.refuse_existing(path.parent, sheets, Message("set Overwrite"))
 
             with folder.made(path.parent):
                 write(path.parent, sheets)

@@ -112,5 +112,5 @@ def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Me
         "{before} of the picture arrives; {after} with {parts}.",
         before=percent(found.before),
         after=percent(found.after),
-        parts=joined(parts, " and "),
+        parts=joined(parts, "; "),
     )

@@ -22,7 +22,7 @@ from ..core.bench.lattice.photograph import find_points
 from ..core.bench.misalignment import FEWEST, Bench
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
-from ..core.blender.kept import Numbers, Offset
+from ..core.blender.kept import Numbers, Offset, Sentences
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.errors import ImageError, RigError
@@ -253,6 +253,7 @@ def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -
         "extra_photographs": [
             {
                 "where": extra.where,
+                "said": Sentences.of(extra.where).text(),
                 "gain_bits": extra.gain,
                 "condition": _number(extra.condition),
                 "errors": dict(zip(names, map(float, extra.errors), strict=True)),

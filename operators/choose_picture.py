@@ -27,16 +27,16 @@ def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
 def lacking(context: bpy.types.Context) -> list[str]:
     """Why there is no picture whose image or shape could be another."""
     if context.mode != "OBJECT":
-        return ["Leave edit mode first"]
+        return [needed.LEAVE_EDIT_MODE]
 
     picture = the_picture(context)
     if picture is None:
-        return ["Select the picture: an object whose role is Picture"]
+        return [Message("Select the picture: an object whose role is Picture")]
 
     return (
         []
         if picture.is_editable
-        else ["The picture is linked from another file: choose its image there"]
+        else [Message("The picture is linked from another file: choose its image there")]
     )
 
 

@@ -188,7 +188,9 @@ def run(argv: list[str]) -> int:
     except SystemExit as end:  # --help
         return int(end.code or 0)
     except (Exception, KeyboardInterrupt) as error:
-        sys.stderr.write(f"kiriko: {telling.sentence(error, 'The command')}\n")
+        sys.stderr.write(
+            f"kiriko: {telling.sentence(error, Message('The command'), translate=str)}\n"
+        )
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     return 0
 

@@ -22,12 +22,15 @@ def _tip(product: DisplayProduct) -> Message:
     )
 
 
+TIPS = {name: _tip(product) for name, product in DISPLAYS.items()}
+
+
 def _items() -> list[tuple[str, str, str]]:
     """The products, each kind under its heading."""
     items = []
     for kind, products in groupby(DISPLAYS.values(), key=lambda product: product.kind):
         items.append(("", kind, ""))
-        items += [(product.name, product.name, _tip(product)) for product in products]
+        items += [(product.name, product.name, TIPS[product.name]) for product in products]
     return items
 
 

@@ -13,8 +13,8 @@ from ..core.messages import Message
 from . import needed, telling, watch
 
 WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
-OLD = "Export the old image?"
-ALL_THE_SAME = "Export All the Same"
+OLD = Message("Export the old image?")
+ALL_THE_SAME = Message("Export All the Same")
 
 
 def use_bundled_modules() -> None:
@@ -154,7 +154,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 return ask(
                     self,
                     event,
-                    title="Replace the file?",
+                    title=Message("Replace the file?"),
                     message=str(path),
                     confirm_text="Replace",
                 )

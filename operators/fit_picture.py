@@ -22,7 +22,7 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
         if not reasons:
             try:
                 if not squeezed_words(shown_as(context, the_picture(context))):
-                    reasons.append("The picture has the shape of its image already")
+                    reasons.append(Message("The picture has the shape of its image already"))
             except (RigError, ImageError):
                 pass  # told when it is pressed
         return needed.can_run(cls, reasons)

@@ -52,7 +52,7 @@ class FitsPart(long_work.LongWork):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            return needed.can_run(cls, ["Leave edit mode first"])
+            return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         reasons = needed.lacking(context.scene)
         if not reasons and cls.role not in needed.parts(context.scene):
             reasons = [Message("The rig has no {role}", role=cls.role.lower())]

@@ -7,6 +7,11 @@ from ..core.catalogue import GLASSES
 from ..core.messages import Message, joined
 from . import needed, telling
 
+TIPS = {
+    name: Message("Index of refraction {ior:g}", ior=product.ior)
+    for name, product in GLASSES.items()
+}
+
 
 def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
     things = dict.fromkeys([context.active_object, *context.selected_objects])
@@ -23,16 +28,14 @@ class KIRIKO_OT_glass_preset(bpy.types.Operator):
     preset: bpy.props.EnumProperty(
         name="Preset",
         description="The material whose index of refraction the selected glass gets",
-        items=[
-            (name, name, Message("Index of refraction {ior:g}", ior=product.ior))
-            for name, product in GLASSES.items()
-        ],
+        items=[(name, name, tip) for name, tip in TIPS.items()],
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(
-            cls, [] if _chosen(context) else ["Select glass: an object whose role is Glass"]
+            cls,
+            [] if _chosen(context) else [Message("Select glass: an object whose role is Glass")],
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

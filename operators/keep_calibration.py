@@ -10,7 +10,9 @@ from . import needed, telling, watch, work
 
 def without_offset(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with an offset, where there is none."""
-    return [] if scene.kiriko.calibration.offset else ["No calibration is kept as an offset"]
+    return (
+        [] if scene.kiriko.calibration.offset else [Message("No calibration is kept as an offset")]
+    )
 
 
 class KIRIKO_OT_apply_calibration(bpy.types.Operator):

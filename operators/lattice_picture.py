@@ -35,7 +35,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
         scene = context.scene
         is_there = scene.kiriko.picture_source == "IMAGE" or needed.parts(scene).get("PICTURE")
         return needed.can_run(
-            cls, [] if is_there else ["No picture: set a plane's role to Picture"]
+            cls, [] if is_there else [Message("No picture: set a plane's role to Picture")]
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -49,7 +49,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
             if scene.kiriko.picture_source == "IMAGE":
                 image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
                 scene.kiriko.picture_image = image
-                where = "the scene's picture"
+                where = Message("the scene's picture")
             else:
                 picture = next(iter(needed.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))

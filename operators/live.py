@@ -36,7 +36,7 @@ def status() -> tuple[str, bool]:
     if live.problem:
         return live.problem, True
     if live.seconds is None or live.is_working:
-        return "Live: updating.", False
+        return Message("Live: updating."), False
 
     first, last = live.seconds
     return Message(
@@ -95,11 +95,11 @@ def tick() -> float | None:
     try:
         wait = _lives[0].turn()
     except (Exception, KeyboardInterrupt) as error:
-        stop(telling.sentence(error, "Live"))
+        stop(telling.sentence(error, Message("Live")))
         return None
 
     if wait is None:
-        stop("Live stopped: no window shows its scene any more.")
+        stop(Message("Live stopped: no window shows its scene any more."))
 
     return wait
 
@@ -139,7 +139,7 @@ def on_load(*_: object) -> None:
     """
     for live in _lives:
         live.is_unpacked = False
-    stop("Live stopped: another file was loaded." if _lives else "")
+    stop(Message("Live stopped: another file was loaded.") if _lives else "")
 
 
 def register() -> None:

@@ -50,10 +50,10 @@ class Step:
     guess: float = field(default=2 * LONG, compare=False)
 
 
-READING = "reading the scene"
-WRITING = "writing the source image"
-COMPARING = "comparing before and after"
-REMEDIES = "looking for remedies"
+READING = Message("reading the scene")
+WRITING = Message("writing the source image")
+COMPARING = Message("comparing before and after")
+REMEDIES = Message("looking for remedies")
 
 
 class Live:
@@ -252,7 +252,7 @@ class Live:
         session = work.session()
         n = 0
         steps = (session.solve if is_last else session.glance)(rig, settings)
-        phrase = "solving" if is_built else "solving for changed glass"
+        phrase = Message("solving") if is_built else Message("solving for changed glass")
         # solved with these sizes before, it may take a step
         # more than then, which is no reason to speak
         guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG

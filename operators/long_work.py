@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import bpy
 
-from ..core.messages import Message
+from ..core.messages import Message, as_message
 from ..core.steps import finish
 from . import work
 from .looking import only_looks
@@ -126,7 +126,7 @@ class LongWork:
             Message(
                 "Stopped; {thing} stays: Undo brings back what was there, {button} makes it final.",
                 thing=stays,
-                button=self.bl_label,
+                button=as_message(self.bl_label),
             ),
         )
         # Blender makes an undo step of finished work
@@ -149,7 +149,7 @@ class LongWork:
         )
         text = Message(
             "Kiriko: {button} {percent:.0f} %   ({stop})",
-            button=self.bl_label,
+            button=as_message(self.bl_label),
             percent=100 * progress,
             stop=stop,
         )

@@ -16,6 +16,7 @@ from ..core.blender.checklist import entries
 from ..core.blender.look import is_checked, look_at, mesh_faults
 from ..core.blender.to_do import Counts, Entry
 from ..core.blender.units import length_text
+from ..core.messages import Message
 from . import needed, telling, watch, windows, work
 
 TICK = 0.2  # s between two turns
@@ -110,7 +111,7 @@ def tick() -> float:
     try:
         _turn()
     except Exception as error:
-        telling.sentence(error, "The checklist")  # prints errors that were not foreseen
+        telling.sentence(error, Message("The checklist"))  # prints errors that were not foreseen
         return watch.PATIENCE
     return TICK
 

@@ -247,7 +247,8 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(
-            cls, [] if context.scene.is_editable else ["The scene is linked from another file"]
+            cls,
+            [] if context.scene.is_editable else [Message("The scene is linked from another file")],
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -21,7 +21,11 @@ NEEDED = {
     "PICTURE": Message("No picture: set a textured plane's role to Picture, or choose an image"),
     "VIEWER": Message("No viewer: choose a camera"),
 }
+NO_MIRRORS = Message(
+    "There is no plate whose mirrors could be simulated: Preview shows the viewer's image"
+)
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
+LEAVE_EDIT_MODE = Message("Leave edit mode first")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
 LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
 RESTING = 30.0  # times as long as it took
@@ -139,14 +143,14 @@ def no_plate(scene: bpy.types.Scene) -> list[str]:
     is_made = any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers)
     if parts(scene).get("PLATE") or is_made:
         return []
-    return ["There is no plate whose mirrors could be simulated: Preview shows the viewer's image"]
+    return [NO_MIRRORS]
 
 
 def unsolved(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with a source image, where there is none."""
     result = scene.kiriko.result
     if result.source is None:
-        return ["There is no source image yet: solve first"]
+        return [Message("There is no source image yet: solve first")]
     return [COARSE] if result.is_coarse else []
 
 

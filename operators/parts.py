@@ -25,7 +25,7 @@ class NamesPart:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
 
     def found(self, context: bpy.types.Context) -> bpy.types.Object:
         """The object; RigError where there is none."""

@@ -106,7 +106,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [] if context.mode == "OBJECT" else ["Leave edit mode first"])
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = context.active_object
@@ -197,7 +197,7 @@ class KIRIKO_OT_add_asset_library(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(
-            cls, ["Kiriko is among your asset libraries already"] if library_path() else []
+            cls, [Message("Kiriko is among your asset libraries already")] if library_path() else []
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

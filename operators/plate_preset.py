@@ -7,6 +7,15 @@ from ..core.catalogue import PLATES
 from ..core.messages import Message
 from .preset import GivesProduct
 
+TIPS = {
+    name: Message(
+        "Two crossed layers, {pitch:g} mm from mirror to mirror, {side:g} mm a side",
+        pitch=1e3 * product.array.pitch,
+        side=1e3 * product.side,
+    )
+    for name, product in PLATES.items()
+}
+
 
 class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
     """Make the active plate one that can be bought: its mirrors and its size, about its middle"""
@@ -18,18 +27,7 @@ class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
     preset: bpy.props.EnumProperty(
         name="Preset",
         description="The plate whose mirrors and size the active one gets",
-        items=[
-            (
-                name,
-                name,
-                Message(
-                    "Two crossed layers, {pitch:g} mm from mirror to mirror, {side:g} mm a side",
-                    pitch=1e3 * product.array.pitch,
-                    side=1e3 * product.side,
-                ),
-            )
-            for name, product in PLATES.items()
-        ],
+        items=[(name, name, tip) for name, tip in TIPS.items()],
     )
 
     role = "PLATE"

@@ -75,9 +75,11 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = needed.unsolved(context.scene) + needed.lacking(context.scene)
         if not hasattr(context.scene, "cycles"):
-            reasons.insert(0, "The preview needs Cycles: enable the add-on Cycles Render Engine")
+            reasons.insert(
+                0, Message("The preview needs Cycles: enable the add-on Cycles Render Engine")
+            )
         if bpy.app.is_job_running("RENDER"):
-            reasons.insert(0, "A render is running: wait for it or stop it")
+            reasons.insert(0, Message("A render is running: wait for it or stop it"))
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -12,7 +12,7 @@ from ..core.arrays import Floats
 from ..core.blender.resize import give_matrix
 from ..core.errors import RigError
 from ..core.glass.motion import Motion
-from ..core.messages import Message
+from ..core.messages import Message, as_message
 from ..core.solve.solved_for import SolvedFor
 from . import needed, telling, work
 
@@ -73,7 +73,7 @@ def refuse_changed(context: bpy.types.Context, proposal: Proposal) -> None:
     if not proposal.scene.is_same(work.scene_now(context)):
         raise RigError(
             "The scene has changed since '{label}' looked at it: press it again.",
-            label=proposal.label,
+            label=as_message(proposal.label),
         )
 
 
@@ -148,9 +148,11 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            return needed.can_run(cls, ["Leave edit mode first"])
+            return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         is_there = current(context.scene) is not None
-        return needed.can_run(cls, [] if is_there else ["Nothing is proposed for the rig as it is"])
+        return needed.can_run(
+            cls, [] if is_there else [Message("Nothing is proposed for the rig as it is")]
+        )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:

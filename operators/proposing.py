@@ -25,7 +25,7 @@ class Proposes(long_work.LongWork):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
-            return needed.can_run(cls, ["Leave edit mode first"])
+            return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         return needed.can_run(cls, needed.lacking(context.scene))
 
     def proposed(

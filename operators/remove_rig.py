@@ -21,7 +21,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = [] if context.mode == "OBJECT" else [Message("Leave edit mode first")]
+        reasons = [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE]
         if rig_to_remove(context.scene, context.active_object) is None:
             has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
             reasons.append(NO_COLLECTION if has_parts else NO_RIG)

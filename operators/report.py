@@ -151,7 +151,7 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
 
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
-                folder.refuse_existing(target, names(rig), "allow overwriting")
+                folder.refuse_existing(target, names(rig), Message("allow overwriting"))
             found = yield from measured(context, rig, target, self.seconds)
             write(target, rig, work.settings_of(scene), found)
 

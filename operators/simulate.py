@@ -8,12 +8,14 @@ import bpy
 import numpy as np
 
 from ..core.blender.image import pixels_from_image
+from ..core.blender.kept import Sentences
 from ..core.blender.result import replace_image
 from ..core.errors import RigError
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
 from ..core.messages import Message, joined
-from ..core.words import number, percent
+from ..core.numbers import number
+from ..core.words import percent
 from . import long_work, needed, watch, work
 from .windows import show_image
 
@@ -66,25 +68,31 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         result = scene.kiriko.result
         result.seen = image = replace_image(result.seen, NAME, found.image)
         show_image(image, result)
-        result.seen_summary = Message(
+        text = Message(
             "The image '{image}' shows what the viewer sees{more}.",
             image=image.name,
             more=told(found),
         )
+        result.seen_summary = text
+        kept = Sentences.read(result.sentences).by_text
+        result.sentences = Sentences({**kept, str(text): text}).text()
         if not is_changed:
-            return result.seen_summary
+            return text
 
         self.level = "WARNING"
-        return joined([result.seen_summary, watch.CHANGED])
+        return joined([text, watch.CHANGED])
 
 
 def told(found: Simulation) -> str:
     """How much of the light is none of the picture's, and how large the noise is."""
     whole = sum(found.luminance.values())
     if not whole:
-        return ": nothing"
+        return Message(": nothing")
 
-    parts = {"stray light of the plate": STRAY_PATHS, "past the plate": (PlatePath.NONE,)}
+    parts = {
+        Message("stray light of the plate"): STRAY_PATHS,
+        Message("past the plate"): (PlatePath.NONE,),
+    }
     words = []
 
     for word, paths in parts.items():

@@ -22,6 +22,7 @@ from ..core.fingerprint import fingerprint
 from ..core.light.kept import Kept
 from ..core.light.plan import Plan
 from ..core.light.planning import planning
+from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.steps import Pauses
@@ -178,7 +179,9 @@ def tick() -> float:
     try:
         return PAUSE if look() else IDLE
     except Exception as error:
-        telling.sentence(error, "The overlay")  # which prints errors that were not foreseen
+        telling.sentence(
+            error, Message("The overlay")
+        )  # which prints errors that were not foreseen
         _sketched.clear()
         return PATIENCE
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.blender.result import write_coarse, write_helps, write_solution
+from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
 from ..core.steps import within
 from . import live, long_work, needed, work
@@ -56,4 +57,4 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
     def stays(self) -> str:
         # not undone by now
         is_there = any(image.session_uid == self.shown for image in bpy.data.images)
-        return "a coarse source image" if is_there else ""
+        return Message("a coarse source image") if is_there else ""

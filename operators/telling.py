@@ -7,46 +7,74 @@ from contextlib import contextmanager
 import bpy
 
 from ..core.errors import KirikoError, one_line
-from ..core.messages import Message
+from ..core.messages import CONTEXT, Message, as_message
 
-translate: Callable[[str], str] = str  # from a template to one of another language
+translations = bpy.app.translations
+Translate = Callable[[str], str]  # from a template to one of another language
 
 
-def in_words(text: str) -> str:
-    """A sentence as it is shown: a message by its translated template, a plain text as it is."""
-    return text.told(translate) if isinstance(text, Message) else text
+def interface(text: str) -> str:
+    """A text in the language of labels, where these are translated."""
+    return translations.pgettext_iface(text, CONTEXT)
+
+
+def tips(text: str) -> str:
+    """A text in the language of tooltips, where these are translated."""
+    return translations.pgettext_tip(text, CONTEXT)
+
+
+def reports(text: str) -> str:
+    """A text in the language of reports, where these are translated."""
+    return translations.pgettext_rpt(text, CONTEXT)
+
+
+def in_words(text: str, translate: Translate | None = None) -> str:
+    """A sentence as panels show it, or in another place's language.
+
+    A message is told by its translated template; a plain text is one without values.
+    """
+    translate = translate or interface
+    return text.told(translate) if isinstance(text, Message) else translate(text)
 
 
 def report(operator: bpy.types.Operator, level: str, text: str) -> None:
     """Have an operator report a sentence in one line, as "INFO", "WARNING" or "ERROR"."""
-    operator.report({level}, one_line(in_words(text)))
+    operator.report({level}, one_line(in_words(text, reports)))
 
 
-def sentence(error: BaseException, label: str, stays: str = "") -> str:
+def sentence(
+    error: BaseException, label: str, stays: str = "", translate: Translate | None = None
+) -> str:
     """The report on an error, foreseen or not, in the work called
     `label`, of which nothing stays but what is named.
 
     The traceback of one that was not foreseen is in the console, for whoever has to find its cause.
+
+    translate : `str` where scripts read it: in a terminal
     """
+    translate = translate or reports
+    label, stays = as_message(label), stays and as_message(stays)
     state = (
         Message("{thing} stays (Undo takes it back)", thing=stays)
         if stays
         else Message("the scene is as it was")
     )
     if isinstance(error, KirikoError):
-        return one_line(in_words(_foreseen(error, stays)))
+        return one_line(in_words(_foreseen(error, stays), translate))
     if isinstance(error, KeyboardInterrupt):
-        return in_words(Message("{work} was stopped; {state}.", work=label, state=state))
+        stopped = Message("{work} was stopped; {state}.", work=label, state=state)
+        return in_words(stopped, translate)
 
     traceback.print_exception(error)
-    return in_words(_unforeseen(error, label, state))
+    return in_words(_unforeseen(error, label, state), translate)
 
 
 def _foreseen(error: KirikoError, stays: str) -> Message:
     if not stays:
         return error.message
-    thing = f"{stays[0].upper()}{stays[1:]}"
-    return Message("{error} {thing} stays (Undo takes it back).", error=error.message, thing=thing)
+    return Message(
+        "{error} But {thing} stays (Undo takes it back).", error=error.message, thing=stays
+    )
 
 
 def _unforeseen(error: BaseException, label: str, state: Message) -> Message:

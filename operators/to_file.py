@@ -6,6 +6,7 @@ import bpy
 
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
+from ..core.messages import as_message
 
 
 class ToFile:
@@ -50,7 +51,9 @@ class ToFile:
     def path(self) -> Path:
         """The file, absolute, with its suffix; ImageError where none was chosen."""
         if not self.filepath:
-            raise ImageError("{button} has no path: choose a file.", button=self.bl_label)
+            raise ImageError(
+                "{button} has no path: choose a file.", button=as_message(self.bl_label)
+            )
         return absolute(self._named())
 
     def _named(self) -> str:

@@ -26,7 +26,7 @@ class KIRIKO_OT_remove_visible_range(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_there = grid_of(context.scene, NAME) is not None
-        return needed.can_run(cls, [] if is_there else ["There is no visible range"])
+        return needed.can_run(cls, [] if is_there else [Message("There is no visible range")])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = grid_of(context.scene, NAME)
@@ -71,7 +71,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
                 angle=np.degrees(SURVEY.farthest_rad),
                 share=percent(self.share),
                 best=percent(found.best),
-                plate=" or the plate" if rig.plates else "",
+                plate=Message(" or the plate") if rig.plates else "",
             )
 
         grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)

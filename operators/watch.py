@@ -115,7 +115,7 @@ def tick() -> float:
         look()
     except Exception as error:
         telling.sentence(
-            error, "The look at the scene"
+            error, Message("The look at the scene")
         )  # which prints errors that were not foreseen
         _watched.clear()
         return PATIENCE

@@ -4,6 +4,7 @@ the viewport, and the Add menu.
 
 import bpy
 
+from ..core.blender.own_words import in_own_words
 from . import (
     add_menu,
     calibration,
@@ -52,7 +53,7 @@ CLASSES = (
 def register() -> None:
     """Show them."""
     for cls in CLASSES:
-        bpy.utils.register_class(cls)
+        bpy.utils.register_class(in_own_words(cls))
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
     bpy.types.VIEW3D_MT_object.append(menus.draw_in_object)
     bpy.types.TOPBAR_MT_file_export.append(menus.draw_in_export)

@@ -2,14 +2,17 @@
 
 import bpy
 
+from ..core.messages import Message, as_message
 from ..operators.add_rig import KINDS
+from ..operators.telling import in_words
 
 
 def add_rig(layout: bpy.types.UILayout, words: str) -> None:
     """A button for each kind of rig, with words before its name."""
     icons = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
     for kind, label, _ in KINDS:
-        button = layout.operator("kiriko.add_rig", text=f"{words}: {label}", icon=icons[kind])
+        text = in_words(Message("{words}: {kind}", words=as_message(words), kind=as_message(label)))
+        button = layout.operator("kiriko.add_rig", text=text, icon=icons[kind])
         button.kind = kind
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core.blender.kept import Numbers, Offset
-from ..core.messages import Message
+from ..core.blender.kept import Numbers, Offset, Sentences
+from ..core.messages import Message, as_message, joined
 from ..operators.calibrate import TELLS, TEXTS
 from .words import OfRig, sentence
 
@@ -47,7 +47,7 @@ class VIEW3D_PT_kiriko_calibration(OfRig, bpy.types.Panel):
             layout.prop(ours, "size")
         layout.prop(ours, "keep")
         if not ours.filepath:
-            text = "Choose a photograph of the lattice, or a CSV of its points."
+            text = Message("Choose a photograph of the lattice, or a CSV of its points.")
             sentence(layout, context, text, icon="INFO")
         buttons = layout.column(align=True)
         buttons.enabled = bool(ours.filepath)
@@ -56,15 +56,16 @@ class VIEW3D_PT_kiriko_calibration(OfRig, bpy.types.Panel):
 
         if ours.offset:
             n = len(Offset.read(ours.offset).sets)
-            kept = "An offset is" if n == 1 else Message("Offsets of {n} calibrations are", n=n)
-            sentence(
-                layout,
-                context,
-                Message(
-                    "{kept} kept: the rig that is solved is not quite where it is drawn.", kept=kept
-                ),
-                icon="INFO",
+            text = (
+                Message("An offset is kept: the rig that is solved is not quite where it is drawn.")
+                if n == 1
+                else Message(
+                    "Offsets of {n} calibrations are kept: the rig that is solved is not quite"
+                    " where it is drawn.",
+                    n=n,
+                )
             )
+            sentence(layout, context, text, icon="INFO")
             row = layout.row(align=True)
             row.operator("kiriko.apply_calibration")
             row.operator("kiriko.remove_calibration")
@@ -118,13 +119,19 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
 
         amounts = sorted(found["amounts"], key=lambda entry: entry["error"] / entry["tolerance"])
         for entry in amounts[:MOST]:
-            text = (
-                f"{entry['name']}: {entry['amount']:+.2g} (+- {entry['error']:.1g}) {entry['unit']}"
+            text = Message(
+                "{name}: {amount:+.2g} (+- {error:.1g}) {unit}",
+                name=amount_words(entry["name"]),
+                amount=entry["amount"],
+                error=entry["error"],
+                unit=as_message(entry["unit"]),
             )
-            sentence(layout, context, text.rstrip(), icon="DOT")
+            sentence(layout, context, text, icon="DOT")
 
         n_told = sum(entry["error"] < TELLS * entry["tolerance"] for entry in amounts)
-        condition = "infinite" if found["condition"] is None else f"{found['condition']:.1g}"
+        condition = (
+            Message("infinite") if found["condition"] is None else f"{found['condition']:.1g}"
+        )
         text = Message(
             "The photograph tells of {n_told} of {n} amounts; condition number {condition}.",
             n_told=n_told,
@@ -150,20 +157,17 @@ class VIEW3D_PT_kiriko_not_told(OfRig, bpy.types.Panel):
             sentence(
                 layout,
                 context,
-                Message("Almost alike: {amounts}.", amounts=", ".join(group)),
+                Message("Almost alike: {amounts}.", amounts=joined(map(amount_words, group), ", ")),
                 icon="DUPLICATE",
             )
 
         if found["still"]:
-            sentence(
-                layout,
-                context,
-                Message("Not seen in it: {amounts}.", amounts=", ".join(found["still"])),
-                icon="HIDE_ON",
-            )
+            amounts = joined(map(amount_words, found["still"]), ", ")
+            text = Message("Not seen in it: {amounts}.", amounts=amounts)
+            sentence(layout, context, text, icon="HIDE_ON")
 
 
-def advice(found: dict) -> str:
+def advice(found: dict) -> Message:
     """Other photographs, by how much they would tell."""
     extra = found["extra_photographs"][0]
     rows = {entry["name"]: entry for entry in found["amounts"]}
@@ -171,16 +175,22 @@ def advice(found: dict) -> str:
     words = [
         Message(
             "{name} to {error:.2g} instead of {before:.2g} {unit}",
-            name=name,
+            name=amount_words(name),
             error=extra["errors"][name],
             before=rows[name]["error"],
-            unit=rows[name]["unit"],
-        ).rstrip()
+            unit=as_message(rows[name]["unit"]),
+        )
         for _, name in gains[:2]
     ]
 
     return Message(
         "A photograph from {where} would tell most: {amounts}.",
-        where=extra["where"],
-        amounts=", ".join(words),
+        where=Sentences.read(extra.get("said", "")).message(extra["where"]),
+        amounts=joined(words, ", "),
     )
+
+
+def amount_words(name: str) -> Message:
+    """The name of an amount: its part's, which is an artist's, and its kind's."""
+    part, _, kind = name.rpartition(": ")
+    return Message("{part}: {amount}", part=part, amount=as_message(kind))

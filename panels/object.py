@@ -9,7 +9,7 @@ from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.viewer import frame_of
 from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
-from ..core.messages import Message
+from ..core.messages import Message, as_message
 from ..operators.make_glass import can_be_given
 from ..operators.telling import in_words
 from .words import OfRig, sentence
@@ -83,15 +83,13 @@ def draw_object(
     why = bodiless(thing)
     if why and ours.role == "NONE":
         if thing.type != "CAMERA":
-            text = Message(
-                "{first}{rest}, and can be no part of the rig.", first=why[:1].upper(), rest=why[1:]
-            )
+            text = Message("It can be no part of the rig, for {why}.", why=why)
             sentence(layout, context, text, icon="INFO")
         return
 
     layout.prop(ours, "role")
     if why:
-        text = Message("{first}{rest}: set the role to None.", first=why[:1].upper(), rest=why[1:])
+        text = Message("Set the role to None, for {why}.", why=why)
         sentence(layout, context, text, icon="ERROR")
         return
 
@@ -133,7 +131,7 @@ def _draw_glass(
     """The index of a glass, and the trouble with its shape or its material."""
     ours = thing.kiriko
     if thing.data is not None and min(thing.dimensions) == 0:
-        text = (
+        text = Message(
             "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
         )
         sentence(layout, context, text, icon="ERROR")
@@ -159,8 +157,9 @@ def _draw_picture(layout: bpy.types.UILayout, picture: bpy.types.Object) -> None
     """
     image = image_of(picture)
     row = labelled(layout, "Image")
-    name = "Choose Image" if image is None else image.name
-    row.menu(VIEW3D_MT_kiriko_images.bl_idname, text=name, icon="IMAGE_DATA")
+    name = in_words(Message("Choose Image")) if image is None else image.name
+    menu = VIEW3D_MT_kiriko_images.bl_idname
+    row.menu(menu, text=name, translate=False, icon="IMAGE_DATA")
     row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
     layout.operator("kiriko.fit_picture_size", icon="FULLSCREEN_ENTER")
@@ -206,7 +205,7 @@ def labelled(layout: bpy.types.UILayout, text: str) -> bpy.types.UILayout:
     line = layout.split(factor=0.4)
     label = line.row()
     label.alignment = "RIGHT"
-    label.label(text=text)
+    label.label(text=in_words(text), translate=False)
     return line.row(align=True)
 
 
@@ -216,5 +215,7 @@ def _draw_product(
     product: PlateProduct | DisplayProduct | GlassProduct | None,
 ) -> None:
     """The product that a part is by its values, as a menu of all others."""
-    name = "Custom" if product is None else product.name
-    labelled(layout, "Product").operator_menu_enum(operator, "preset", text=name, icon="PRESET")
+    name = Message("Custom") if product is None else as_message(product.name)
+    labelled(layout, "Product").operator_menu_enum(
+        operator, "preset", text=in_words(name), translate=False, icon="PRESET"
+    )

@@ -2,9 +2,10 @@
 
 import bpy
 
-from ..core.blender.kept import Numbers
-from ..core.messages import Message
-from ..core.words import number, percent, pixels, shares_in_words
+from ..core.blender.kept import Numbers, Sentences
+from ..core.messages import Message, as_message, joined
+from ..core.numbers import number
+from ..core.words import percent, pixels, shares_in_words
 from ..operators import needed, watch
 from ..operators.telling import in_words
 from .remedies import draw_remedies
@@ -22,6 +23,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         result = context.scene.kiriko.result
+        said = Sentences.read(result.sentences)
         if result.is_coarse:
             sentence(layout, context, Message("{reason}.", reason=needed.COARSE), icon="ERROR")
         elif not result.summary:
@@ -29,7 +31,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             return
 
         if result.summary:
-            sentence(layout, context, result.summary)
+            sentence(layout, context, said.message(result.summary))
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         image = result.shown or result.source
@@ -40,7 +42,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
 
         warnings, _ = notes_of(result)
         for note in warnings:
-            sentence(layout, context, note, icon="ERROR")
+            sentence(layout, context, said.message(note), icon="ERROR")
 
         draw_remedies(layout, context)
 
@@ -63,13 +65,13 @@ def draw_cost(layout: bpy.types.UILayout, context: bpy.types.Context, details: d
     if "total_seconds" not in details:  # a result of an earlier version
         return
 
-    errors = {"mesh": details["tessellation_error"]}
-    if details["map_error"]:
-        errors["map"] = details["map_error"]["percentile"]
-
-    known = [f"{cause} {pixels(error)}" for cause, error in errors.items() if error]
+    known = []
+    if details["tessellation_error"]:
+        known.append(Message("mesh {error}", error=pixels(details["tessellation_error"])))
+    if details["map_error"] and details["map_error"]["percentile"]:
+        known.append(Message("map {error}", error=pixels(details["map_error"]["percentile"])))
     if known:
-        text = Message("Error: {errors}", errors=", ".join(known))
+        text = Message("Error: {errors}", errors=joined(known, ", "))
         sentence(layout, context, text, icon="DRIVER_DISTANCE")
 
     plate = details.get("plate")
@@ -126,10 +128,11 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         details = Numbers.read(result.details).by_name
+        said = Sentences.read(result.sentences)
         for note in notes_of(result)[1]:
-            sentence(layout, context, note, icon="INFO")
+            sentence(layout, context, said.message(note), icon="INFO")
         if result.seen is not None and result.seen_summary:
-            sentence(layout, context, result.seen_summary, icon="IMAGE_DATA")
+            sentence(layout, context, said.message(result.seen_summary), icon="IMAGE_DATA")
         if not details:
             return
 
@@ -137,12 +140,13 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
         draw_cost(layout, context, details)
         draw_white(layout, context, details)
         for read in details["materials"]:
-            sentence(layout, context, index_words(read), icon="MATERIAL")
+            sentence(layout, context, index_words(read, said), icon="MATERIAL")
 
         draw_work(layout, details)
-        text = Message("Used: {parts}.", parts=", ".join(details["used"]))
+        text = Message("Used: {parts}.", parts=joined(map(said.message, details["used"]), ", "))
         sentence(layout, context, text)
-        text = Message("Left out: {parts}.", parts=", ".join(details["left_out"]))
+        parts = joined(map(said.message, details["left_out"]), ", ")
+        text = Message("Left out: {parts}.", parts=parts)
         sentence(layout, context, text)
 
 
@@ -153,7 +157,7 @@ def draw_shares(layout: bpy.types.UILayout, details: dict) -> None:
     coverage = percent(details.get("picture_coverage", 0.0))
     column.label(text=in_words(Message("{share} of the picture is shown", share=coverage)))
     for words in shares_in_words(details.get("misses", {})):
-        column.label(text=words)
+        column.label(text=in_words(words))
 
 
 def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: dict) -> None:
@@ -169,7 +173,7 @@ def draw_white(layout: bpy.types.UILayout, context: bpy.types.Context, details: 
         sentence(layout, context, text, icon="LIGHT")
 
 
-def index_words(read: dict) -> Message:
+def index_words(read: dict, said: Sentences) -> Message:
     """The index that was read of a glass."""
     is_default = read["source"] == "default"
     where = "" if is_default else Message(" of '{material}'", material=read["material_name"])
@@ -177,7 +181,7 @@ def index_words(read: dict) -> Message:
         "{name}: index {ior:.4f} ({source}{where})",
         name=read["object_name"],
         ior=read["ior"],
-        source=read["source"],
+        source=said.message(read["source"]),
         where=where,
     )
 
@@ -187,7 +191,10 @@ def draw_work(layout: bpy.types.UILayout, details: dict) -> None:
     column = layout.column(align=True)
     column.scale_y = 0.8
     for part, seconds in details["seconds"].items():
-        column.label(text=f"{part.capitalize()}: {seconds:.2f} s")
+        text = Message(
+            "{part}: {seconds:.2f} s", part=as_message(part.capitalize()), seconds=seconds
+        )
+        column.label(text=in_words(text))
 
     column.label(text=in_words(Message("Rays: {rays}", rays=details["rays"])))
     if details.get("glare"):

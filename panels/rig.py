@@ -45,7 +45,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
 
         draw_resolution(column, context, viewer)
         if scene.camera != viewer:
-            shown = "no camera" if scene.camera is None else f"'{scene.camera.name}'"
+            shown = Message("no camera") if scene.camera is None else f"'{scene.camera.name}'"
             sentence(
                 column,
                 context,

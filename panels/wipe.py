@@ -10,6 +10,7 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..operators import compared
+from ..operators.telling import in_words
 from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers
 
 LINE = (1.0, 1.0, 1.0, 0.9)
@@ -107,9 +108,7 @@ def _write_names(frame: np.ndarray, ours: bpy.types.PropertyGroup, scale: float)
     blf.color(0, *LINE)
     room = LETTERS * scale
     for side, corner in (("left", frame[0]), ("right", frame[1])):
-        name = bpy.app.translations.pgettext_iface(
-            ours.bl_rna.properties[side].enum_items[getattr(ours, side)].name
-        )
+        name = in_words(ours.bl_rna.properties[side].enum_items[getattr(ours, side)].name)
         width, _ = blf.dimensions(0, name)
         x = corner[0] + room if side == "left" else corner[0] - room - width
         blf.position(0, x, corner[1] - 2 * room, 0.0)

@@ -248,6 +248,13 @@ def messages(arguments: argparse.Namespace) -> None:
     run_plainly("messages", arguments.rest)
 
 
+def languages(arguments: argparse.Namespace) -> None:
+    """Print the texts that languages of the interface lack
+    (further options go to scripts/languages.py).
+    """
+    run_in_blender("languages", arguments.rest)
+
+
 def lint(arguments: argparse.Namespace) -> None:
     """Check the code's style."""
     sys.exit(not run_suite(tools=newest_blender()[0], prefixes=["lint", "format"], need_all=True))
@@ -304,6 +311,7 @@ def main() -> None:
         pictures,
         pipeline,
         messages,
+        languages,
         lint,
         house,
         build,

@@ -27,15 +27,6 @@ REACH = 0.5  # of the picture's longer side: so far it may move
 TOLD = 5e-3  # share of the picture: more that is lost all the same is told
 
 
-# the clause for an operator's amount
-WORDS = {
-    "kiriko.fit_plate": "make the plate {amount} larger",
-    "kiriko.fit_display": "make the display {amount} larger",
-    "kiriko.fit_picture_size": "make the picture {amount} wide",
-    "kiriko.best_place": "move it",
-}
-
-
 @dataclass(frozen=True)
 class Help:
     """A remedy.
@@ -55,8 +46,13 @@ class Help:
 
         length_text : a length, m, in words
         """
-        values = {"amount": length_text(self.amount)} if self.amount else {}
-        clause = Message(WORDS[self.operator], **values)
+        amount = length_text(self.amount)
+        clause = {
+            "kiriko.fit_plate": Message("make the plate {amount} larger", amount=amount),
+            "kiriko.fit_display": Message("make the display {amount} larger", amount=amount),
+            "kiriko.fit_picture_size": Message("make the picture {amount} wide", amount=amount),
+            "kiriko.best_place": Message("move it"),
+        }[self.operator]
         if self.after >= 1 - TOLD:
             return clause
         return Message("{clause} ({share} arrives)", clause=clause, share=percent(self.after))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..glass.motion import Motion, find_motion
+from ..messages import Message
 from ..products import turn
 from ..rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
 
@@ -21,7 +22,13 @@ TOLERANCES = {
     "mirror": 0.01,
     "focal": 0.1,
 }
-AXES = ("right", "up", "away")  # as the viewer of the planned rig looks
+# amounts by which a part may be off: along and about axes as the viewer of the planned rig looks
+SHIFTS = Message("shift right"), Message("shift up"), Message("shift away")
+TURNS = Message("turn about right"), Message("turn about up"), Message("turn about away")
+INDEX = Message("index")
+HEIGHT = Message("mirror height")
+CROSSING = Message("crossing angle")
+FOCAL = Message("focal length")
 
 
 @dataclass(frozen=True)
@@ -75,23 +82,23 @@ def _nothing(part: Any, number: int) -> list[Parameter]:
 
 def _of_glass(glass: Glass, number: int) -> list[Parameter]:
     change = _changed("glasses", number, _other_index)
-    return [Parameter(f"{glass.name}: index", "", 1e-4, change)]
+    return [Parameter(f"{glass.name}: {INDEX}", "", 1e-4, change)]
 
 
 def _of_plate(plate: Plate, number: int) -> list[Parameter]:
     if plate.array is None:
         return []
     height = _changed("plates", number, _higher)
-    found = [Parameter(f"{plate.name}: mirror height", "mm", 1e-3, height)]
+    found = [Parameter(f"{plate.name}: {HEIGHT}", "mm", 1e-3, height)]
     if plate.array.layout == "crossed":
         angle = _changed("plates", number, _crossed_wrong)
-        found.insert(0, Parameter(f"{plate.name}: crossing angle", "deg", 1e-2, angle))
+        found.insert(0, Parameter(f"{plate.name}: {CROSSING}", "deg", 1e-2, angle))
     return found
 
 
 def _of_viewer(viewer: Viewer, number: int) -> list[Parameter]:
     change = _changed("viewers", number, _zoomed)
-    return [Parameter(f"{viewer.name}: focal length", "%", 1e-2, change)]
+    return [Parameter(f"{viewer.name}: {FOCAL}", "%", 1e-2, change)]
 
 
 # what may be off about a part besides its place, by its role
@@ -170,21 +177,21 @@ def _poses(part: Any, axes: Floats, kind: str, number: int) -> Iterator[Paramete
     """
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
 
-    for word, axis in zip(AXES, axes, strict=True):
+    for words, axis in zip(SHIFTS, axes, strict=True):
         shift = _changed(
             kind,
             number,
             lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
         )
-        yield Parameter(f"{part.name}: shift {word}", "mm", 1e-2, shift)
+        yield Parameter(f"{part.name}: {words}", "mm", 1e-2, shift)
 
-    for word, axis in zip(AXES, axes, strict=True):
+    for words, axis in zip(TURNS, axes, strict=True):
         turn = _changed(
             kind,
             number,
             lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)),
         )
-        yield Parameter(f"{part.name}: turn about {word}", "deg", 1e-2, turn)
+        yield Parameter(f"{part.name}: {words}", "deg", 1e-2, turn)
 
 
 def turned(axis: Floats, degrees: float, about: Floats) -> Motion:

@@ -15,6 +15,7 @@ from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import tracing
 from ..light.ways import NOTHING, Tails, Way, following
+from ..messages import Message
 from ..rig import Rig
 from ..steps import Pauses
 from ..vectors import length_of
@@ -27,8 +28,8 @@ State = Literal["arrives", "lost", "aerial", "picture"]
 TAIL = 0.06  # of the rig's size: so far light that leaves to nowhere is drawn
 REACH = 0.5  # of it: so far off the plate or the display may be passed by
 LEAST_LOST = 0.005  # of the picture: a smaller part of it that is lost gets no words
-OUT_OF_VIEW = "outside the viewer's frame"
-AERIAL = "aerial plane"
+OUT_OF_VIEW = Message("outside the viewer's frame")
+AERIAL = Message("aerial plane")
 
 
 class Line(NamedTuple):

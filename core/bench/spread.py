@@ -16,7 +16,25 @@ from ..messages import Message
 from ..rig import PicturePlace
 from .light import Light, light_of
 
-SEVERAL = "several parts of the picture"
+SEVERAL = Message("several parts of the picture")
+# by row, from the lowest, and column
+PARTS = (
+    (
+        Message("the picture's lower left corner"),
+        Message("the picture's lower side"),
+        Message("the picture's lower right corner"),
+    ),
+    (
+        Message("the picture's left side"),
+        Message("the picture's middle"),
+        Message("the picture's right side"),
+    ),
+    (
+        Message("the picture's upper left corner"),
+        Message("the picture's upper side"),
+        Message("the picture's upper right corner"),
+    ),
+)
 THIRDS = 1 / 3, 2 / 3  # of the picture's sides
 MOST = 0.95  # share of the light without its outermost part
 
@@ -71,7 +89,7 @@ class Spread:
         last = np.searchsorted(within, share * within[-1]) if share < 1 else len(order) - 1
         return 2 * float(half[order[last]])
 
-    def outermost(self, aspect: float) -> str:
+    def outermost(self, aspect: float) -> Message:
         """From which part of the picture the light comes that lands
         furthest from the display's middle, in words.
         """
@@ -82,7 +100,7 @@ class Spread:
         return np.maximum(np.abs(self.across[:, 0]), np.abs(self.across[:, 1]) * aspect)
 
 
-def part_of_picture(places: Floats, weight: Floats) -> str:
+def part_of_picture(places: Floats, weight: Floats) -> Message:
     """The part of a picture in which most of these places (n,
     2) lie, in its UV, by their weight (n,), in words.
     """
@@ -97,27 +115,17 @@ def part_of_picture(places: Floats, weight: Floats) -> str:
     # one part alone
     row, column = np.unravel_index(of_part.argmax(), (3, 3))
     if of_part[row, column] >= LIGHT_RAYS.named_share:
-        words = [("lower", "", "upper")[row], ("left", "", "right")[column]]
-        kind = "corner" if all(words) else "side"
-        return (
-            f"the picture's {' '.join(filter(None, words))} {kind}"
-            if any(words)
-            else "the picture's middle"
-        )
+        return PARTS[row][column]
 
     # or a whole side
     sides = {
-        "lower": of_part[0],
-        "upper": of_part[2],
-        "left": of_part[:, 0],
-        "right": of_part[:, 2],
+        PARTS[0][1]: of_part[0],
+        PARTS[2][1]: of_part[2],
+        PARTS[1][0]: of_part[:, 0],
+        PARTS[1][2]: of_part[:, 2],
     }
-    side = max(sides, key=lambda word: sides[word].sum())
-    return (
-        Message("the picture's {side} side", side=side)
-        if sides[side].sum() >= LIGHT_RAYS.named_share
-        else SEVERAL
-    )
+    side = max(sides, key=lambda words: sides[words].sum())
+    return side if sides[side].sum() >= LIGHT_RAYS.named_share else SEVERAL
 
 
 def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:

@@ -4,21 +4,21 @@ import bpy
 
 from ..messages import Message
 
-SURFACELESS = {"ARMATURE", "CAMERA", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
+EMPTY = Message("an empty has no surface")
+SURFACELESS = {
+    "ARMATURE": Message("an armature has no surface"),
+    "CAMERA": Message("a camera has no surface"),
+    "LATTICE": Message("a lattice has no surface"),
+    "LIGHT": Message("a light has no surface"),
+    "LIGHT_PROBE": Message("a light probe has no surface"),
+    "SPEAKER": Message("a speaker has no surface"),
+}
 
 
 def bodiless(thing: bpy.types.Object) -> str:
     """Why an object can have no role, as the end of a sentence; '' where it can."""
     if thing.type == "EMPTY":
         is_instance = thing.instance_type == "COLLECTION" and thing.instance_collection is not None
-        return "" if is_instance else "an empty has no surface"
+        return "" if is_instance else EMPTY
 
-    if thing.type not in SURFACELESS:
-        return ""
-
-    word = thing.bl_rna.properties["type"].enum_items[thing.type].name.lower()
-    return Message(
-        "{article} {kind} has no surface",
-        article="an" if word[0] in "aeiou" else "a",
-        kind=word,
-    )
+    return SURFACELESS.get(thing.type, "")

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 from math import floor, log10
 
 from ..light.landings import REASON_WORDS, Reason
-from ..messages import Message, joined
+from ..messages import Message, as_message, joined
+from ..numbers import millimetres
 from ..rig import ROLES
-from ..words import millimetres, percent
+from ..words import percent
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Named, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
@@ -21,11 +22,11 @@ SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.num
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
 # and the buttons. Operators that make a part as large as needed add themselves here.
 # Where remedies were found they stand in their place, with their amounts.
-FIT_PICTURE = Button("kiriko.fit_picture_size", "Fit Picture")
-FIT_PLATE = Button("kiriko.fit_plate", "Fit Plate")
-FIT_DISPLAY = Button("kiriko.fit_display", "Fit Display")
-BEST_PLACE = Button("kiriko.best_place", "Best Place")
-TURN_BACK = Button("kiriko.turn_back", "Turn It Back")
+FIT_PICTURE = Button("kiriko.fit_picture_size", Message("Fit Picture"))
+FIT_PLATE = Button("kiriko.fit_plate", Message("Fit Plate"))
+FIT_DISPLAY = Button("kiriko.fit_display", Message("Fit Display"))
+BEST_PLACE = Button("kiriko.best_place", Message("Best Place"))
+TURN_BACK = Button("kiriko.turn_back", Message("Turn It Back"))
 REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     REASON_WORDS[Reason.MISSED_PLATE]: (
         Message("make the plate larger, or the picture smaller"),
@@ -88,13 +89,13 @@ def _on_missing(look: Look) -> Iterator[Entry]:
             label = Message("Use '{camera}'", camera=name)
             buttons = (Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA"),)
         elif is_new:
-            buttons = (Button("kiriko.add_rig", "Add Rig", (), "ADD"),)
+            buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
             is_new = False  # once is enough
         yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
 
 
 def _show(thing: Thing) -> Button:
-    return Button("kiriko.show_part", "Show", _naming(thing.named), "HIDE_OFF")
+    return Button("kiriko.show_part", Message("Show"), _naming(thing.named), "HIDE_OFF")
 
 
 def _on_too_many(look: Look) -> Iterator[Entry]:
@@ -136,20 +137,22 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
     if thing.is_opaque:
         text = Message("'{name}' is no glass: its material does not refract.", name=name)
         properties = _naming(thing.named)
-        button = Button("kiriko.make_glass", "Make It Glass", properties, "MATSPHERE")
+        button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")
         yield Entry(text, PROBLEM, (button,))
 
     if thing.is_pictureless:
-        button = Button("kiriko.open_picture", "Choose Image", (), "FILE_FOLDER")
+        button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
         yield Entry(Message("{why}.", why=thing.is_pictureless), PROBLEM, (button,))
 
     if thing.has_no_scale:
         text = Message("'{name}' is scaled to nothing.", name=name)
-        button = Button("kiriko.reset_scale", "Reset Scale", _naming(thing.named), "LOOP_BACK")
+        button = Button(
+            "kiriko.reset_scale", Message("Reset Scale"), _naming(thing.named), "LOOP_BACK"
+        )
         yield Entry(text, PROBLEM, (button,))
     elif thing.is_flat and thing.role == "GLASS":
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
-        button = Button("kiriko.thicken", "Thicken", _naming(thing.named), "MOD_SOLIDIFY")
+        button = Button("kiriko.thicken", Message("Thicken"), _naming(thing.named), "MOD_SOLIDIFY")
         yield Entry(text, PROBLEM, (button,))
     elif thing.faults is not None and not thing.is_flat:
         yield from _on_mesh(thing, thing.faults, thing.own_faults or Counts())
@@ -189,7 +192,9 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
 
     if n_open and is_inside_out and thing.role == "GLASS":
         text = Message("The faces of '{name}' look into the glass.", name=name)
-        button = Button("kiriko.turn_out", "Turn Out", _naming(thing.named), "NORMALS_FACE")
+        button = Button(
+            "kiriko.turn_out", Message("Turn Out"), _naming(thing.named), "NORMALS_FACE"
+        )
         yield Entry(text, PROBLEM, (button,))
 
 
@@ -201,19 +206,21 @@ def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
 
 
 def _select_part(thing: Thing) -> Button:
-    return Button("kiriko.select_part", "Select Part", _naming(thing.named), "RESTRICT_SELECT_OFF")
+    return Button(
+        "kiriko.select_part", Message("Select Part"), _naming(thing.named), "RESTRICT_SELECT_OFF"
+    )
 
 
 def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Is there one, of the scene as it is, of all of the picture?"""
-    solve = (Button("kiriko.solve", "Solve", (), "LIGHT_SUN"),)
+    solve = (Button("kiriko.solve", Message("Solve"), (), "LIGHT_SUN"),)
     if look.missing:
         return
     if look.is_coarse:
-        yield Entry("The source image is a first, coarse one.", PROBLEM, solve)
+        yield Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
         return
     if look.is_stale:
-        yield Entry("The scene has changed since it was solved.", PROBLEM, solve)
+        yield Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
         return
 
     for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
@@ -222,14 +229,14 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             text = Message(
                 "{share} of the picture {reason}: {remedy}.",
                 share=percent(share),
-                reason=reason,
+                reason=as_message(reason),
                 remedy=remedy,
             )
             yield Entry(text, ADVICE, buttons)
 
     if look.is_solved and look.is_unsaved:
-        text = "The export goes beside this file, which was never saved."
-        yield Entry(text, ADVICE, (Button("wm.save_mainfile", "Save", (), "FILE_TICK"),))
+        text = Message("The export goes beside this file, which was never saved.")
+        yield Entry(text, ADVICE, (Button("wm.save_mainfile", Message("Save"), (), "FILE_TICK"),))
 
 
 def _remedy(

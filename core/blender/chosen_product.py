@@ -11,7 +11,7 @@ import numpy as np
 
 from ..catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from ..errors import RigError
-from ..messages import Message
+from ..messages import Message, as_message
 from .elements import DEFAULT_IOR, mirrors
 from .layout import give_size, size_of
 from .material import is_refractive, material_output, read_refraction, shaders
@@ -165,7 +165,7 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
     given = []
 
     for thing, why in reasons.items():
-        names = {"glass": thing.name, "preset": product.name, "ior": f"{product.ior:g}"}
+        names = {"glass": thing.name, "preset": as_message(product.name), "ior": f"{product.ior:g}"}
         if why:
             thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
             text = Message(

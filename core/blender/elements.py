@@ -19,6 +19,7 @@ from .shapes import Kept
 
 # cosine between a plate's normal and its x axis above which that axis does not lie in it
 UPRIGHT = 0.99
+OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index beside shaders
 DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass whose material does not refract
 
 
@@ -46,11 +47,11 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     settings = part.owner.kiriko
     readings, notes = _readings_of(part)
     if not readings:
-        ior, source = (settings.ior, "override") if settings.use_ior else (DEFAULT_IOR, "default")
+        ior, source = (settings.ior, OVERRIDE) if settings.use_ior else (DEFAULT_IOR, DEFAULT)
         material = next((m.name for m in part.materials if m is not None), "")
         readings = [MaterialReading(part.owner.name, material, ior, source)]
 
-        if source == "default":
+        if source == DEFAULT:
             notes.append(
                 Message(
                     "The glass '{name}' has no refractive material: using an index of"
@@ -77,7 +78,7 @@ def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
             continue
 
         notes += found.notes
-        ior, source = (settings.ior, "override") if settings.use_ior else (found.ior, found.source)
+        ior, source = (settings.ior, OVERRIDE) if settings.use_ior else (found.ior, found.source)
         readings.append(
             MaterialReading(
                 object_name=part.owner.name,
@@ -225,7 +226,7 @@ def read_picture_image(
     if image is None:
         return [], []
 
-    pixels = kept.pixels(image, "the scene's picture", tone)
+    pixels = kept.pixels(image, Message("the scene's picture"), tone)
     place = place_of(image, image.name)
     notes = about(image)
 

@@ -172,9 +172,9 @@ def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
     colour = node.inputs.get("Base Color") or node.inputs.get("Color")
     end, _ = feeding(colour, groups)
     if end.is_output or min(end.default_value[:3]) != 1.0 or max(end.default_value[:3]) != 1.0:
-        yield "colour tint"
+        yield Message("colour tint")
     if is_linked(node, "Normal", groups):
-        yield "normal map"
+        yield Message("normal map")
 
 
 def read_refraction(material: bpy.types.Material | None) -> Refraction | None:

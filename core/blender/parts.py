@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..messages import Message
+from ..messages import Message, as_message
 from ..rig import ROLES, Mesh
 from .bodies import bodiless
 from .material import Texture
@@ -242,10 +242,10 @@ def hidden_words(thing: bpy.types.Object, by: str) -> str:
     can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
     return Message(
         "The {role} '{name}' is hidden{by}: show it{otherwise}",
-        role=role_label(thing).lower(),
+        role=as_message(role_label(thing).lower()),
         name=thing.name,
         by=by,
-        otherwise=", or set its role to None" if can_do_without else "",
+        otherwise=Message(", or set its role to None") if can_do_without else "",
     )
 
 
@@ -262,14 +262,14 @@ def notes_on_parts(
         Message(
             "'{name}' has the role {role} but is hidden{by}: left out.",
             name=o.name,
-            role=role_label(o),
+            role=as_message(role_label(o)),
             by=by,
         )
         if by
         else Message(
             "'{name}' has the role {role} but shows nothing: left out.",
             name=o.name,
-            role=role_label(o),
+            role=as_message(role_label(o)),
         )
         for o, by in unmet.items()
     ]

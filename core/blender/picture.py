@@ -36,7 +36,7 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
         )
 
     if image.source in {"SEQUENCE", "MOVIE"}:
-        kind = "a movie" if image.source == "MOVIE" else "an image sequence"
+        kind = Message("a movie") if image.source == "MOVIE" else Message("an image sequence")
         raise ImageError(
             "The image '{image}' of {owner} is {kind}, and moving pictures are not read"
             " yet: choose one frame's file, with Source: Single Image.",

@@ -20,7 +20,7 @@ from .rig_record import keep
 
 MATERIAL = "Kiriko Picture"
 UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should
-FIT_BUTTON = "press Fit to Image in the Kiriko tab"
+FIT_BUTTON = Message("press Fit to Image in the Kiriko tab")
 
 
 def own_materials(thing: bpy.types.Object) -> list[bpy.types.Material]:
@@ -160,8 +160,9 @@ def squeezed_words(factor: float) -> str:
     """By how much an image is squeezed, to follow 'is'; '' where no one would see it."""
     if abs(factor - 1) <= UNSEEN_SQUEEZE:
         return ""
-    side, share = ("width", factor) if factor < 1 else ("height", 1 / factor)
-    return Message("squeezed to {share} of its {side}", share=percent(share), side=side)
+    if factor < 1:
+        return Message("squeezed to {share} of its width", share=percent(factor))
+    return Message("squeezed to {share} of its height", share=percent(1 / factor))
 
 
 def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:

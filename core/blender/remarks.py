@@ -55,13 +55,13 @@ def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
         and modifier.subdivision_type == "CATMULL_CLARK"
         and not modifier.use_limit_surface
     ):
-        return "turn on its Use Limit Surface"
+        return Message("turn on its Use Limit Surface")
 
     is_collapsed = (
         modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
     )
     if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
-        return "turn it off, or set the object's Surface to Automatic"
+        return Message("turn it off, or set the object's Surface to Automatic")
 
     return ""
 

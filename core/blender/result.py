@@ -15,7 +15,7 @@ from ..solve.solution import Solution
 from ..words import NO_PLATE, summary
 from . import shaders
 from .image import image_from_pixels, or_none, pack, set_pixels
-from .kept import Numbers
+from .kept import Numbers, Sentences
 from .result_numbers import numbers_of
 from .rig_record import keep
 from .scene import Reading
@@ -225,6 +225,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     result.is_coarse, result.coverage = True, 0.0
     result.summary = result.details = result.seen_summary = ""  # the old ones are of another one
     result.notes = "\n".join(map(one_line, reading.notes))
+    result.sentences = Sentences.of(reading.notes).text()
     result.solved_for = reading.solved_for
 
     return reading
@@ -263,14 +264,16 @@ def _write_numbers(
     details, notes = numbers
     result.coverage = details["picture_coverage"]
     result.details = Numbers(details).text()
-    display = "The display" if reading.rig.plates else NO_PLATE
-    result.summary = summary(details["picture_coverage"], solution.misses, display)
+    display = Message("The display") if reading.rig.plates else NO_PLATE
+    text = summary(details["picture_coverage"], solution.misses, display)
+    result.summary = text
     result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
+    result.sentences = Sentences.of(text, notes, remarks, details).text()
     result.is_coarse = False
     result.seen_summary = ""  # the simulation is of another one
     result.solved_for = reading.solved_for
 
-    return result.summary
+    return text
 
 
 def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:

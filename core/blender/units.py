@@ -3,6 +3,8 @@
 import bpy
 import numpy as np
 
+from ..messages import Message
+
 # metres in the units a scene can be set to, and how they are written
 LENGTH_UNITS = {
     "KILOMETERS": (1e3, "km"),
@@ -34,7 +36,7 @@ def length_text(scene: bpy.types.Scene, metres: float) -> str:
     """
     units = scene.unit_settings
     if units.system == "NONE":
-        return f"{_plain(metres)} units"
+        return Message("{number} units", number=_plain(metres))
 
     size, symbol = LENGTH_UNITS.get(units.length_unit, (0.0, ""))
     if size and (metres == 0 or READABLE[0] <= abs(metres) / size < READABLE[1]):

@@ -30,15 +30,17 @@ class Shown:
             if thing not in self._in_scene:
                 return instance_hidden_by(thing)
             if thing.hide_viewport:
-                return " by its monitor symbol"
+                return Message(" by its monitor symbol")
             if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
-                return " by its eye symbol (H)"
-            return self._by_collection(thing, ("exclude", "hide_viewport"), " in the viewport")
+                return Message(" by its eye symbol (H)")
+            return self._by_collection(
+                thing, ("exclude", "hide_viewport"), Message(" in the viewport")
+            )
 
         if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(
             thing.users_collection
         ):
-            return self._by_collection(thing, ("exclude", "hide_render"), " in renders")
+            return self._by_collection(thing, ("exclude", "hide_render"), Message(" in renders"))
 
         return by
 
@@ -74,7 +76,7 @@ def instance_hidden_by(thing: bpy.types.Object) -> str:
     """The setting that hides instances of an object, which
     is itself in no scene, or is hidden there.
     """
-    return " in renders by its camera symbol" if thing.hide_render else ""
+    return Message(" in renders by its camera symbol") if thing.hide_render else ""
 
 
 def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats, Ints
 from ..light.plan import Plan
 from ..light.trace import tracing
+from ..messages import Message, joined
 from ..steps import Pauses
 from ..vectors import dot
 from .simulation import LUMINANCE
@@ -18,6 +19,7 @@ from .simulation import LUMINANCE
 N_RAYS_A_SIDE = 64  # of the viewer's image: a share of a tenth is known to a hundredth
 # times the spread of the light through the glass: so far off its middle light is to one side of it
 OFF_MIDDLE = 0.5
+AROUND = Message("all around it")
 
 
 class Glare(NamedTuple):
@@ -51,22 +53,24 @@ class LightBeside:
             return Glare(0.0, "")
         return Glare(float(beside.sum() / total), self._where(light - beside, beside))
 
-    def _where(self, through: Floats, beside: Floats) -> str:
+    def _where(self, through: Floats, beside: Floats) -> Message:
         """On which side of the glass most of the light beside it is."""
         if not through.sum():
-            return "all around it"
+            return AROUND
 
         middle, off = (np.average(self.view, axis=0, weights=light) for light in (through, beside))
         spread = np.sqrt(np.average(((self.view - middle) ** 2).sum(axis=1), weights=through))
         x, y = (off - middle) / max(spread, 1.0)
         sides = {
-            "above": y < -OFF_MIDDLE,
-            "below": y > OFF_MIDDLE,
-            "left of": x < -OFF_MIDDLE,
-            "right of": x > OFF_MIDDLE,
+            Message("above"): y < -OFF_MIDDLE,
+            Message("below"): y > OFF_MIDDLE,
+            Message("left of"): x < -OFF_MIDDLE,
+            Message("right of"): x > OFF_MIDDLE,
         }
         words = [word for word, is_there in sides.items() if is_there]
-        return f"most of it {' and '.join(words)} it" if words else "all around it"
+        if not words:
+            return AROUND
+        return Message("most of it {sides} it", sides=joined(words, " and "))
 
 
 def looking_beside(plan: Plan) -> Plan:

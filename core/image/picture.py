@@ -17,7 +17,7 @@ from .flat_picture import LEAST, FlatWay, flat_way, outline_in_view
 POINTS_AT_ONCE = 1 << 16  # their arrays stay in the cache
 MESH_STEP_PX = 1e-3  # viewer px over which a mesh's map is differentiated
 EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
-BY_MIRROR = " (where it is seen by way of a mirror, set Picture to Image)"
+BY_MIRROR = Message(" (where it is seen by way of a mirror, set Picture to Image)")
 # viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
 BLOCK_PX = 16
 
@@ -139,9 +139,9 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
 
     _, across = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
     if across < EDGE_ON * np.linalg.norm(high - low):
-        return "which is seen edge-on: turn it to the viewer"
+        return Message("which is seen edge-on: turn it to the viewer")
     if (high - low).max() < 1:
-        return (
+        return Message(
             "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
         )
     return Message(

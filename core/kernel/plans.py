@@ -10,6 +10,7 @@ import numpy as np
 from ..glass.curved import CurvedFaces
 from ..light.plate import ArrayFrame
 from ..light.ray_engine import Layer
+from ..messages import Message
 from ..steps import Pauses
 from .layers import growing_trees, make_layer
 from .loading import MOST_LAYERS, library
@@ -49,17 +50,17 @@ def _make_array(frame: ArrayFrame) -> Made:
 
 def left_out(layers: Sequence["PlannedLayer"]) -> str | None:
     """Why the kernel does not follow rays in a plan of these layers; None where it does."""
-    return "it is not there" if library() is None else _unknown(layers)
+    return Message("it is not there") if library() is None else _unknown(layers)
 
 
 def _unknown(layers: Sequence["PlannedLayer"]) -> str | None:
     if len(layers) > MOST_LAYERS:
-        return f"more than {MOST_LAYERS} layers"
+        return Message("more than {n} layers", n=MOST_LAYERS)
     if any(
         type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
         for held in layers
     ):
-        return "faces of another kind"
+        return Message("faces of another kind")
     return None
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
+from ..messages import Message
 from .plate import PlatePath
 
 Words = NDArray[np.uint64]
@@ -25,12 +26,12 @@ class Reason(IntEnum):
 
 
 REASON_WORDS = {
-    Reason.MISSED_GLASS: "missed the glass",
-    Reason.LOST_INSIDE: "lost inside the glass",
-    Reason.MISSED_PLATE: "missed the plate",
-    Reason.BLOCKED: "blocked",
-    Reason.MISSED_DISPLAY: "missed the display",
-    Reason.CUT_OFF: "cut off by Max Events",
+    Reason.MISSED_GLASS: Message("missed the glass"),
+    Reason.LOST_INSIDE: Message("lost inside the glass"),
+    Reason.MISSED_PLATE: Message("missed the plate"),
+    Reason.BLOCKED: Message("blocked"),
+    Reason.MISSED_DISPLAY: Message("missed the display"),
+    Reason.CUT_OFF: Message("cut off by Max Events"),
 }
 
 

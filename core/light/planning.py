@@ -92,7 +92,11 @@ def planning(
         merge_distance=merge_distance,
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
-            *(f"{name} ({reason})" for name, (is_used, reason) in rules.items() if not is_used),
+            *(
+                Message("{name} ({reason})", name=name, reason=reason)
+                for name, (is_used, reason) in rules.items()
+                if not is_used
+            ),
             *(
                 Message("'{glass}' (no light comes near it)", glass=rig.glasses[i].name)
                 for i in aside
@@ -179,31 +183,38 @@ def _rules(
     not. is_clear: (p, 2) beyond a plate is one display.
     """
     is_plate = parts.kind == Kind.PLATE
-    no_plate = None if is_plate.any() else "there is no plate"
+    no_plate = None if is_plate.any() else Message("there is no plate")
     is_sent_on = is_clear[is_plate].any(axis=1).all()
     no_kernel = kernel.left_out(layers)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
 
     if not has_engine:
-        no_engine = "few flat faces"
+        no_engine = Message("few flat faces")
     elif no_kernel is None:
-        no_engine = "the kernel has its own trees"
+        no_engine = Message("the kernel has its own trees")
 
-    engine = "ray engine" if no_engine else f"ray engine ({engine_kind().name})"
+    engine = (
+        Message("ray engine")
+        if no_engine
+        else Message("ray engine ({kind})", kind=engine_kind().name)
+    )
     return {
-        "compiled kernel": (no_kernel is None, no_kernel),
+        Message("compiled kernel"): (no_kernel is None, no_kernel),
         engine: (no_engine is None, no_engine),
-        "curved faces": (
+        Message("curved faces"): (
             any(s.curved is not None for s in parts.surfaces),
-            "no face that may be curved turns far",
+            Message("no face that may be curved turns far"),
         ),
-        "bent normals": (
+        Message("bent normals"): (
             any(s.corner_normals is not None for s in parts.surfaces),
-            "no flat face has any",
+            Message("no flat face has any"),
         ),
-        "overlapping media": (media.n_overlapping > 0, "the solids are disjoint"),
-        "mirror array": (has_arrays, no_plate or "the plate is ideal"),
-        "rays beyond the plate": (not is_sent_on, no_plate or "a flat display is all there is"),
-        "Fresnel": (settings.brightness, "brightness is not asked for"),
+        Message("overlapping media"): (media.n_overlapping > 0, Message("the solids are disjoint")),
+        Message("mirror array"): (has_arrays, no_plate or Message("the plate is ideal")),
+        Message("rays beyond the plate"): (
+            not is_sent_on,
+            no_plate or Message("a flat display is all there is"),
+        ),
+        Message("Fresnel"): (settings.brightness, Message("brightness is not asked for")),
     }

@@ -41,7 +41,7 @@ def _check_memory(plan: Plan, corners: Floats) -> None:
     area = float((_sides(corners) ** 2).sum())
     check_free(
         BYTES_OF_POINT * effort * area,
-        "Sampling where light is chaotic",
+        Message("Sampling where light is chaotic"),
         Message(
             "lower Effort ({effort}), or the resolution of the viewer '{viewer}'"
             " ({viewer_width} x {viewer_height})",

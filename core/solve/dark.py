@@ -4,25 +4,31 @@ import numpy as np
 
 from ..errors import RigError
 from ..light.landings import Reason
+from ..messages import Message
 from ..words import percent
 from .channel import Traced
 
 MOST_LEAKED = 0.5  # share of the light: where more goes through gaps these are why all is dark
 
 REMEDIES = {
-    Reason.MISSED_GLASS: "no ray from the viewer meets the glass: turn the viewer to it",
-    Reason.LOST_INSIDE: "every ray is lost inside the glass: look for faces that cut each other",
-    Reason.MISSED_PLATE: "no ray reaches the plate: move or enlarge it",
-    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
-    " the plate",
-    Reason.MISSED_DISPLAY: "no ray reaches the display: move or enlarge it",
-    Reason.CUT_OFF: "every ray meets more surfaces than Max Events allows: raise it, or change the"
-    " glass",
+    Reason.MISSED_GLASS: Message("no ray from the viewer meets the glass: turn the viewer to it"),
+    Reason.LOST_INSIDE: Message(
+        "every ray is lost inside the glass: look for faces that cut each other"
+    ),
+    Reason.MISSED_PLATE: Message("no ray reaches the plate: move or enlarge it"),
+    Reason.BLOCKED: Message(
+        "every ray is blocked: move the blockers, or turn the front of the display to the plate"
+    ),
+    Reason.MISSED_DISPLAY: Message("no ray reaches the display: move or enlarge it"),
+    Reason.CUT_OFF: Message(
+        "every ray meets more surfaces than Max Events allows: raise it, or change the glass"
+    ),
 }
 # where light goes straight from the glass to the display
 STRAIGHT = {
-    Reason.BLOCKED: "every ray is blocked: move the blockers, or turn the front of the display to"
-    " the glass",
+    Reason.BLOCKED: Message(
+        "every ray is blocked: move the blockers, or turn the front of the display to the glass"
+    ),
 }
 
 

@@ -64,7 +64,7 @@ def on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
     if glare is None or glare.share < GLARE:
         return
 
-    part = "plate" if plan.needs_plate else "display"
+    part = Message("plate") if plan.needs_plate else Message("display")
     remedy = (
         Message("cover the part of the {part} that is seen there", part=part)
         if plan.settings.suppress_glare == 1

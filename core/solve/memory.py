@@ -158,11 +158,11 @@ def check_memory(rig: Rig, settings: Settings) -> None:
         "tolerance": Message(
             "raise the tolerance ({tolerance:g} display pixels)", tolerance=settings.tolerance
         ),
-        "glass": "give the glass fewer triangles",
-        "always": "close other programs",
+        "glass": Message("give the glass fewer triangles"),
+        "always": Message("close other programs"),
     }
 
-    check_free(sum(parts.values()), "Solving", remedies[max(parts, key=parts.get)])
+    check_free(sum(parts.values()), Message("Solving"), remedies[max(parts, key=parts.get)])
 
 
 def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
@@ -179,7 +179,7 @@ def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMa
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
         estimated(rig, settings, view_map)["borders"],
-        "Painting what the borders in the glass cut to pieces",
+        Message("Painting what the borders in the glass cut to pieces"),
         Message(
             "lower Effort ({effort}), or {resolution}",
             effort=settings.effort,

@@ -8,11 +8,12 @@ from ..errors import RigError
 from ..image.picture import cover_in_view, why_unseen
 from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
+from ..messages import Message
 from ..rig import PicturePlace
 from ..viewer import Viewer
 
 UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
-TOO_FINE = "finer than a viewer pixel"
+TOO_FINE = Message("finer than a viewer pixel")
 
 LEAST_LIGHT = 1e-12  # of the picture: less is no light
 

@@ -14,11 +14,14 @@ from ..light.planning import planning
 from ..light.rays import ReachedError
 from ..map.sampling import Sampling
 from ..map.view_map import ViewMap
+from ..messages import Message
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import at
 from ..viewer import Viewer
 from .progress import PACE, times_slower
+
+UNTRACED = Message("tracing (the optics have not changed)")
 
 MOST_STARTS = 3  # the last of them with everything
 DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well

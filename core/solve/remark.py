@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..messages import Message
-from ..words import millimetres
+from ..numbers import millimetres
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,9 @@ class Remark:
     text: Message
     is_warning: bool = False
 
-    def told(self, length_text: Callable[[float], str] = millimetres) -> str:
+    def told(self, length_text: Callable[[float], str] = millimetres) -> Message:
         """The sentence, with lengths in words as a function of metres has them."""
-        return self.text.told(length_text=length_text)
+        return self.text.in_units(length_text)
 
 
 def note(template: str, /, **values: object) -> Remark:

@@ -10,8 +10,9 @@ from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.view_map import MapError
 from ..messages import Length, Message, joined
+from ..numbers import number
 from ..rig import Rig
-from ..words import number, percent
+from ..words import percent
 from .channel import Channel
 from .light_remarks import on_black, on_glare, on_white
 from .remark import Remark, note, warning

@@ -33,7 +33,7 @@ from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
 from .progress import STAGES
-from .reach import sample_reached
+from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
 
@@ -259,7 +259,7 @@ def _solution(
 ) -> Solution:
     """The result, by the light that is wanted of the display; is_new: were view maps traced?"""
     plan = channels[0].plan
-    left_out = () if is_new else ("tracing (the optics have not changed)",)
+    left_out = () if is_new else (UNTRACED,)
     return Solution(
         rig=rig,
         source=rig.display.source_for(light),

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import bpy
 
+from ...core.messages import Message
 from ...operators import sketcher, telling
 from ...operators.sketcher import Drawing
 from . import batches, lines, words
@@ -44,7 +45,7 @@ def _draw(function: Callable[[bpy.types.Context, Drawing], None]) -> None:
         function(context, drawing)
     except Exception as error:
         # which prints errors that were not foreseen
-        _failed.append(telling.sentence(error, "The overlay"))
+        _failed.append(telling.sentence(error, Message("The overlay")))
 
 
 def draw_toggle(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

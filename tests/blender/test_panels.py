@@ -526,7 +526,7 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
         None,
     )
 
-    for block, word in zip(data, ("A light", "An armature", "A lattice", "An empty"), strict=True):
+    for block, word in zip(data, ("a light", "an armature", "a lattice", "an empty"), strict=True):
         thing = new_object(block)
         shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" not in shown.props
@@ -534,7 +534,7 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
         thing.kiriko.role = "GLASS"
         shown = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert "role" in shown.props
-        assert "set the role to None" in " ".join(shown.texts)
+        assert "Set the role to None" in " ".join(shown.texts)
 
 
 def test_an_instance_may_have_a_role(drawn: Callable[..., Layout]) -> None:

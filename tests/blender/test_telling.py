@@ -7,7 +7,7 @@ import pytest
 
 GERMAN = {
     "The glass '{glass}' has {n} gaps: close them.": "Schließ die {n} Lücken im Glas '{glass}'.",
-    "{error} {thing} stays (Undo takes it back).": "{thing} bleibt. {error}",
+    "{error} But {thing} stays (Undo takes it back).": "Es bleibt {thing}. {error}",
     "{reason}.": "{reason}!",
 }
 
@@ -16,7 +16,12 @@ GERMAN = {
 def telling(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Module operators.telling, for people who read German."""
     module = importlib.import_module(f"{kiriko.__name__}.operators.telling")
-    monkeypatch.setattr(module, "translate", lambda text: GERMAN.get(text, text))
+
+    def in_german(text: str, context: str) -> str:
+        return GERMAN.get(text, text)
+
+    stand_in = SimpleNamespace(pgettext_iface=in_german, pgettext_rpt=in_german)
+    monkeypatch.setattr(module, "translations", stand_in)
     return module
 
 
@@ -42,6 +47,6 @@ def test_another_order_of_words_at_the_border(telling: ModuleType) -> None:
     assert said == [
         ("INFO", "Schließ die 3 Lücken im Glas 'Ball'."),
         ("INFO", "Wrote 'a.png'."),
-        ("ERROR", "A picture bleibt. Schließ die 3 Lücken im Glas 'Ball'."),
+        ("ERROR", "Es bleibt a picture. Schließ die 3 Lücken im Glas 'Ball'."),
         ("POLL", "No glass!"),
     ]

@@ -1,6 +1,7 @@
 import pytest
 
-from kiriko.core.words import millimetres, number, percent, pixels, summary
+from kiriko.core.numbers import millimetres, number
+from kiriko.core.words import percent, pixels, summary
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Bools, Floats
 from ...errors import ImageError
-from ...messages import Message
+from ...messages import Message, joined
 from .drawn import Lattice
 from .growth import (
     GROWTH,
@@ -47,13 +47,13 @@ class Mistakes:
 MISTAKES = Mistakes()
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
 WAYS = {
-    "mirrored": (True, False, 0, 0),
-    "upside down and mirrored": (False, True, 0, 0),
-    "upside down": (True, True, 0, 0),
-    "a column to the left": (False, False, 1, 0),
-    "a column to the right": (False, False, -1, 0),
-    "a row higher": (False, False, 0, -1),
-    "a row lower": (False, False, 0, 1),
+    Message("mirrored"): (True, False, 0, 0),
+    Message("upside down and mirrored"): (False, True, 0, 0),
+    Message("upside down"): (True, True, 0, 0),
+    Message("a column to the left"): (False, False, 1, 0),
+    Message("a column to the right"): (False, False, -1, 0),
+    Message("a row higher"): (False, False, 0, -1),
+    Message("a row lower"): (False, False, 0, 1),
 }
 
 
@@ -99,8 +99,9 @@ def check(points: Floats, lattice: Lattice) -> None:
     if found.wanted:
         names = {site: lattice.name(sites[site]) for site in found.wanted}
         raise ImageError(
-            "{problems}: correct that, or leave them out.",
-            problems="; ".join(_told(found, names)).capitalize(),
+            "Some points are hardly where they belong: {problems}. Correct that, or leave them"
+            " out.",
+            problems=joined(_told(found, names), "; "),
         )
 
 
@@ -165,10 +166,10 @@ def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[
     shape = lattice.rows, lattice.columns
     is_known, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
     borders = {
-        "the first column": np.s_[:, 0],
-        "the last column": np.s_[:, -1],
-        "the first row": np.s_[0],
-        "the last row": np.s_[-1],
+        Message("the first column"): np.s_[:, 0],
+        Message("the last column"): np.s_[:, -1],
+        Message("the first row"): np.s_[0],
+        Message("the last row"): np.s_[-1],
     }
     return [name for name, k in borders.items() if is_due[k].any() and not is_known[k].any()]
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Floats
 from ...errors import ImageError
+from ...messages import Message
 from .crossings import RADII_PX, find_crossings
 from .dots import find_dots
 from .drawn import Style
@@ -46,7 +47,11 @@ def find_points(image: ArrayLike, style: Style | Literal["auto"] = "auto") -> Fl
             best = points[list(sites.values())]
 
     if not len(best):
-        marks = {"dots": "dots", "grid": "crossing lines", "auto": "dots or crossing lines"}[style]
+        marks = {
+            "dots": Message("dots"),
+            "grid": Message("crossing lines"),
+            "auto": Message("dots or crossing lines"),
+        }[style]
         raise ImageError(
             "No lattice of bright {marks} was found in the photograph: take a sharp one"
             " that shows more of the lattice.",

@@ -5,6 +5,8 @@ on the scene, what is shown on the window manager.
 import bpy
 from bpy.props import CollectionProperty, PointerProperty
 
+from ...messages import CONTEXT
+from ..own_words import in_own_words
 from . import view
 from .calibration import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
@@ -32,17 +34,19 @@ classes = (
 def register() -> None:
     """Give objects and scenes their Kiriko settings."""
     for cls in classes:
-        bpy.utils.register_class(cls)
+        bpy.utils.register_class(in_own_words(cls))
     # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has
     # been unregistered; a property that is added and taken away by hand does not.
     KirikoObject.image = PointerProperty(
         name="Image",
+        translation_context=CONTEXT,
         description="The picture, which the plane's material shows, too",
         type=bpy.types.Image,
         update=show_image,
     )
     KirikoScene.viewer = PointerProperty(
         name="Viewer",
+        translation_context=CONTEXT,
         description="Camera from which the picture shall look undistorted; the scene's camera when"
         " empty",
         type=bpy.types.Object,

@@ -55,3 +55,8 @@ class KirikoResult(bpy.types.PropertyGroup):
         name="Notes",
         description="Settings of the scene that were read and not followed, one remark a line",
     )
+    sentences: StringProperty(
+        name="Sentences",
+        description="Templates and values of the result's sentences, by which they are told in"
+        " another language, as JSON",
+    )

@@ -3,6 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
+from ...messages import CONTEXT
+
 IMAGES = (
     ("BEFORE", "Uncompensated", "Seen through the glass while the display shows the plain picture"),
     ("AFTER", "Corrected", "Seen through the glass while the display shows the source image"),
@@ -40,6 +42,7 @@ def add() -> None:
     )
     KirikoView.left = EnumProperty(
         name="Left",
+        translation_context=CONTEXT,
         description="Image left of the handle",
         items=IMAGES,
         default="BEFORE",
@@ -47,6 +50,7 @@ def add() -> None:
     )
     KirikoView.right = EnumProperty(
         name="Right",
+        translation_context=CONTEXT,
         description="Image right of the handle",
         items=IMAGES,
         default="AFTER",

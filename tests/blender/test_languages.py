@@ -1,0 +1,199 @@
+"""Languages of the interface: nothing is untranslated, in scenes solved in another one, too."""
+
+import importlib
+import re
+import string
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import bpy
+import pytest
+
+import languages as tool
+from panel_layout import Layout
+from small_rigs import small_rig
+
+EXTENSION = "bl_ext.user_default.kiriko"
+LOCALES = sorted(path.stem for path in (tool.ROOT / "languages").glob("*.po"))
+# letters that need no translation: units, formats, names of products and of ours
+SAME = re.compile(
+    "「[^」]*」|(?<![A-Za-z])(px|mm|cd|GB|JSON|CSV|Esc|Kiriko|Cycles|OpenEXR|PNG|IOR|UV|BVH|Embree"
+    "|Blender)(?![A-Za-z])"
+)
+
+
+@pytest.fixture
+def wanted(kiriko: ModuleType) -> dict[str, str]:
+    """All texts of the interface, each with its place."""
+    return tool.needed(kiriko, EXTENSION)
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_nothing_is_untranslated(kiriko: ModuleType, wanted: dict[str, str], locale: str) -> None:
+    """Each label, tooltip and sentence has its text in every language."""
+    texts = kiriko.languages.texts_of(locale)
+    missing = [tool.entry(text, place) for text, place in wanted.items() if text not in texts]
+    assert not missing, (
+        f"Add these entries to languages/{locale}.po, each with its text behind msgstr (its first"
+        " lines have the words to be used):\n\n" + "\n".join(missing)
+    )
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_nothing_is_stale(kiriko: ModuleType, wanted: dict[str, str], locale: str) -> None:
+    """No language has a text that nobody shows any more."""
+    stale = [text for text in kiriko.languages.texts_of(locale) if text not in wanted]
+    assert not stale, f"Remove these entries from languages/{locale}.po: {stale}"
+
+
+def places(template: str) -> set[tuple[str, str]]:
+    """A template's values, with the forms in which they are written."""
+    parts = string.Formatter().parse(template)
+    return {(name, form) for _, name, form, _ in parts if name and name not in tool.GRAMMAR}
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_values_are_those_of_the_english_text(kiriko: ModuleType, locale: str) -> None:
+    """A translated template has each value of the English one, in the same form, and no other."""
+    for english, text in kiriko.languages.texts_of(locale).items():
+        assert places(text) == places(english), english
+
+
+@pytest.mark.parametrize("locale", LOCALES)
+def test_no_language_writes_a_text_twice(kiriko: ModuleType, locale: str) -> None:
+    """A file has each English text once."""
+    file = Path(kiriko.languages.FOLDER, f"{locale}.po").read_text(encoding="utf-8")
+    lines = [line for line in file.splitlines() if line.startswith("msgid ")]
+    assert len(lines) == len(set(lines))
+
+
+def test_a_file_as_editors_write_it(
+    kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long texts stand on several lines; comments, the header, contexts and entries without a text
+    count for nothing.
+    """
+    text = (
+        'msgid ""\nmsgstr ""\n"Language: xx\\n"\n\n'
+        '#: a.py:1\n#, fuzzy\nmsgctxt "x"\nmsgid ""\n"One "\n"\\"two\\""\n'
+        'msgstr "Eins\\n"\n"zwei"\n'
+        '\nmsgid "Three"\nmsgstr ""\n\n#~ msgid "Four"\n#~ msgstr "Vier"\n'
+    )
+    (tmp_path / "xx.po").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(kiriko.languages, "FOLDER", tmp_path)
+    assert kiriko.languages.locales() == ["xx"]
+    assert kiriko.languages.texts_of("xx") == {'One "two"': "Eins\nzwei"}
+
+
+def test_blender_gets_all_and_forgets_all(
+    kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Enabling hands every language to Blender, disabling takes each back."""
+    there: dict[str, dict] = {}
+    stand_in = SimpleNamespace(register=there.__setitem__, unregister=there.pop)
+    monkeypatch.setattr(kiriko.languages, "translations", stand_in)
+    kiriko.languages.register(kiriko.operators.TIPS)
+    (by_locale,) = there.values()
+
+    assert sorted(by_locale) == LOCALES
+    japanese = by_locale["ja_JP"]
+    for context in ("*", "Operator", "Kiriko"):
+        assert japanese[context, "Look Through Viewer"] == "視点から見る"
+    # a tooltip with values is looked up as a whole
+    assert japanese["*", "Index of refraction 1.49"] == "屈折率1.49"
+    kiriko.languages.unregister()
+    assert not there
+
+
+@pytest.fixture
+def in_japanese(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+    """Blender as it is in Japanese, for Blenders without any language; returns its look-up."""
+    texts = kiriko.languages.texts_of("ja_JP")
+
+    def look_up(text: str, context: str = "*") -> str:
+        return texts.get(text, text)
+
+    kinds = "iface", "tip", "rpt", "data"
+    stand_in = SimpleNamespace(**{f"pgettext_{kind}": look_up for kind in kinds})
+    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
+    monkeypatch.setattr(telling, "translations", stand_in)
+    return look_up
+
+
+def english_in(texts: list[str], look_up: Callable[[str], str]) -> list[str]:
+    """Texts that are still English as they are shown, whose labels Blender looks up itself."""
+    names = [thing.name for thing in (*bpy.data.objects, *bpy.data.images, *bpy.data.materials)]
+    shown = [look_up(text) for text in texts]
+    for name in sorted(names, key=len, reverse=True):
+        shown = [text.replace(name, "") for text in shown]
+    return [text for text in shown if re.search("[A-Za-z]{2}", SAME.sub("", text))]
+
+
+PANELS = {
+    "checklist": ["VIEW3D_PT_kiriko_checklist"],
+    "solve": ["VIEW3D_PT_kiriko_solve", "VIEW3D_PT_kiriko_settings", "VIEW3D_PT_kiriko_preview"],
+    "result": ["VIEW3D_PT_kiriko_result", "VIEW3D_PT_kiriko_details"],
+    "object": ["VIEW3D_PT_kiriko_object"],
+    "rig": ["VIEW3D_PT_kiriko_rig"],
+    "export": ["VIEW3D_PT_kiriko_export", "VIEW3D_PT_kiriko_report"],
+    "calibration": ["VIEW3D_PT_kiriko_lattice", "VIEW3D_PT_kiriko_calibration"],
+    "add_menu": ["VIEW3D_MT_kiriko_add"],
+}
+
+
+def shown_texts(
+    drawn: Callable[..., Layout], thing: bpy.types.Object | None = None
+) -> Iterator[str]:
+    """All that the panels write, with an active object."""
+    for module, names in PANELS.items():
+        for name in names:
+            layout = drawn(module, name, thing)
+            yield from (*layout.texts, *layout.labels)
+
+
+def test_a_result_solved_in_english_reads_japanese(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, in_japanese: Callable[[str], str]
+) -> None:
+    """The scene keeps the English sentence, which scripts read, and all that another language
+    needs: after a change of language no panel has an English word left, the notes' values too.
+    """
+    parts = small_rig()
+    parts["DISPLAY"].scale *= 0.5  # some of the picture is lost
+    parts["VIEWER"] = scene.kiriko.viewer
+    parts["VIEWER"].data.dof.use_dof = True  # a note
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.summary.startswith("The display shows")
+    assert scene.kiriko.result.notes
+
+    texts = [text for thing in parts.values() for text in shown_texts(drawn, thing)]
+    assert any("ピンホール" in text for text in texts)
+    assert not english_in(texts, in_japanese)
+
+
+def test_before_and_right_after_add_rig(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, in_japanese: Callable[[str], str]
+) -> None:
+    """The first panel, and the sentences of Add Rig, have no English word left."""
+    first = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    assert not english_in([*first.texts, *first.labels], in_japanese)
+    small_rig()
+    assert not english_in(list(shown_texts(drawn)), in_japanese)
+
+
+def test_errors_come_in_the_language_of_reports(
+    scene: bpy.types.Scene, in_japanese: Callable[[str], str]
+) -> None:
+    """An operator that fails says so in Japanese, to an artist and to a script."""
+    small_rig()["GLASS"].hide_viewport = True
+    with pytest.raises(RuntimeError, match="ガラス「Cube」がモニターのアイコンにより非表示です"):
+        bpy.ops.kiriko.solve()
+
+
+def test_the_terminal_stays_english(
+    scene: bpy.types.Scene, in_japanese: Callable[[str], str], kiriko: ModuleType
+) -> None:
+    """Scripts and logs read the command line, whatever language the interface has."""
+    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
+    error = telling.KirikoError("The scene has {n} gaps.", n=2)
+    assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
