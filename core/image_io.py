@@ -82,19 +82,16 @@ def openimageio() -> Any:
 
 
 def why_not(form: str, without: Container[str] = ()) -> str:
-    """Why files of a format cannot be written, with the remedy, as a
-    sentence without its full stop; '' where they can.
-
-    without : formats that can be written without OpenImageIO
+    """Why files of a format, but for those `without` OpenImageIO, cannot be
+    written, with the remedy: a sentence without its full stop; '' where they can.
     """
     if form in without or importlib.util.find_spec("OpenImageIO") is not None:
         return ""
-    others = sorted({FORMATS[name].suffix for name in FORMATS if name in without})
-    instead = joined(Message("choose {suffix}, ", suffix=suffix) for suffix in others)
+    others = {FORMATS[name].suffix for name in FORMATS if name in without}
     return Message(
         "This Blender's Python has no OpenImageIO, which writes {suffix}: {instead}{remedy}",
         suffix=FORMATS[form].suffix,
-        instead=instead,
+        instead=joined(Message("choose {suffix}, ", suffix=suffix) for suffix in sorted(others)),
         remedy=REMEDY,
     )
 
@@ -232,7 +229,7 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
     is_written = out is not None and out.open(str(path), spec)
     is_written = is_written and out.write_image(pixels) and out.close()
     if not is_written:
-        why = (out.geterror() if out is not None else oiio.geterror()).strip() or "no reason given"
+        why = (oiio if out is None else out).geterror().strip() or Message("no reason given")
         out = None  # closes it: not every system removes an open file
         raise ImageError(
             "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why

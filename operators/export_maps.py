@@ -117,10 +117,12 @@ def _about(
 
 
 class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
-    """Write warp maps: by them other programs make the source image of any picture, or film,
-    that takes the place of this one
-    """
+    """Write warp maps, for other programs"""
 
+    bl_description = (
+        "Write warp maps: by them other programs make the source image of any picture, or film,"
+        " that takes the place of this one"
+    )
     bl_idname = "kiriko.export_maps"
     bl_label = "Export Maps"
     bl_options = {"REGISTER"}
@@ -212,7 +214,9 @@ class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
             mesh_step=self.mesh_step,
         )
         with folder.made(target):
-            about = yield from exported(context, target, options, overwrite, "set Overwrite")
+            about = yield from exported(
+                context, target, options, overwrite, Message("set Overwrite")
+            )
 
         return Message(
             "Wrote {files} and {sidecar} to '{folder}'.",

@@ -68,5 +68,5 @@ class KIRIKO_OT_remove_calibration(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         ours = context.scene.kiriko.calibration
         ours.offset = ours.found = ""
-        telling.report(self, "INFO", "The offset is gone: solve again.")
+        telling.report(self, "INFO", Message("The offset is gone: solve again."))
         return {"FINISHED"}

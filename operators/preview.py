@@ -116,7 +116,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 if self._preview.is_rendered:
                     self._finish(context, self._preview)
                     return {"FINISHED"}
-                telling.report(self, "INFO", "Stopped; the scene is as it was.")
+                telling.report(self, "INFO", Message("Stopped; the scene is as it was."))
             return {"CANCELLED"}
         finally:
             self.cancel(context)

@@ -202,7 +202,7 @@ def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
     if not n:
         return ()
     properties = _naming(thing.named, kind=kind)
-    return (Button("kiriko.select_faults", "Select", properties, "RESTRICT_SELECT_OFF"),)
+    return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
 
 
 def _select_part(thing: Thing) -> Button:

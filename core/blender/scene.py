@@ -185,7 +185,7 @@ def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
         )
         for name in unknown
     ]
-    return rig, ["The calibration's offset is in this rig.", *notes]
+    return rig, [Message("The calibration's offset is in this rig."), *notes]
 
 
 def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
