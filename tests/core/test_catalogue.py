@@ -25,6 +25,24 @@ DIAGONALS = {
     "Samsung QM55R": 54.6,
 }
 
+# mm, that a monitor tells the computer
+EDIDS = {"Dell P2422H": (527, 296), "Dell U2415": (518, 324), "Dell U2723QE": (597, 336)}
+
+# published fits of the index, squared, by the wavelength in um, squared: the terms of Sellmeier
+# (strength, resonance), of refractiveindex.info's database
+SELLMEIER = {
+    "Acrylic": [(1.1819, 0.011313)],
+    "N-BK7, K9": [
+        (1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653),
+    ],
+    "Polycarbonate": [(1.4182, 0.021304)],
+    "Water": [
+        (5.684027565e-1, 5.101829712e-3), (1.726177391e-1, 1.821153936e-2),
+        (2.086189578e-2, 2.620722293e-2), (1.130748688e-1, 10.69792721),
+    ],
+}  # fmt: skip
+SODIUM = 0.58929  # um
+
 
 def test_each_product_is_by_its_own_name_and_has_a_source() -> None:
     """Names are the keys by which scripts and the command line ask for products."""
@@ -42,6 +60,28 @@ def test_a_display_is_as_large_as_its_diagonal_says(name: str) -> None:
     assert width / columns == pytest.approx(height / rows, rel=0.01)
     assert width > height
     assert display.luminance is None or 100 <= display.luminance <= 3000
+
+
+@pytest.mark.parametrize("name", EDIDS)
+def test_a_monitor_is_as_large_as_it_says_itself(name: str) -> None:
+    """To the millimetre to which it tells its size."""
+    for side, told in zip(DISPLAYS[name].size, EDIDS[name], strict=True):
+        assert 1e3 * side == pytest.approx(told, abs=0.5)
+
+
+@pytest.mark.parametrize("name", SELLMEIER)
+def test_an_index_is_that_of_its_published_dispersion(name: str) -> None:
+    """To its last digit, at the sodium line."""
+    squared = SODIUM**2
+    terms = sum(a * squared / (squared - b) for a, b in SELLMEIER[name])
+    digits = 1e-3 if name == "Acrylic" else 1e-4
+    assert GLASSES[name].ior == pytest.approx((1 + terms) ** 0.5, abs=0.6 * digits)
+
+
+def test_window_glass_is_as_measured() -> None:
+    """Rubin's fit for clear soda-lime glass, which is no Sellmeier one."""
+    fit = 1.5130 - 0.003169 * SODIUM**2 + 0.003962 / SODIUM**2
+    assert GLASSES["Soda-Lime Glass"].ior == pytest.approx(fit, abs=5e-5)
 
 
 @pytest.mark.parametrize("name", PLATES)
