@@ -17,7 +17,8 @@ import numpy as np
 from mathutils import Euler, Matrix
 
 from kiriko.core.arrays import Floats
-from kiriko.core.bench.placement import place
+from kiriko.core.bench.behind import propose_behind
+from kiriko.core.bench.placement import Placement, Wishes, place
 from kiriko.core.blender.shaders import show_picture
 
 from .shapes import BROUGHT, fitting, mesh_of
@@ -26,6 +27,7 @@ Thing = TypeVar("Thing")
 
 SIZE = 0.05  # of the glass in Blender units, where nothing is wild
 MOST_FACES = 60  # of a mesh with a modifier: more take time and find nothing else
+STRAIGHT = 1 / 7  # of the rigs have no plate, and the display is behind the glass
 MODELS = ("IDEAL", "CROSSED", "HOLES", "RADIAL")
 
 
@@ -741,6 +743,25 @@ def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
             ours.picture_image = picture_image(dice)
 
 
+def behind_glass(dice: Dice, centre: Floats, size: float, distance: float) -> Placement | None:
+    """The places of a rig without a plate, for a seventh of all rigs; None for the others.
+
+    It has random numbers of its own, so that the others are the rigs they always were.
+    """
+    rng = dice.rng.spawn(1)[0]
+    if rng.random() > STRAIGHT:
+        return None
+    dice.told.append("straight, with no plate")
+    bounds = centre + 0.5 * size * np.array([[-1.0], [1.0]])
+    wishes = Wishes(
+        distance=float(rng.choice((0.0, rng.uniform(0.1, 5) * size))),
+        azimuth=float(rng.uniform(0, 2 * np.pi)),
+        look_down=float(rng.uniform(0, np.pi / 2)),
+        viewer_distance=distance,
+    )
+    return propose_behind(bounds, wishes).placement
+
+
 def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after the other
     """Make a random rig in the scene, which is empty; the choices that were drawn."""
     dice = Dice(rng)
@@ -767,6 +788,7 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
     stand = place(
         centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi)
     )
+    stand = behind_glass(dice, centre, size, distance) or stand
 
     if not dice.wild(0.03, "no glass"):
         n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
@@ -775,7 +797,7 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
         ]
         if dice.chance(0.05) or dice.wild(0.1, "instances"):
             add_instances(dice, glasses[0], size)
-        if dice.chance(0.06):
+        if dice.chance(0.06) and stand.plate is not None:
             dice.told.append("glass behind the plate")
             behind = (
                 stand.plate[:3, 3]
@@ -783,7 +805,7 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
             )
             add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
 
-    if not dice.wild(0.03, "no plate"):
+    if stand.plate is not None and not dice.wild(0.03, "no plate"):
         add_plate(dice, stand.plate, size)
     if not dice.wild(0.03, "no display"):
         add_display(dice, stand.display, size)
@@ -791,7 +813,8 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
         add_picture(dice, stand.picture, size)
     if not dice.wild(0.03, "no viewer"):
         add_viewer(dice, stand.viewer, size, distance)
-    add_extras(dice, (stand.plate, stand.picture, stand.display), size)
+    frames = (stand.plate, stand.picture, stand.display)
+    add_extras(dice, [frame for frame in frames if frame is not None], size)
     if dice.wild(0.06, "odd object"):
         add_odd_object(dice, size)
     if dice.wild(0.05, "something hidden"):

@@ -181,7 +181,11 @@ SHOWS_RANGE = re.compile(
     r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+"
     r" (objects|collection)"
 )
-ADDS = re.compile(r".* is new|objects .* kiriko|scenes .*|collections .*")
+# glass is made see-through in Solid, too
+ADDS = re.compile(
+    r".* is new|objects .* (kiriko|display_type)|materials .* (kiriko|diffuse_color)|scenes .*"
+    r"|collections .*"
+)
 # the others the work of a solve
 MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
 
@@ -407,6 +411,8 @@ def add_rig_around(dice: Dice) -> str:
         picture_size=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
         field=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
         viewer_distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
+        kind=dice.pick(("IN_GLASS", "BEHIND_GLASS")),
+        look_down=dice.rng.uniform(0, np.pi / 2),
     )
 
     return text or call(bpy.ops.kiriko.solve) or ""

@@ -224,6 +224,34 @@ def test_a_budget_that_is_no_time_is_refused(
     assert "--seconds" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("look_down", [0, 60])
+def test_a_rig_without_a_plate_has_its_report(
+    scene: bpy.types.Scene, tmp_path: Path, look_down: float
+) -> None:
+    """The same three files, that say nothing of a plate; one whose light misses the display is
+    refused in a sentence that does not, either.
+    """
+    rig = small_rig(kind="BEHIND_GLASS", field=0.06, look_down=np.radians(look_down))
+    assert "PLATE" not in rig
+    assert bpy.ops.kiriko.report(directory=str(tmp_path), seconds=SECONDS) == {"FINISHED"}
+    assert names(tmp_path) == NAMES
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert "plate" not in report["about"]
+    finest = min(
+        (rung for rung in report["rungs"] if rung["method"] == "adaptive"),
+        key=lambda rung: rung["setting"],
+    )
+    assert finest["map_rms_display_px"] < finest["setting"] == 0.1
+    assert "plate" not in (tmp_path / "report.svg").read_text().lower()
+    ET.parse(tmp_path / "report.svg")
+
+    rig["DISPLAY"].location.x += 10
+    with pytest.raises(RuntimeError, match="display") as told:
+        bpy.ops.kiriko.report(directory=str(tmp_path / "new"))
+    assert "plate" not in str(told.value)
+    assert names(tmp_path) == NAMES
+
+
 def test_a_plate_with_mirrors_is_told_by_its_angle(
     rig: dict, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
