@@ -27,6 +27,8 @@ PYTHONS = {**BLENDERS, "core": "3.11"}
 # `dev.py compare` and `dev.py mutants` ask for them.
 BENCH = "bench"
 MUTANTS = "mutants"
+# The readers of warp maps, only for `dev.py farm`.
+FARM = "farm"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
 
