@@ -83,6 +83,11 @@ def as_message(template: str) -> Message:
     return Message(template)
 
 
+def quoted(names: Iterable[str]) -> Message:
+    """Names in quotation marks, as a list."""
+    return joined([Message("'{name}'", name=name) for name in names], ", ")
+
+
 def joined(parts: Iterable[str], between: str = " ") -> Message:
     """Several messages as one, each of which is translated by itself, and the text between them."""
     values: dict[str, object] = {f"part{n}": part for n, part in enumerate(parts)}

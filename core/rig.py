@@ -10,7 +10,7 @@ from .errors import RigError
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
-from .messages import Message, as_message
+from .messages import Message, as_message, quoted
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
@@ -164,7 +164,7 @@ class Rig:
         for role in in_order:
             found = self.of(role)
             if role.is_single and len(found) > 1:
-                names = ", ".join(f"'{part.name}'" for part in found)
+                names = quoted(part.name for part in found)
                 raise RigError(
                     "The rig has {n} {field} ({names}): keep one and set the others to None.",
                     n=len(found),

@@ -10,7 +10,7 @@ import bpy
 from ..core.blender.active_rig import follow, make_active
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
-from ..core.messages import Message
+from ..core.messages import Message, quoted
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .windows import all_windows, redraw
 
@@ -92,7 +92,7 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
         raise RigError(
             "The scene has no rig '{name}': there are {names}.",
             name=name,
-            names=", ".join(f"'{one}'" for one in found) or Message("none"),
+            names=quoted(found) or Message("none"),
         )
     if scene.kiriko.looking and found[name] != active_rig(scene):
         look_through.leave(scene)

@@ -6,7 +6,7 @@ from ..core.bench.lattice.drawn import Lattice
 from ..core.blender.image import encoded_image
 from ..core.blender.plane import plane_size
 from ..core.errors import RigError
-from ..core.messages import Message
+from ..core.messages import Message, quoted
 from . import needed, telling
 
 NAME = "Kiriko Calibration"
@@ -53,7 +53,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
             else:
                 picture = next(iter(needed.parts(scene)["PICTURE"]))
                 image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
-                picture.kiriko.image, where = image, f"'{picture.name}'"
+                picture.kiriko.image, where = image, quoted([picture.name])
 
             text = Message(
                 "The lattice is in {where}: solve, show it on the display, and photograph"

@@ -7,7 +7,7 @@ from ..core.blender.material import refracts
 from ..core.blender.rig_record import keep
 from ..core.blender.viewport_look import be_seen_as_glass, draw_as_solid
 from ..core.errors import RigError
-from ..core.messages import Message
+from ..core.messages import Message, quoted
 from . import needed, telling
 from .parts import NamesPart
 
@@ -58,7 +58,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 raise
 
             kept = dict.fromkeys(name for thing in things for name in _give(thing, glass))
-            names = ", ".join(f"'{thing.name}'" for thing in things)
+            names = quoted(thing.name for thing in things)
             result = context.scene.kiriko.result
             told = tuple(
                 Message("The material of '{name}' does not refract", name=thing.name)
@@ -70,7 +70,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             stays = (
                 Message(
                     "; {names} stay{s} in the file",
-                    names=", ".join(kept),
+                    names=quoted(kept),
                     s="s" if len(kept) == 1 else "",
                 )
                 if kept
@@ -102,7 +102,7 @@ def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
     for slot in thing.material_slots:
         if slot.material is not None:
             keep(slot.material)
-            kept.append(f"'{slot.material.name}'")
+            kept.append(slot.material.name)
         slot.link = "OBJECT"
         slot.material = glass
 

@@ -4,7 +4,7 @@ import bpy
 
 from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
-from ..core.messages import Message
+from ..core.messages import Message, quoted
 from ..operators import needed
 from ..operators.parts import name_part
 from .object import draw_resolution, draw_tone, labelled
@@ -45,7 +45,8 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
 
         draw_resolution(column, context, viewer)
         if scene.camera != viewer:
-            shown = Message("no camera") if scene.camera is None else f"'{scene.camera.name}'"
+            camera = scene.camera
+            shown = Message("no camera") if camera is None else quoted([camera.name])
             sentence(
                 column,
                 context,

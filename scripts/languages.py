@@ -74,9 +74,9 @@ def texts_of(node: ast.AST, is_interface: bool) -> Iterator[str]:
 
 
 def is_text(text: str) -> bool:
-    """Has a text words or commas of its own, beside its values?"""
+    """Has a text words, commas or quotation marks of its own, beside its values?"""
     own = "".join(literal for literal, *_ in string.Formatter().parse(text))
-    return any(letter.isalpha() for letter in own) or own.strip() in {",", ";"}
+    return any(letter.isalpha() for letter in own) or own.strip() in {",", ";", "''"}
 
 
 def labels(package: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ from ..catalogue import GLASSES
 from ..errors import RigError
 from ..glass.meshes import geometric_normals
 from ..image.tone import Tone
-from ..messages import Message
+from ..messages import Message, quoted
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
 from .material import read_refraction
@@ -102,7 +102,7 @@ def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str
         {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
     )
     if plain:
-        listed = ", ".join(f"'{material}'" for material in plain)
+        listed = quoted(plain)
         notes.append(
             Message(
                 "The glass '{name}' has faces of a material that does not refract"

@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..bench.placement import Proposal, lattice
 from ..errors import RigError
 from ..glass.meshes import box_of
-from ..messages import Message
+from ..messages import Message, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
 from . import shaders
 from .bodies import bodiless
@@ -158,7 +158,7 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
 
     for part in parts:
         name = (
-            f"'{part.owner.name}'"
+            quoted([part.owner.name])
             if part.name == part.owner.name
             else Message("'{part}' of '{name}'", part=part.name, name=part.owner.name)
         )

@@ -9,11 +9,11 @@ from kiriko.core.bench.flat import outline_of
 from kiriko.core.bench.helps import Help, what_helps
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.bench.room import fit_plate
+from kiriko.core.numbers import millimetres
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from kiriko.core.words import millimetres
 from known.reference_rigs import box
 
 SLAB = Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0))
