@@ -47,10 +47,12 @@ def parts(
     found: dict[str, dict[bpy.types.Object, str]] = {}
     shown = Shown(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
-    todo = [(thing, True, "") for thing in scene.objects if not is_left_out(thing)]
+    todo = [(thing, True, "") for thing in scene.objects]
     while todo:
         thing, is_itself, by = todo.pop()
         if thing.kiriko.role == "NONE" and thing.instance_collection is None:
+            continue
+        if is_itself and is_left_out(thing):
             continue
 
         by = by or (shown.hidden_by(thing) if is_itself else instance_hidden_by(thing))

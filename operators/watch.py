@@ -33,7 +33,8 @@ PATIENCE = 10.0
 class Watched:
     """A scene that has a result.
 
-    verdict : the scene that the result was solved for, as text, and whether it has changed since
+    verdicts : scenes that results were solved for, as text, and whether they have changed since:
+        of each rig's result, by the last look while it was active
     changed_at : when the last change was noticed; None where all has been looked at
     lasted : s that the last reading took, where only places and settings had changed, and else
     """
@@ -42,7 +43,7 @@ class Watched:
     ours: frozenset[int] = frozenset()
     chosen: tuple[object, ...] = ()
     polled_next: float = 0.0
-    verdict: tuple[str, bool] = ("", False)
+    verdicts: dict[str, bool] = field(default_factory=dict)
     changed_at: float | None = field(default_factory=monotonic)
     lasted: dict[bool, float] = field(default_factory=dict)
 
@@ -99,8 +100,7 @@ def is_told_changed(scene: bpy.types.Scene) -> bool:
     watched = _watched.get(scene.session_uid)
     if watched is None or is_followed(scene):
         return False
-    text, is_changed = watched.verdict
-    return is_changed and text == scene.kiriko.result.solved_for
+    return watched.verdicts.get(scene.kiriko.result.solved_for, False)
 
 
 def is_followed(scene: bpy.types.Scene) -> bool:
@@ -162,10 +162,12 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         watched.changed_at = None  # the change that the update above told of is in the reading
         is_short = watched.kept.is_whole
         result = context.scene.kiriko.result
-        verdict = (result.solved_for, has_changed(context, watched.kept))
+        others = (one.settings.result.solved_for for one in context.scene.kiriko_others)
+        kept = {text: watched.verdicts[text] for text in others if text in watched.verdicts}
+        verdicts = {**kept, result.solved_for: has_changed(context, watched.kept)}
         watched.lasted[is_short] = perf_counter() - started
-    if verdict != watched.verdict:
-        watched.verdict = verdict
+    if verdicts != watched.verdicts:
+        watched.verdicts = verdicts
         windows.redraw()
 
 

@@ -16,9 +16,12 @@ RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the na
 
 
 def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """Collections of a scene's rigs, the newest last."""
-    groups = dict.fromkeys(scene.collection.children_recursive)  # one may be in two others
-    return [group for group in groups if group.kiriko.key]
+    """Collections of a scene's rigs, the newest last. A copy of one is none of its own."""
+    found: dict[str, bpy.types.Collection] = {}
+    for group in scene.collection.children_recursive:  # one may be in two others
+        if group.kiriko.key:
+            found.setdefault(group.kiriko.key, group)
+    return list(found.values())
 
 
 def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:

@@ -92,10 +92,12 @@ def test_each_rig_keeps_its_settings_and_its_result(scene: bpy.types.Scene) -> N
 
 
 def test_a_result_is_stale_only_where_its_own_rig_has_changed(
-    kiriko: ModuleType, scene: bpy.types.Scene
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The gem is moved: the cube's result is still of the scene as it is."""
     watch = importlib.import_module(f"{kiriko.__name__}.operators.watch")
+    for name in ("QUIET", "SHARE", "POLLING"):
+        monkeypatch.setattr(watch, name, 0.0)
     first, second = two()
     for rig in (first, second):
         choose(rig)
@@ -103,8 +105,15 @@ def test_a_result_is_stale_only_where_its_own_rig_has_changed(
     scene.objects["Gem"].location.x += 0.01
 
     assert watch.has_changed(bpy.context)
+    watch.look()
+    assert watch.is_told_changed(scene)
     choose(first)
     assert not watch.has_changed(bpy.context)
+    watch.look()
+    assert not watch.is_told_changed(scene)
+    choose(second)
+    assert watch.is_told_changed(scene)  # at once, without another look
+    choose(first)
     scene.objects["Cube"].rotation_euler.z = 0.1
     assert watch.has_changed(bpy.context)
 
@@ -396,6 +405,33 @@ def test_an_unknown_rig_is_refused_with_those_that_are_there(scene: bpy.types.Sc
     words = "no rig 'Other': there are 'Kiriko Rig', 'Kiriko Rig.001'"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.choose_rig(rig="Other")
+
+
+def test_a_copy_of_a_rigs_collection_is_no_other_rig(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """It has the same key, and would be another name for the same settings."""
+    first, second = two()
+    scene.collection.children.link(first.copy())
+    menu = drawn("rigs", "VIEW3D_MT_kiriko_rigs")
+    assert menu.labels == [first.name, second.name]
+    choose(first)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_thousands_of_objects_beside_two_rigs_do_not_hold_up_panels(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Whose parts they are is asked of those alone that have a role."""
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    rigs = importlib.import_module(f"{kiriko.__name__}.core.blender.rigs")
+    two()
+    for n in range(2000):
+        scene.collection.objects.link(bpy.data.objects.new(f"thing {n}", None))
+    asked = []
+    is_elsewhere = rigs.elsewhere(scene)
+    needed.parts(scene, lambda thing: (asked.append(thing), is_elsewhere(thing))[1])
+    assert len(asked) == 8
 
 
 def test_a_failed_rig_leaves_the_other_active(
