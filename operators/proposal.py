@@ -96,14 +96,17 @@ def make(context: bpy.types.Context, proposal: Proposal) -> None:
     refuse_changed(context, proposal)
     things = [(context.scene.objects[move.name], move.after) for move in proposal.moves]
     things.sort(key=lambda pair: _depth(pair[0]))  # children after parents
-    kept = [(thing, thing.matrix_basis.copy()) for thing, _ in things]
+    kept = [
+        (thing, thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy())
+        for thing, _ in things
+    ]
 
     for thing, matrix in things:
         try:
             give_matrix(context, thing, matrix)
         except RigError as why:
-            for other, basis in kept:
-                other.matrix_basis = basis
+            for other, basis, way in kept:
+                other.matrix_basis, other.matrix_parent_inverse = basis, way
             context.view_layer.update()
             raise RigError(
                 "'{name}' keeps its place, for {why}.", name=thing.name, why=why

@@ -66,7 +66,7 @@ def scale_by(
     wanted = factor * np.array(thing.matrix_world, float)[:3, :3]
     slack = RESIZED_WITHIN * np.abs(wanted).max()
 
-    before = thing.matrix_basis.copy()
+    before = thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy()
     move_by(context, thing, shift)
     try:
         rescale(
@@ -77,7 +77,7 @@ def scale_by(
             lambda after: np.abs(after[:3, :3] - wanted).max() <= slack,
         )
     except BaseException:
-        thing.matrix_basis = before
+        thing.matrix_basis, thing.matrix_parent_inverse = before
         context.view_layer.update()
         raise
 
@@ -108,8 +108,14 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
         raise RigError("its place is locked")
 
     context.view_layer.update()
-    before = thing.matrix_basis.copy()
-    thing.matrix_world = matrix
+    before = thing.matrix_basis.copy(), thing.matrix_parent_inverse.copy()
+    is_askew = _is_sheared(thing, matrix)
+    if is_askew and thing.parent_type == "OBJECT":
+        # location, turn and scale know no shear, but the way to the parent does
+        way = thing.parent.matrix_world.inverted_safe() @ matrix
+        thing.matrix_parent_inverse = way @ before[0].inverted_safe()
+    else:
+        thing.matrix_world = matrix
     context.view_layer.update()
 
     wanted, found = np.array(matrix, float), np.array(thing.matrix_world, float)
@@ -117,10 +123,9 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     size = max(np.abs(wanted[:3, :3]).max(), max(thing.dimensions, default=0.0))
     rounding = FLOAT32_SUM_ERROR * np.abs(wanted[:3, 3]).max()
     if far.max() > RESIZED_WITHIN * size + rounding:
-        is_askew = _is_sheared(thing, matrix)
-        thing.matrix_basis = before
+        thing.matrix_basis, thing.matrix_parent_inverse = before
         context.view_layer.update()
-        if is_askew:
+        if is_askew and thing.parent_type != "OBJECT":
             raise RigError("its parent '{parent}' is scaled unevenly", parent=thing.parent.name)
         raise RigError("a constraint or a driver holds it")
 

@@ -165,15 +165,48 @@ def test_a_proposal_ends_with_its_file(scene: bpy.types.Scene, tmp_path) -> None
     assert not bpy.ops.kiriko.take_proposal.poll()
 
 
-def test_an_uneven_parent_is_named(scene: bpy.types.Scene) -> None:
-    """Below it a turned object would be sheared; no constraint is there."""
-    rig = small_rig()
-    parent = bpy.data.objects.new("parent", None)
+def below_an_uneven_parent(scene: bpy.types.Scene, data: bpy.types.ID | None) -> bpy.types.Object:
+    """The glass of a small rig, as a child of something scaled unevenly."""
+    glass = small_rig()["GLASS"]
+    parent = bpy.data.objects.new("parent", data)
     scene.collection.objects.link(parent)
     parent.scale = (1.0, 2.0, 1.0)
-    rig["GLASS"].parent = parent
-    before = place(rig["GLASS"])
-    turned = Matrix.Rotation(0.3, 4, "X") @ rig["GLASS"].matrix_world
+    glass.parent = parent
+    return glass
+
+
+def test_below_an_uneven_parent_a_turn_is_exact(scene: bpy.types.Scene) -> None:
+    """Its own location, turn and scale would have to be sheared: the way to its parent is. One
+    that is held all the same is where it was.
+    """
+    glass = below_an_uneven_parent(scene, None)
+    place(glass)
+    turned = Matrix.Rotation(0.3, 4, "X") @ glass.matrix_world
+    own = glass.matrix_basis.copy()
+    give_matrix(bpy.context, glass, turned)
+    assert np.abs(place(glass) - np.array(turned)).max() < 1e-7
+    assert glass.matrix_basis == own
+
+    before, way = place(glass), glass.matrix_parent_inverse.copy()
+    glass.constraints.new("LIMIT_LOCATION").use_max_z = True
+    glass.constraints[0].max_z = 0.0
+    raised = Matrix.Rotation(0.3, 4, "X") @ Matrix.Translation((0, 0, 0.1)) @ glass.matrix_world
+    with pytest.raises(RigError, match="a constraint or a driver holds it"):
+        give_matrix(bpy.context, glass, raised)
+    assert (place(glass) == before).all()
+    assert glass.matrix_parent_inverse == way
+
+
+def test_an_uneven_armature_is_named(scene: bpy.types.Scene) -> None:
+    """The way from a bone is Blender's own: no constraint is there, and the reason is told."""
+    glass = below_an_uneven_parent(scene, bpy.data.armatures.new("bones"))
+    bpy.context.view_layer.objects.active = glass.parent
+    bpy.ops.object.mode_set(mode="EDIT")
+    glass.parent.data.edit_bones.new("bone").tail = (0, 0, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    glass.parent_type, glass.parent_bone = "BONE", "bone"
+    before = place(glass)
+    turned = Matrix.Rotation(0.3, 4, "X") @ glass.matrix_world
     with pytest.raises(RigError, match="its parent 'parent' is scaled unevenly"):
-        give_matrix(bpy.context, rig["GLASS"], turned)
-    assert (place(rig["GLASS"]) == before).all()
+        give_matrix(bpy.context, glass, turned)
+    assert (place(glass) == before).all()
