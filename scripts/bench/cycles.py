@@ -15,9 +15,9 @@ import argparse
 import bpy
 from mathutils import Matrix
 
-import kiriko
 from fuzz.run import judge
 from kiriko.core.blender.scene import read
+from known.registered import registered
 
 from .brought_glass import GLASSES, INDICES, SIZE, add_glass_option, fitting
 from .irregular import CHOICES
@@ -39,7 +39,7 @@ def main() -> None:
         "--pixels", type=int, default=256, metavar="N", help="of the viewer, across"
     )
     arguments = parser.parse_args()
-    kiriko.register()
+    registered()
 
     rows = [
         f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}"

@@ -12,11 +12,11 @@ from time import perf_counter
 
 import bpy
 
-import kiriko
+from known.registered import registered
 
 from . import brought_glass as glasses
 
-kiriko.register()
+registered()
 
 from kiriko.operators import live  # noqa: E402 - the operators have to be there first
 

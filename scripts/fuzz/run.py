@@ -28,7 +28,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-import kiriko
 from environments import as_module
 from kiriko.core import kernel
 from kiriko.core.blender import preview as blender_preview
@@ -42,6 +41,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.both_ways import find_parted
+from known.registered import registered
 
 from .rigs import Dice, make_rig
 
@@ -503,7 +503,7 @@ def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Pat
 
     Ends the process when one takes too long.
     """
-    kiriko.register()
+    registered()
     for k in rigs:
         with log.open("a") as lines:
             lines.write(json.dumps({"began": k}) + "\n")

@@ -15,6 +15,7 @@ from mathutils import Matrix
 from kiriko.core.rig import Mesh, Rig
 
 from .. import closed_forms
+from ..registered import registered
 from .bench import AT_ORIGIN, differs
 from .cases import (
     Floats,
@@ -42,7 +43,7 @@ UNITS = {
 def package() -> str:
     """The name under which Kiriko is registered; registers the checkout where it is not."""
     if not hasattr(bpy.types, "KIRIKO_OT_solve"):
-        importlib.import_module("kiriko").register()
+        registered()
     return bpy.types.KIRIKO_OT_solve.__module__.removesuffix(".operators.solve")
 
 

@@ -1,0 +1,17 @@
+"""Kiriko's checkout, registered in the Blender that runs a script."""
+
+import atexit
+import importlib
+from types import ModuleType
+
+
+def registered() -> ModuleType:
+    """The package, registered until Python ends.
+
+    What is left in a Blender that is a module is freed after
+    Python has ended, and that ends the process by a signal.
+    """
+    kiriko = importlib.import_module("kiriko")
+    kiriko.register()
+    atexit.register(kiriko.unregister)
+    return kiriko
