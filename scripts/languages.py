@@ -30,6 +30,7 @@ ENGLISH = {
     "operators/command_line.py",
     "operators/solve_to_folder.py",
 }
+MAKERS = {"Workbench", "rectangle", "camera", "material"}  # of a rig's parts, which have names
 GRAMMAR = {"s"}  # endings of English plurals, which other languages do without
 
 
@@ -61,6 +62,8 @@ def texts_of(node: ast.AST, is_interface: bool) -> Iterator[str]:
         yield constant(node.args[0])
     if name_of(node) == "lap" and node.args:
         yield constant(node.args[0]).capitalize()
+    if name_of(node) in MAKERS:
+        yield from (text for text in map(constant, node.args) if text.startswith("Kiriko "))
     if name_of(node) == "joined" and len(node.args) > 1:
         yield constant(node.args[1])
     if is_interface and name_of(node) in {"sentence", "labelled", "add_rig"}:

@@ -30,7 +30,7 @@ from .units import length_of_unit
 from .viewport_look import be_seen_as_glass, be_seen_as_plate, be_seen_as_screen, see_through
 from .visibility import Shown
 
-BALL = "Kiriko Ball"
+BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m
 
 

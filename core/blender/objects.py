@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..arrays import Bools, Floats
+from .own_words import data_name
 from .rigs import active_rig, elsewhere
 
 OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
@@ -22,7 +23,7 @@ class Workbench:
 
     def __init__(self, scene: bpy.types.Scene, name: str) -> None:
         self.made: list[bpy.types.ID] = []
-        self.collection = self.keep(bpy.data.collections.new(name))
+        self.collection = self.keep(bpy.data.collections.new(data_name(name)))
         scene.collection.children.link(self.collection)
 
     def keep(self, block: bpy.types.ID) -> bpy.types.ID:
@@ -35,7 +36,7 @@ class Workbench:
         bpy.data.batch_remove(self.made)
 
     def _object(self, name: str, data: bpy.types.ID, frame: Floats) -> bpy.types.Object:
-        thing = self.keep(bpy.data.objects.new(name, data))
+        thing = self.keep(bpy.data.objects.new(data_name(name), data))
         thing.matrix_world = Matrix(np.asarray(frame).tolist())
         self.collection.objects.link(thing)
         return thing
@@ -44,7 +45,7 @@ class Workbench:
         """A plane whose front is the frame's third axis, with UV
         from its lower left to its upper right corner.
         """
-        mesh = self.keep(bpy.data.meshes.new(name))
+        mesh = self.keep(bpy.data.meshes.new(data_name(name)))
         x, y = width / 2, height / 2
         mesh.from_pydata(
             [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)]
@@ -57,13 +58,13 @@ class Workbench:
 
     def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
         """A smooth-shaded icosphere of 20480 triangles."""
-        return self._object(name, self.keep(ball_mesh(name, radius)), frame)
+        return self._object(name, self.keep(ball_mesh(data_name(name), radius)), frame)
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
         """A perspective camera that sees a square `field` wide
         at a distance, and is drawn half as large.
         """
-        camera = self.keep(bpy.data.cameras.new(name))
+        camera = self.keep(bpy.data.cameras.new(data_name(name)))
         camera.sensor_fit = "AUTO"
         camera.angle = 2 * np.arctan(field / (2 * distance))
         camera.clip_start = 1e-3 * distance
@@ -75,7 +76,7 @@ class Workbench:
         self, name: str, build: Callable[[bpy.types.Material], None]
     ) -> bpy.types.Material:
         """A material whose nodes are made by `build`."""
-        material = self.keep(bpy.data.materials.new(name))
+        material = self.keep(bpy.data.materials.new(data_name(name)))
         build(material)
         return material
 

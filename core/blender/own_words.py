@@ -1,10 +1,17 @@
-"""Labels of ours are looked up with the meaning that they have here: Blender's own translations
-have "Display", which is a part, as the verb.
+"""Labels and names of ours are looked up with the meaning that they have here: Blender's own
+translations have "Display", which is a part, as the verb.
 """
 
 import bpy
 
 from ..messages import CONTEXT
+
+translations = bpy.app.translations
+
+
+def data_name(name: str) -> str:
+    """The name of a new datablock, translated where Blender translates names of new data."""
+    return str(translations.pgettext_data(name, CONTEXT))
 
 
 def in_own_words(cls: type) -> type:

@@ -121,6 +121,24 @@ def in_japanese(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable
     return look_up
 
 
+def test_a_rig_with_names_in_japanese(
+    scene: bpy.types.Scene, in_japanese: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """New parts have names as Blender gives them to new data; no name is looked up, so that such a
+    rig solves, and goes as a whole.
+    """
+    own_words = importlib.import_module(f"{EXTENSION}.core.blender.own_words")
+    stand_in = SimpleNamespace(pgettext_data=lambda text, context: in_japanese(text))
+    monkeypatch.setattr(own_words, "translations", stand_in)
+    parts = small_rig()
+    assert {parts["PLATE"].name, scene.kiriko.viewer.name} == {"Kirikoプレート", "Kiriko視点"}
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+    assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
+    assert [thing.name for thing in scene.objects] == ["Cube"]
+    assert not any(c.name.startswith("Kiriko") for c in bpy.data.collections)
+
+
 def english_in(texts: list[str], look_up: Callable[[str], str]) -> list[str]:
     """Texts that are still English as they are shown, whose labels Blender looks up itself."""
     names = [thing.name for thing in (*bpy.data.objects, *bpy.data.images, *bpy.data.materials)]
