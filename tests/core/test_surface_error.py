@@ -2,6 +2,8 @@
 measures it: orders, and how much better curved faces are.
 """
 
+from pathlib import Path
+
 import pytest
 
 from bench.surface import FLOOR, SHAPES, drawn, errors, order
@@ -10,6 +12,8 @@ from known.marks import ORDER
 pytestmark = ORDER
 
 SEGMENTS = 32, 64, 128
+LIMITS = Path(__file__).resolve().parents[2] / "docs" / "limits.md"
+KINDS = "facet normals", "interpolated normals", "curved faces"
 
 
 def fitted(shape, kind, mean=False):
@@ -40,3 +44,17 @@ def test_at_32_by_16_faces_curved_ones_are_more_than_20_times_better(shape, mean
     assert errors(shape, 32, "interpolated normals", mean) > 20 * errors(
         shape, 32, "curved faces", mean
     )
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_limits_have_the_numbers_that_are_measured(shape):
+    """The rows of 32 segments, to the digits that they have."""
+    text = LIMITS.read_text(encoding="utf-8")
+    n = len(drawn(shape, 32, "curved faces").glasses[0].mesh.triangles)
+    (row,) = (
+        line
+        for line in text.splitlines()
+        if line.startswith(f"  | {shape}") and f"| {n:,} |".replace(",", " ") in line
+    )
+    told = [float(cell) for cell in row.split("|")[3:6]]
+    assert told == pytest.approx([errors(shape, 32, kind) for kind in KINDS], rel=0.05)
