@@ -34,6 +34,8 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             sentence(layout, context, said.message(result.summary))
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
+        if result.source is not None:
+            layout.operator("kiriko.export", icon="EXPORT")  # above the fold, before the image
         image = result.shown or result.source
         if image is not None:
             layout.template_icon(image.preview_ensure().icon_id, scale=icons_across(context))

@@ -103,5 +103,7 @@ def draw_part(
         translate=False,
     )
     name_part(button, thing)
+    if thing.kiriko.role == "PICTURE" and not by:
+        row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     if by:
         name_part(row.operator("kiriko.show_part", text="", icon="HIDE_OFF"), thing)

@@ -12,7 +12,7 @@ import sys
 import build_kernel
 from environments import (
     BENCH,
-    FARM,
+    MANUAL,
     MUTANTS,
     ONE_THREAD,
     PYTHONS,
@@ -208,19 +208,18 @@ def lab(arguments: argparse.Namespace) -> None:
     run_in_blender("bench.lab", arguments.rest)
 
 
-def farm(arguments: argparse.Namespace) -> None:
-    """Prove that other programs make of the files for shows what
-    Kiriko means (further options go to scripts/bench/farm.py).
+def manual(arguments: argparse.Namespace) -> None:
+    """Build the manual's site into out/manual/; with --screenshots take
+    its pictures anew (further options go to scripts/manual/run.py).
     """
-    run_beside("bench.farm", FARM, arguments.rest)
+    run_with_tests("manual.run", arguments.rest, MANUAL)
 
 
-def run_beside(script: str, environment: str, rest: list[str]) -> None:
-    """Run a module of scripts/ in the newest Blender, told of another environment's Python."""
-    answer_help(script, rest)
-    build_kernel.provide()
-    readers = set_up(environment, newest_blender()[1])
-    sys.exit(run_in_newest_blender(script, "--readers", readers, *rest))
+def clicks(arguments: argparse.Namespace) -> None:
+    """Count clicks from glass to a picture seen and exported, in the real
+    Blender (further options go to scripts/manual/clicks.py).
+    """
+    run_with_tests("manual.clicks", arguments.rest, MANUAL)
 
 
 def run_with_tests(
@@ -321,12 +320,13 @@ def main() -> None:
         placement,
         marks,
         cycles,
-        farm,
         kernel,
         fuzz,
         paper,
         pictures,
         pipeline,
+        manual,
+        clicks,
         messages,
         languages,
         lint,

@@ -438,7 +438,7 @@ def test_lost_light_and_open_glass_are_warned_of(
     assert warning in result.notes.splitlines()
     result.notes += "\nA plain note."
     icons = drawn("result", "VIEW3D_PT_kiriko_result").icons
-    first = next(text for text in icons if warning.startswith(text))
+    first = next(text for text in icons if text and warning.startswith(text))
 
     assert icons[first] == "ERROR"
     assert "A plain note." not in icons

@@ -1,0 +1,45 @@
+"""Counts the clicks from selected glass to a picture that is seen, and to a file for the display.
+
+Plays the whole way in the real Blender, by events of mouse and keys, and looks at the result: the
+picture is seen when the viewport shows the viewer's sight and the source image is final; it is
+exported when the file is there. Ends with 1 where a way takes more clicks than it may.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from environments import ToolError
+from manual.plays import WAYS
+from manual.program import HELP_BLENDER, HELP_EXTENSION, account, play
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--blender", metavar="PROGRAM", help=HELP_BLENDER)
+    parser.add_argument("--extension", type=Path, metavar="ZIP", help=HELP_EXTENSION)
+    parser.add_argument("--only", default="", metavar="WORD", help="ways with this word")
+    arguments = parser.parse_args()
+    ways = {name: way for name, way in WAYS.items() if arguments.only in name}
+    try:
+        folder = play(list(ways), arguments.blender, arguments.extension)
+    except ToolError as error:
+        sys.exit(str(error))
+
+    is_more = False
+    print(f"{'way':<30} {'clicks':>6} {'at most':>8} {'keys':>5} {'scrolls':>8} {'waits s':>9}  of")
+    for name, way in ways.items():
+        told = account(folder, name)
+        clicks = len(told["clicks"])
+        is_more |= clicks > way.at_most
+        print(
+            f"{name:<30} {clicks:>6} {way.at_most:>8} {len(told['keys']):>5}"
+            f" {told['scrolls']:>8} {told['seconds']:>9.1f}  {', '.join(told['clicks'])}"
+        )
+    sys.exit(is_more)
+
+
+if __name__ == "__main__":
+    main()

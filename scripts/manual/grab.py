@@ -1,0 +1,103 @@
+"""A picture of Blender's window as raw RGB, row 0 at the top.
+
+Blender's own screenshot reads the front buffer, which is black where OpenGL is drawn by software.
+There the picture is asked of the X server.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+ALL_PLANES = ctypes.c_ulong(-1)
+Z_PIXMAP = 2
+
+
+class XImage(ctypes.Structure):
+    """The beginning of Xlib's structure of that name."""
+
+    _fields_ = (
+        ("width", ctypes.c_int),
+        ("height", ctypes.c_int),
+        ("xoffset", ctypes.c_int),
+        ("format", ctypes.c_int),
+        ("data", ctypes.POINTER(ctypes.c_ubyte)),
+        ("byte_order", ctypes.c_int),
+        ("bitmap_unit", ctypes.c_int),
+        ("bitmap_bit_order", ctypes.c_int),
+        ("bitmap_pad", ctypes.c_int),
+        ("depth", ctypes.c_int),
+        ("bytes_per_line", ctypes.c_int),
+        ("bits_per_pixel", ctypes.c_int),
+    )
+
+
+def grab(window: bpy.types.Window, path: Path) -> tuple[int, int]:
+    """Write the window's pixels into a file; its width and height."""
+    pixels = by_blender(path.with_suffix(".shot.png"))
+    if not pixels.any():
+        pixels = by_x_server(window.width, window.height)
+    path.write_bytes(pixels.tobytes())
+    return pixels.shape[1], pixels.shape[0]
+
+
+def by_blender(path: Path) -> np.ndarray:
+    """Blender's own screenshot (height, width, 3), uint8."""
+    bpy.ops.screen.screenshot(filepath=str(path), check_existing=False)
+    image = bpy.data.images.load(str(path))
+    width, height = image.size
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    bpy.data.images.remove(image)
+    path.unlink()
+    rows = values.reshape(height, width, -1)[::-1, :, :3]
+    return np.ascontiguousarray((rows * 255 + 0.5).astype(np.uint8))
+
+
+def by_x_server(width: int, height: int) -> np.ndarray:
+    """The window of this size, as the X server shows it (height, width, 3), uint8."""
+    x11 = ctypes.CDLL("libX11.so.6")
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XDefaultRootWindow.restype = ctypes.c_ulong
+    x11.XDefaultRootWindow.argtypes = [ctypes.c_void_p]
+    x11.XGetImage.restype = ctypes.POINTER(XImage)
+    x11.XGetImage.argtypes = [
+        ctypes.c_void_p, ctypes.c_ulong, ctypes.c_int, ctypes.c_int, ctypes.c_uint, ctypes.c_uint,
+        ctypes.c_ulong, ctypes.c_int,
+    ]  # fmt: skip
+    display = ctypes.c_void_p(x11.XOpenDisplay(None))
+    root = x11.XDefaultRootWindow(display)
+    x, y = place_of_window(x11, display, root, (width, height))
+    image = x11.XGetImage(display, root, x, y, width, height, ALL_PLANES, Z_PIXMAP).contents
+
+    n_bytes = image.bytes_per_line * height
+    rows = np.ctypeslib.as_array(image.data, (n_bytes,)).reshape(height, -1)
+    pixels = rows[:, : 4 * width].reshape(height, width, 4)[:, :, 2::-1]
+    taken = np.ascontiguousarray(pixels)
+    x11.XCloseDisplay(display)
+    return taken
+
+
+def place_of_window(
+    x11: ctypes.CDLL, display: ctypes.c_void_p, root: int, size: tuple[int, int]
+) -> tuple[int, int]:
+    """Where on the screen the window of this size is, from the upper left corner."""
+    one = ctypes.c_ulong
+    todo = [root]
+    while todo:
+        name = todo.pop()
+        above, parent, n, list_ = one(), one(), ctypes.c_uint(), ctypes.POINTER(one)()
+        x11.XQueryTree(display, one(name), *map(ctypes.byref, (above, parent, list_, n)))
+        todo += list_[: n.value]
+        place = (ctypes.c_int(), ctypes.c_int())
+        extent = [ctypes.c_uint() for _ in range(4)]
+        x11.XGetGeometry(display, one(name), *map(ctypes.byref, (above, *place, *extent)))
+        if name != root and (extent[0].value, extent[1].value) == size:
+            x11.XTranslateCoordinates(
+                display, one(name), one(root), 0, 0, *map(ctypes.byref, (*place, above))
+            )
+            return place[0].value, place[1].value
+    return 0, 0  # a server without a window manager: Blender has the whole screen

@@ -1,0 +1,37 @@
+"""Cuts, scales and packs what was grabbed, for the manual's pages."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from PIL import Image, ImageDraw
+
+WIDEST = 1000  # px
+COLOURS = 160
+RING = (255, 122, 0)
+RADIUS = 15.0  # px
+WIDTH = 3
+
+
+def pack(raw: Path, to: Path) -> None:
+    """Write the wanted part of a grabbed window as a small PNG, with a ring where one is wanted."""
+    told = json.loads(raw.with_suffix(".json").read_text(encoding="utf-8"))
+    width, height = told["size"]
+    image = Image.frombytes("RGB", (width, height), raw.read_bytes())
+    left, bottom, across, up = told["box"]
+    top = height - bottom - up
+    image = image.crop((int(left), int(top), int(left + across), int(top + up)))
+    scale = min(1.0, WIDEST / image.width)
+    if scale < 1:
+        size = round(image.width * scale), round(image.height * scale)
+        image = image.resize(size, Image.Resampling.LANCZOS)
+
+    image = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    if told["ring"]:
+        x = (told["ring"][0] - left) * scale
+        y = (height - told["ring"][1] - top) * scale
+        place = image.palette.getcolor(RING, image)
+        corners = [x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS]
+        ImageDraw.Draw(image).ellipse(corners, outline=place, width=WIDTH)
+    image.save(to, optimize=True)

@@ -1,0 +1,290 @@
+"""Plays steps in the real Blender: moves the mouse, clicks, types, and takes pictures.
+
+Runs inside a Blender that was started with `--enable-event-simulate`. Each event is put into the
+window's own queue, and Blender handles it as one of a real mouse. A play is a generator that is
+driven by a timer, since Blender handles events, and draws, only between two calls of a timer.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+
+from manual import scenes
+from manual.grab import grab
+from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Tab, Unfold, Until, Wait
+
+STEP = 11  # px between two places at which the mouse asks for a button; buttons are 20 px high
+# of a region's width: whole rows, icons at their ends, thirds; the file browser's last button
+COLUMNS = {"UI": (0.45, 0.84, 0.2), "EXECUTE": (0.93,)}
+MOMENT = 0.04  # s in which Blender handles an event
+BREATH = 0.5  # s in which it draws
+PAGE = 8  # turns of the wheel by which a sidebar is scrolled when a button is not found
+PAGES = 6
+EDGE = 16  # px at a region's lower end, where a click would size it
+HEADER = 28  # px from one closed panel to the next
+ROW = 21  # px from one row of a panel to the next
+
+
+class StuckError(Exception):
+    """A step that cannot be played, in one sentence."""
+
+
+class Player:
+    """A hand in the first window, and its account of clicks and keys."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.clicks: list[str] = []
+        self.keys: list[str] = []
+        self.scrolls = 0
+        self.seconds = 0.0  # that it had to wait for Kiriko
+        self.x = self.y = 100
+
+    # Where things are
+
+    @property
+    def window(self) -> bpy.types.Window:
+        return bpy.context.window_manager.windows[0]
+
+    def area(self, kind: str) -> bpy.types.Area:
+        """The largest area of a kind."""
+        found = [area for area in self.window.screen.areas if area.type == kind]
+        if not found:
+            raise StuckError(f"The window has no area {kind}.")
+        return max(found, key=lambda area: area.width * area.height)
+
+    def region(self, area: str, kind: str) -> bpy.types.Region:
+        """A region of an area."""
+        found = [region for region in self.area(area).regions if region.type == kind]
+        if not found or found[0].width < 2:
+            raise StuckError(f"The area {area} shows no region {kind}.")
+        return found[0]
+
+    def under_mouse(self, area: str, region: str) -> str:
+        """The Python command or the property's path of the button that the mouse is over."""
+        manager = bpy.context.window_manager
+        before = manager.clipboard
+        with bpy.context.temp_override(
+            window=self.window,
+            screen=self.window.screen,
+            area=self.area(area),
+            region=self.region(area, region),
+        ):
+            shown = bpy.context.property
+            if shown is not None:
+                return f"{shown[0].name}.{shown[1]}"
+            if not bpy.ops.ui.copy_python_command_button.poll():
+                return ""
+            manager.clipboard = ""
+            bpy.ops.ui.copy_python_command_button()
+            command = manager.clipboard
+            manager.clipboard = before
+        return command
+
+    # What the hand does
+
+    def move(self, x: float, y: float) -> Iterator[float]:
+        self.x, self.y = int(x), int(y)
+        self.window.event_simulate("MOUSEMOVE", "NOTHING", x=self.x, y=self.y)
+        yield MOMENT
+
+    def event(self, kind: str, **more: object) -> None:
+        """Press and let go of a key or a button of the mouse, where the mouse is."""
+        for value in ("PRESS", "RELEASE"):
+            self.window.event_simulate(kind, value, x=self.x, y=self.y, **more)
+            more.pop("unicode", None)
+
+    def find(self, button: str, area: str, region: str) -> Iterator[float]:
+        """Move the mouse onto a button, scrolling where it is not in sight."""
+        yield from self.appear(area)
+        yield from self.move(2, 2)  # or the button under it would be taken for the first one
+        yield BREATH
+        for page in range(PAGES):
+            where = self.region(area, region)
+            for column in COLUMNS[region]:
+                for y in range(where.y + where.height - STEP, where.y + EDGE, -STEP):
+                    yield from self.move(where.x + column * where.width, y)
+                    if re.search(button, self.under_mouse(area, region)):
+                        yield 3 * MOMENT  # it may be the button before: events wait for a redraw
+                        if not re.search(button, self.under_mouse(area, region)):
+                            continue
+                        # one step on is nearer to the middle, where it is still the same button
+                        yield from self.move(self.x, y - STEP / 2)
+                        yield 3 * MOMENT
+                        if not re.search(button, self.under_mouse(area, region)):
+                            yield from self.move(self.x, y)
+                        return
+            yield from self.move(where.x + where.width / 2, where.y + where.height / 2)
+            for _ in range(PAGE):
+                self.event("WHEELDOWNMOUSE" if page < PAGES // 2 else "WHEELUPMOUSE")
+                yield MOMENT
+            self.scrolls += 1
+        raise StuckError(f"No button {button} is in {region} of {area}.")
+
+    def press(self, step: Press) -> Iterator[float]:
+        yield from self.find(step.button, step.area, step.region)
+        if step.up:
+            yield from self.move(self.x, self.y + step.up * ROW)
+            yield BREATH
+        self.clicks.append(plain(step.button))
+        self.event("LEFTMOUSE")
+        yield BREATH
+
+    def tab(self, step: Tab) -> Iterator[float]:
+        """Click the tabs from the top down until the wanted one is open.
+
+        That is one click for who can read: Blender does not tell where the tabs are.
+        """
+        region = self.region("VIEW_3D", "UI")
+        self.clicks.append(f"tab {step.name}")
+        for y in range(region.y + region.height - 20, region.y, -20):
+            if region.active_panel_category == step.name:
+                break
+            yield from self.move(region.x + region.width - 10, y)
+            self.event("LEFTMOUSE")
+            yield 2 * MOMENT
+        if region.active_panel_category != step.name:
+            raise StuckError(f"The sidebar has no tab {step.name}.")
+        yield BREATH
+
+    def unfold(self, step: Unfold) -> Iterator[float]:
+        """Close all panels, whose headers then stand in a row, and open the wanted one."""
+        region = self.region("VIEW_3D", "UI")
+        x, top = region.x + COLUMNS["UI"][0] * region.width, region.y + region.height - HEADER / 2
+        yield from self.move(x, top)
+        for _ in range(PAGES * PAGE):
+            self.event("WHEELUPMOUSE")
+        yield BREATH
+        for is_alone in (True, False):  # all others are closed, then this one
+            yield from self.move(x, top)
+            yield BREATH
+            self.event("LEFTMOUSE", ctrl=is_alone)
+            yield 4 * BREATH  # panels glide
+
+        place = scenes.panels().index(step.panel)
+        yield from self.move(x, top - place * HEADER)
+        yield BREATH
+        self.clicks.append(step.panel)
+        self.event("LEFTMOUSE", ctrl=True)
+        yield 4 * BREATH
+
+    def key(self, step: Key) -> Iterator[float]:
+        if not step.stays:
+            region = self.region(step.area, "WINDOW")
+            yield from self.move(region.x + region.width / 2, region.y + region.height / 2)
+        self.keys.append("+".join((*step.modifiers, step.key)))
+        self.event(step.key, **dict.fromkeys(step.modifiers, True))
+        yield BREATH
+
+    def choose(self, step: Choose) -> Iterator[float]:
+        """Go down by the keys: Blender does not tell where a menu's items are."""
+        group, verb = step.operator.split(".")
+        kind = getattr(getattr(bpy.ops, group), verb).get_rna_type()
+        items = [item.name for item in kind.properties["preset"].enum_items]
+        self.clicks.append(step.item)
+        for key in ("HOME", *("DOWN_ARROW",) * items.index(step.item), "RET"):
+            self.event(key)
+            yield MOMENT
+        yield BREATH
+
+    def appear(self, kind: str) -> Iterator[float]:
+        """Wait until the window has an area: a busy Blender opens its file browser late."""
+        for _ in range(60):
+            if any(area.type == kind for area in self.window.screen.areas):
+                return
+            yield BREATH
+
+    def open(self, step: Open) -> Iterator[float]:
+        """Click the files from the first on until the wanted one is chosen."""
+        yield from self.appear("FILE_BROWSER")
+        yield 3 * BREATH
+        params = self.area("FILE_BROWSER").spaces.active.params
+        params.directory = os.fsencode(f"{scenes.pictures()}{os.sep}")
+        params.display_type = "LIST_VERTICAL"
+        yield 3 * BREATH
+        region = self.region("FILE_BROWSER", "WINDOW")
+        self.clicks.append(step.name)
+        for y in range(region.y + region.height - 12, region.y, -2 * STEP):
+            if params.filename == step.name:
+                break
+            yield from self.move(region.x + 80, y)
+            self.event("LEFTMOUSE")
+            yield 3 * MOMENT
+        if params.filename != step.name:
+            raise StuckError(f"The file browser does not show {step.name}.")
+        yield BREATH
+
+    def until(self, step: Until) -> Iterator[float]:
+        began = time.monotonic()
+        question = getattr(scenes, step.question)
+        while not question():
+            if time.monotonic() - began > step.seconds:
+                raise StuckError(f"{step.seconds:g} s were not enough: {step.question}.")
+            yield 0.2
+        self.seconds += time.monotonic() - began
+        yield BREATH
+
+    def shot(self, step: Shot) -> Iterator[float]:
+        """Take a picture, and leave beside it which part is wanted and where the ring goes."""
+        ring = None
+        if step.at:
+            yield from self.find(step.at, step.at_area, step.at_region)
+            ring = [self.x, self.y]
+        elif not step.stays:
+            yield from self.move(2, 2)
+        yield BREATH
+        path = self.folder / f"{step.name}.rgb"
+        size = grab(self.window, path)
+        if step.of == "*":
+            box = [0, 0, *size]
+        else:
+            part = self.region(step.of, step.region) if step.region else self.area(step.of)
+            box = [part.x, part.y, part.width, part.height]
+        cut = box[3] * (1 - step.height)
+        box = [box[0], box[1] + cut, box[2], box[3] - cut]
+        told = {"size": size, "box": box, "ring": ring}
+        path.with_suffix(".json").write_text(json.dumps(told), encoding="utf-8")
+        print(f"picture {step.name}", flush=True)
+
+    def play(self, steps: list[Step]) -> Iterator[float]:
+        """All steps of a play, one after the other."""
+        of_kind = {
+            Press: self.press, Tab: self.tab, Unfold: self.unfold, Key: self.key,
+            Choose: self.choose, Open: self.open, Until: self.until, Shot: self.shot,
+        }  # fmt: skip
+        for step in steps:
+            if isinstance(step, Do):
+                getattr(scenes, step.function)()
+                yield BREATH
+            elif isinstance(step, Wait):
+                yield step.seconds
+            else:
+                yield from of_kind[type(step)](step)
+
+
+def plain(button: str) -> str:
+    """The pattern of a button, to be read."""
+    name, _, value = button.removeprefix(r"^bpy\.ops\.").replace("\\", "").partition("(.*")
+    return f"{name} {value}".strip()
+
+
+def drive(play: Iterator[float], at_end: Callable[[BaseException | None], None]) -> None:
+    """Have a timer take a play from step to step."""
+
+    def go_on() -> float | None:
+        try:
+            return next(play)
+        except StopIteration:
+            at_end(None)
+        except BaseException as error:  # whatever it is, Blender has to be closed
+            at_end(error)
+        return None
+
+    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)

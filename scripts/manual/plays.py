@@ -1,0 +1,191 @@
+"""What is played: the steps of the manual, each with its picture, and the ways that are counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Tab, Unfold, Until, Wait, does
+
+IN_THE_GLASS = does("kiriko.add_rig", "IN_GLASS")
+BEHIND_THE_GLASS = does("kiriko.add_rig", "BEHIND_GLASS")
+LOOK = does("kiriko.look_through")
+SOLVE = does("kiriko.solve")
+EXPORT = does("kiriko.export")
+RESOLUTION = r"^Kiriko Display\.kiriko\.resolution"
+CALIBRATE = does("kiriko.calibrate")
+PICTURE = does("kiriko.open_picture")
+TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
+SIDEBAR = [Key("N"), Tab("Kiriko")]
+OWN_PICTURE = [Press(PICTURE), Open("seaside.png"), TAKE_FILE, Until("has_seaside")]
+DISPLAY_CHOSEN = Press(does("kiriko.select_part", "Kiriko Display"))
+IPHONE = [
+    DISPLAY_CHOSEN,
+    Press(RESOLUTION, up=1),
+    Choose("kiriko.display_preset", "iPhone 15"),
+    Until("is_telephone"),
+]
+RENDERED = Wait(12.0)  # until Cycles shows enough samples
+
+FIRST_PICTURE: list[Step] = [
+    Do("ball"),
+    Do("seaside"),
+    Key("NUMPAD_PERIOD"),
+    *SIDEBAR,
+    Shot("first_tab", of="*", at=IN_THE_GLASS),
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Shot("first_rig", of="*", at=LOOK),
+    Press(PICTURE),
+    Open("seaside.png"),
+    Shot("first_file", of="*", at=TAKE_FILE.button, at_area="FILE_BROWSER", at_region="EXECUTE"),
+    TAKE_FILE,
+    Until("has_seaside"),
+    Press(LOOK),
+    Until("is_seen"),
+    RENDERED,
+    Shot("first_seen", of="*", at=LOOK),
+    Press(LOOK),
+    Shot("first_solved", of="*", at=EXPORT),
+]
+
+GOBLET: list[Step] = [
+    Do("goblet"),
+    Key("NUMPAD_PERIOD"),
+    *SIDEBAR,
+    Shot("goblet_tab", of="*", at=IN_THE_GLASS),
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Shot("goblet_rig", of="*", at=SOLVE),
+    Press(SOLVE),
+    Until("is_solved", 400),
+    Until("is_quiet", 400),
+    Shot("goblet_solved", of="*", at=EXPORT),
+    Press(LOOK),
+    Until("is_seen", 400),
+    RENDERED,
+    Shot("goblet_seen"),
+]
+
+TELEPHONE: list[Step] = [
+    Do("ball"),
+    Do("seaside"),
+    *SIDEBAR,
+    Press(BEHIND_THE_GLASS),
+    Until("has_rig"),
+    Shot("telephone_rig", of="*"),
+    Press(does("kiriko.select_part", "Kiriko Display")),
+    Press(RESOLUTION, up=1),
+    Shot("telephone_product", of="*", stays=True),
+    Choose("kiriko.display_preset", "iPhone 15"),
+    Until("is_telephone"),
+    Press(PICTURE),
+    Open("seaside.png"),
+    TAKE_FILE,
+    Until("has_seaside"),
+    Press(SOLVE),
+    Until("is_solved"),
+    Until("is_quiet"),
+    Shot("telephone_solved", of="*", at=EXPORT),
+    Press(LOOK),
+    Until("is_seen"),
+    RENDERED,
+    Shot("telephone_seen"),
+]
+
+BENCH: list[Step] = [
+    Do("ball"),
+    *SIDEBAR,
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Press(does("kiriko.select_part", "Kiriko Display")),
+    Shot("bench_display", of="*", at=RESOLUTION),
+    Shot("bench_drawing", of="VIEW_3D", region="UI", at=does("kiriko.bench_drawing")),
+]
+
+CALIBRATION: list[Step] = [
+    Do("ball"),
+    *SIDEBAR,
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Unfold("VIEW3D_PT_kiriko_lattice"),
+    Shot("calibration_lattice", of="VIEW_3D", region="UI", at=does("kiriko.lattice_picture")),
+    Unfold("VIEW3D_PT_kiriko_calibration"),
+    Shot("calibration_photograph", of="VIEW_3D", region="UI", at=CALIBRATE),
+]
+
+# each is a page's pictures
+MANUAL = {
+    "first_picture": FIRST_PICTURE,
+    "goblet": GOBLET,
+    "telephone": TELEPHONE,
+    "bench": BENCH,
+    "calibration": CALIBRATION,
+}
+
+
+def see(glass: str, kind: str) -> list[Step]:
+    """From glass that is selected, with the sidebar closed, to the picture in it."""
+    return [
+        Do(glass),
+        *SIDEBAR,
+        Press(kind),
+        Until("has_rig"),
+        Press(LOOK),
+        Until("is_seen"),
+    ]
+
+
+EXPORTED: list[Step] = [Press(EXPORT), TAKE_FILE, Until("is_exported"), Do("remove_exported")]
+
+
+@dataclass(frozen=True)
+class Way:
+    """Steps from glass to the wanted, and the clicks they may take."""
+
+    steps: list[Step]
+    at_most: int
+
+
+SEE, SEE_AND_EXPORT = 3, 5
+COUNTED = {
+    f"{what}: {name}": Way(see("ball", kind) + more, at_most)
+    for name, kind in (
+        ("ball in the glass", IN_THE_GLASS),
+        ("ball before a display", BEHIND_THE_GLASS),
+    )
+    for what, more, at_most in (("see", [], SEE), ("export", EXPORTED, SEE_AND_EXPORT))
+}
+# the whole way of somebody who is new, to an exported file (docs/manual/en/tried.md)
+TASKS = {
+    "task: default cube": Way(
+        [
+            *SIDEBAR,
+            Press(IN_THE_GLASS),
+            Until("has_rig"),
+            Press(does("kiriko.make_glass")),
+            Press(LOOK),
+            Until("is_seen"),
+            *EXPORTED,
+        ],
+        SEE_AND_EXPORT + 1,
+    ),
+    "task: goblet": Way(see("goblet", IN_THE_GLASS) + EXPORTED, SEE_AND_EXPORT),
+    "task: telephone": Way(
+        [
+            Do("seaside"),
+            Do("ball"),
+            *SIDEBAR,
+            Press(BEHIND_THE_GLASS),
+            Until("has_rig"),
+            *IPHONE,
+            *OWN_PICTURE,
+            Press(LOOK),
+            Until("is_seen"),
+            *EXPORTED,
+        ],
+        11,
+    ),
+}
+
+WAYS = {**COUNTED, **TASKS}
+PLAYS = {**MANUAL, **{name: way.steps for name, way in WAYS.items()}}

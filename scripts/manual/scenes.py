@@ -1,0 +1,184 @@
+"""Scenes in which plays begin, and questions about them."""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from pathlib import Path
+
+import bmesh
+import bpy
+import numpy as np
+
+
+def has_rig() -> bool:
+    """Is a rig there, and nothing at work?"""
+    scene = bpy.context.scene
+    return is_quiet() and any(thing.kiriko.role == "DISPLAY" for thing in scene.objects)
+
+
+def is_solved() -> bool:
+    """Is there a final source image?"""
+    result = bpy.context.scene.kiriko.result
+    return bool(result.source is not None and not result.is_coarse and result.summary)
+
+
+def is_seen() -> bool:
+    """Does a 3D view show the viewer's sight in Cycles, with a final source image?"""
+    scene = bpy.context.scene
+    views = [
+        area.spaces.active
+        for area in bpy.context.window_manager.windows[0].screen.areas
+        if area.type == "VIEW_3D"
+    ]
+    return is_solved() and any(
+        view.shading.type == "RENDERED"
+        and view.region_3d.view_perspective == "CAMERA"
+        and scene.render.engine == "CYCLES"
+        for view in views
+    )
+
+
+def is_quiet() -> bool:
+    """Does none of Kiriko's operators work?"""
+    modal = bpy.context.window_manager.windows[0].modal_operators
+    return not any(operator.bl_idname.startswith("KIRIKO") for operator in modal)
+
+
+def exported() -> Path:
+    """The file that was exported last."""
+    return Path(bpy.path.abspath(bpy.context.scene.kiriko.export_path))
+
+
+def is_exported() -> bool:
+    """Is the file there, whole?"""
+    return is_quiet() and exported().is_file() and exported().stat().st_size > 0
+
+
+def remove_exported() -> None:
+    """Leave no file behind."""
+    exported().unlink()
+
+
+def glass_material() -> bpy.types.Material:
+    """Acrylic."""
+    material = bpy.data.materials.new("Acrylic")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    out = nodes.new("ShaderNodeOutputMaterial")
+    glass = nodes.new("ShaderNodeBsdfGlass")
+    glass.inputs["IOR"].default_value = 1.49
+    glass.inputs["Roughness"].default_value = 0.0
+    material.node_tree.links.new(glass.outputs["BSDF"], out.inputs["Surface"])
+    return material
+
+
+def in_place_of_cube(mesh: bpy.types.Mesh, name: str) -> bpy.types.Object:
+    """Glass alone in the scene, selected."""
+    for thing in list(bpy.data.objects):
+        if thing.type == "MESH":
+            bpy.data.objects.remove(thing)
+    thing = bpy.data.objects.new(name, mesh)
+    thing.data.materials.append(glass_material())
+    bpy.context.scene.collection.objects.link(thing)
+    bpy.context.view_layer.objects.active = thing
+    thing.select_set(True)
+    return thing
+
+
+def ball() -> None:
+    """A smooth ball of acrylic, 50 mm across."""
+    mesh = bpy.data.meshes.new("Glass Ball")
+    made = bmesh.new()
+    bmesh.ops.create_icosphere(made, subdivisions=5, radius=0.025)
+    for face in made.faces:
+        face.smooth = True
+    made.to_mesh(mesh)
+    made.free()
+    in_place_of_cube(mesh, "Glass Ball")
+
+
+# radius and height of a goblet's outer side, mm, from the middle of its foot to its rim
+OUTLINE = (
+    (0, 0), (28, 0), (30, 2), (12, 5), (5, 9), (4, 20), (4, 45), (6, 56), (18, 64), (30, 78),
+    (35, 95), (36, 112), (34, 130),
+)  # fmt: skip
+
+
+def goblet() -> None:
+    """A wine glass: an outline with Screw, Solidify and Subdivision."""
+    mesh = bpy.data.meshes.new("Goblet")
+    places = [(radius / 1000, 0.0, height / 1000) for radius, height in OUTLINE]
+    mesh.from_pydata(places, [(k, k + 1) for k in range(len(places) - 1)], [])
+    thing = in_place_of_cube(mesh, "Goblet")
+    screw = thing.modifiers.new("Screw", "SCREW")
+    screw.steps = screw.render_steps = 32
+    screw.use_merge_vertices = True
+    screw.use_smooth_shade = True
+    solidify = thing.modifiers.new("Solidify", "SOLIDIFY")
+    solidify.thickness = 0.002
+    solidify.offset = 1.0
+    divided = thing.modifiers.new("Subdivision", "SUBSURF")
+    divided.levels = divided.render_levels = 2
+
+
+def seaside() -> None:
+    """Write seaside.png, the artist's own picture: an evening with two sails, 900 x 600."""
+    y, x = np.mgrid[:600, :900]
+    colour = np.zeros((600, 900, 4), np.float32)
+    dusk = (y[..., None] / 380.0) ** 1.5
+    colour[..., :3] = np.array([0.10, 0.16, 0.42]) * (1 - dusk) + np.array([1.0, 0.50, 0.22]) * dusk
+    colour[np.hypot(x - 620, y - 300) < 95] = (1.0, 0.86, 0.45, 1)
+    sea = y > 380
+    colour[sea, :3] = np.array([0.03, 0.20, 0.32])
+    colour[sea & (np.abs(x - 620) < 30 + (y - 380) * 0.5) & (y // 10 % 2 == 0)] = (0.9, 0.6, 0.3, 1)
+    for left, top, size in ((230, 150, 260), (450, 260, 130)):
+        down = y - top
+        is_sail = (down > 0) & (down < size) & (x > left) & (x - left < 0.55 * down)
+        colour[is_sail] = (0.96, 0.94, 0.9, 1)
+        hull = (
+            (down > size + 8) & (down < size + 40) & (np.abs(x - left - 40) < 110 - (down - size))
+        )
+        colour[hull] = (0.35, 0.10, 0.08, 1)
+    colour[..., 3] = 1
+
+    image = bpy.data.images.new("seaside", 900, 600)
+    image.pixels.foreach_set(colour[::-1].ravel())
+    image.filepath_raw = str(pictures() / "seaside.png")
+    image.file_format = "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+def pictures() -> Path:
+    """The artist's folder, which is seen in the file browser."""
+    made = Path(tempfile.gettempdir()) / "Pictures"
+    made.mkdir(exist_ok=True)
+    return made
+
+
+def has_seaside() -> bool:
+    """Is it the picture, and is nothing at work?"""
+    return is_quiet() and any(image.name == "seaside.png" for image in bpy.data.images)
+
+
+def is_telephone() -> bool:
+    """Has the display the pixels of an iPhone 15?"""
+    return any(
+        tuple(sorted(thing.kiriko.resolution)) == (1179, 2556)
+        for thing in bpy.context.scene.objects
+        if thing.kiriko.role == "DISPLAY"
+    )
+
+
+def panels() -> list[str]:
+    """Kiriko's panels in the sidebar that have a header of their own, from the top down."""
+    shown = importlib.import_module("bl_ext.user_default.kiriko.panels").CLASSES
+    return [
+        panel.__name__
+        for panel in shown
+        if getattr(panel, "bl_category", "") == "Kiriko"
+        and not hasattr(panel, "bl_parent_id")
+        and getattr(panel, "poll", lambda context: True)(bpy.context)
+    ]

@@ -1,0 +1,108 @@
+"""The steps of a play: all that a hand does in the window, and the pictures that are taken of it.
+
+A play is a list of these. `player.py` plays them inside Blender, by events that go through the
+window's own queue. No step has a place in pixels: a button is found by moving the mouse over a
+region until Blender says that the button under it is the wanted one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+def does(operator: str, value: str = "") -> str:
+    """Pattern of a button that runs an operator, with a value among its properties."""
+    return rf"^bpy\.ops\.{re.escape(operator)}\(.*{re.escape(value)}"
+
+
+@dataclass(frozen=True)
+class Press:
+    """Click the button whose Python command, or whose property's path, matches `button`."""
+
+    button: str
+    area: str = "VIEW_3D"
+    region: str = "UI"
+    up: int = 0  # rows above the button that matches: Blender names no menu under the mouse
+
+
+@dataclass(frozen=True)
+class Tab:
+    """Click a tab of the sidebar of the 3D viewport."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Unfold:
+    """Open a panel of Kiriko, and close all others: Ctrl and a click on its header."""
+
+    panel: str
+
+
+@dataclass(frozen=True)
+class Key:
+    """Press a key over the middle of an area, or where the mouse is."""
+
+    key: str
+    area: str = "VIEW_3D"
+    modifiers: tuple[str, ...] = ()
+    stays: bool = False  # the mouse stays where it is
+
+
+@dataclass(frozen=True)
+class Choose:
+    """In the menu that is open, whose items are those of an operator's property: take one."""
+
+    operator: str
+    item: str
+
+
+@dataclass(frozen=True)
+class Open:
+    """In the file browser, in the folder that pictures go to: click the file of this name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Until:
+    """Wait until a question of `scenes.py` is answered with yes."""
+
+    question: str
+    seconds: float = 120.0
+
+
+@dataclass(frozen=True)
+class Wait:
+    """Wait, where nothing can be asked: until an image is rendered."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Do:
+    """A function of `scenes.py`, for what no hand does: a scene made ready, a file removed."""
+
+    function: str
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of the window, or of a part of it.
+
+    `of` is a region (`UI`: the sidebar) of an area, or an area with all its regions (`WINDOW` of
+    `*`: the whole window). `at` is a button that gets a ring.
+    """
+
+    name: str
+    of: str = "VIEW_3D"
+    region: str = ""
+    at: str = ""
+    at_area: str = "VIEW_3D"
+    at_region: str = "UI"
+    stays: bool = False  # the mouse, which would close an open menu when it went away
+    height: float = 1.0  # share of the height, from the top
+
+
+Step = Press | Tab | Unfold | Key | Choose | Open | Until | Wait | Do | Shot
