@@ -8,7 +8,7 @@ from ..operators import look_over, needed
 from ..operators.telling import in_words
 from .add_menu import add_rig
 from .rigs import draw_rigs
-from .words import Sidebar, sentence
+from .words import Sidebar, sentence, side_by_side
 
 FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"
@@ -55,8 +55,9 @@ def draw_entry(layout: bpy.types.UILayout, context: bpy.types.Context, entry: En
     """A sentence, and under it the buttons that do what it asks for."""
     column = layout.column(align=True)
     sentence(column, context, entry.text, icon=entry.icon)
-    row = column if len(entry.buttons) > 2 else column.row(align=True)
-    for button in entry.buttons:
-        made = row.operator(button.operator, text=in_words(button.label), icon=button.icon)
+    labels = [in_words(button.label) for button in entry.buttons]
+    row = column if len(labels) > 2 else side_by_side(column, context, labels)
+    for button, label in zip(entry.buttons, labels, strict=True):
+        made = row.operator(button.operator, text=label, icon=button.icon)
         for name, value in button.properties:
             setattr(made, name, value)

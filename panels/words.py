@@ -12,6 +12,7 @@ from ..operators.telling import in_words
 FONT = 0  # Blender's own, which its labels are drawn in
 POINTS = 11.0  # its size at a scale of 1, where the theme does not tell
 MARGIN = 76  # px beside the text: borders, icon, scroll bar
+BESIDE, BUTTON = 50, 24  # px beside buttons, and within one beside its label
 LEAST = 60.0  # px: in a sidebar that is narrower the text is cut off
 WIDE = {"W", "F"}  # Unicode's word for letters of scripts that are written without spaces
 ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # marks that end and begin words
@@ -45,6 +46,17 @@ def sentence(
     width = max(LEAST, context.region.width / scale - MARGIN)
     for n, line in enumerate(wrapped(in_words(text), width, points_of(context))):
         column.label(text=line, icon=icon if n == 0 else ("NONE" if icon == "NONE" else "BLANK1"))
+
+
+def side_by_side(
+    layout: bpy.types.UILayout, context: bpy.types.Context, labels: list[str]
+) -> bpy.types.UILayout:
+    """A row for buttons with these labels; a column where some label would be cut in a row."""
+    width = context.region.width / context.preferences.system.ui_scale - BESIDE
+    blf.size(FONT, points_of(context))
+    widest = max((blf.dimensions(FONT, label)[0] for label in labels), default=0.0)
+    is_cut = (widest + BUTTON) * len(labels) > width
+    return layout.column(align=True) if is_cut and len(labels) > 1 else layout.row(align=True)
 
 
 def points_of(context: bpy.types.Context) -> float:

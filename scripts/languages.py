@@ -43,13 +43,17 @@ def files() -> Iterator[tuple[str, ast.AST]]:
                 yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 
-def sentences() -> dict[str, str]:
-    """Templates of messages, and constant texts of panels and dialogues, each with its place."""
+def sentences(with_frames: bool = False) -> dict[str, str]:
+    """Templates of messages, and constant texts of panels and dialogues, each with its place.
+
+    with_frames : those that have no words of their own, too, such as "{reason}.", which a language
+        may have
+    """
     found: dict[str, str] = {}
     for name, tree in files():
         for node in ast.walk(tree):
             for text in texts_of(node, name.startswith(("panels", "operators"))):
-                if is_text(text):
+                if text and (with_frames or is_text(text)):
                     found.setdefault(text, f"{name}:{node.lineno}")
     return found
 
@@ -154,11 +158,11 @@ def main() -> None:
     from kiriko import languages
 
     kiriko.register()
-    wanted = needed(kiriko, "kiriko")
+    wanted, frames = needed(kiriko, "kiriko"), sentences(with_frames=True)
     for locale in [only] if only else languages.locales():
         texts = languages.texts_of(locale)
         missing = [entry(text, place) for text, place in wanted.items() if text not in texts]
-        stale = [text for text in texts if text not in wanted]
+        stale = [text for text in texts if text not in wanted and text not in frames]
         print(f"# {locale}: {len(texts)} texts, {len(missing)} missing, {len(stale)} not used\n")
         print(*missing, sep="\n")
         print(*(f"# not used: {text!r}" for text in stale), sep="\n")

@@ -43,7 +43,8 @@ def test_nothing_is_untranslated(kiriko: ModuleType, wanted: dict[str, str], loc
 @pytest.mark.parametrize("locale", LOCALES)
 def test_nothing_is_stale(kiriko: ModuleType, wanted: dict[str, str], locale: str) -> None:
     """No language has a text that nobody shows any more."""
-    stale = [text for text in kiriko.languages.texts_of(locale) if text not in wanted]
+    known = {*wanted, *tool.sentences(with_frames=True)}
+    stale = [text for text in kiriko.languages.texts_of(locale) if text not in known]
     assert not stale, f"Remove these entries from languages/{locale}.po: {stale}"
 
 
@@ -215,3 +216,23 @@ def test_the_terminal_stays_english(
     telling = importlib.import_module(f"{EXTENSION}.operators.telling")
     error = telling.KirikoError("The scene has {n} gaps.", n=2)
     assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
+
+
+def test_no_button_is_cut(kiriko: ModuleType) -> None:
+    """Buttons stand side by side where their labels fit, and below each other where one would be
+    cut: longer Japanese labels, or in a narrower sidebar.
+    """
+    words = importlib.import_module(f"{EXTENSION}.panels.words")
+    layout = SimpleNamespace(row=lambda align: "row", column=lambda align: "column")
+    english = ["Fit Display", "Fit Picture"]
+
+    def placed(labels: list[str], width: float) -> str:
+        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=())
+        context = SimpleNamespace(region=SimpleNamespace(width=width), preferences=preferences)
+        return words.side_by_side(layout, context, labels)
+
+    assert placed(english, 280) == "row"
+    assert placed(english, 140) == "column"
+    texts = kiriko.languages.texts_of("ja_JP")
+    assert placed([texts[label] for label in english], 280) == "column"
+    assert placed(english[:1], 10) == "row"  # one alone has all the width there is
