@@ -16,6 +16,7 @@ from .preview_settings import BOUNCES
 from .remove_rig import spaces
 from .rigs import elsewhere
 from .viewer import frame_of, viewer_of
+from .world_light import is_dark
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
 FILLED = 0.9  # of the view, by the viewer's image
@@ -43,6 +44,12 @@ PLANE = dict.fromkeys(
     (f"visible_{ray}" for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")), False
 )
 LOOKING_MARK = "kiriko_looking"  # on an object or a camera: key of the look, and its changes
+# of a view of a scene without light, in which nothing but the picture would be seen of the glass
+FAINT = {
+    "shading.use_scene_world_render": False,
+    "shading.studiolight_intensity": 0.1,
+    "shading.studiolight_background_alpha": 0.0,
+}
 POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
 
 
@@ -114,6 +121,7 @@ def _enter_view(
     space.use_local_camera, space.camera = True, viewer
 
     zoom, offset = _fitted(viewer, scene, window)
+    is_faint = space.shading.use_scene_world_render and is_dark(scene)
     changes = change(
         space,
         {
@@ -122,6 +130,7 @@ def _enter_view(
             "region_3d.view_camera_offset": (offset, 0.0),
             "shading.type": "RENDERED",
             "overlay.show_overlays": False,
+            **(FAINT if is_faint else {}),
         },
     )
     return [*pose, ("camera", before, viewer.name), *changes]

@@ -174,7 +174,8 @@ def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, An
 SOLVES = re.compile(
     r"scenes \S+ kiriko|images Kiriko (Source|Seen)( is new| \w+)|materials .* Source\S* (is"
     r" new|\w+)"
-    r"|materials .* use_fake_user|objects (Kiriko )?Display\S*"
+    r"|materials .* use_fake_user|materials Kiriko Display\S* \w+"  # Add Rig's, which gives way
+    r"|objects (Kiriko )?Display\S*"
     r" (material_slots|active_material)|meshes .* materials"
 )
 SHOWS_RANGE = re.compile(

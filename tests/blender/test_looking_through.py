@@ -22,6 +22,9 @@ def view() -> dict[str, Any]:
     return {
         "shading": now.shading.type,
         "overlays": now.overlay.show_overlays,
+        "has_world": now.shading.use_scene_world_render,
+        "studio": now.shading.studiolight_intensity,
+        "background": now.shading.studiolight_background_alpha,
         "is_local": now.use_local_camera,
         "camera": now.camera,
         **{
@@ -88,6 +91,71 @@ def test_there_and_back(
 
     bpy.ops.kiriko.look_through()
     assert not live(kiriko).is_on()
+    assert view() == seen
+    assert differences(before, snapshot()) == []
+
+
+def sun(scene: bpy.types.Scene) -> bpy.types.Object:
+    return new_object(bpy.data.lights.new("Sun", "SUN"))
+
+
+def grey(scene: bpy.types.Scene) -> None:
+    scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):  # which has them always
+        scene.world.use_nodes = True
+
+
+def textured(scene: bpy.types.Scene) -> None:
+    grey(scene)
+    tree = scene.world.node_tree
+    background = next(node for node in tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0, 0, 0, 1)
+    sky = tree.nodes.new("ShaderNodeTexChecker")
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
+
+
+def black(scene: bpy.types.Scene) -> None:
+    grey(scene)
+    background = next(n for n in scene.world.node_tree.nodes if n.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0, 0, 0, 1)
+
+
+def switched_off(scene: bpy.types.Scene) -> None:
+    grey(scene)
+    background = next(n for n in scene.world.node_tree.nodes if n.type == "BACKGROUND")
+    background.inputs["Strength"].default_value = 0
+
+
+def hidden_sun(scene: bpy.types.Scene) -> None:
+    sun(scene).hide_viewport = True
+
+
+@pytest.mark.parametrize(
+    ("make", "is_lit"),
+    [
+        (lambda scene: None, False),
+        (black, False),
+        (switched_off, False),
+        (hidden_sun, False),
+        (sun, True),
+        (grey, True),
+        (textured, True),
+    ],
+    ids=["no world", "black", "off", "hidden sun", "sun", "grey", "textured"],
+)
+def test_glass_in_the_dark_is_lit_faintly(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], make, is_lit: bool
+) -> None:
+    """By the view's own studio light, and in this view alone; a scene with light has its own."""
+    space().shading.use_scene_world_render = True
+    space().shading.studiolight_intensity = 1.5
+    make(scene)
+    bpy.context.view_layer.update()
+    before, seen = snapshot(), view()
+    bpy.ops.kiriko.look_through()
+    assert view()["has_world"] == is_lit
+    assert view()["studio"] == pytest.approx(1.5 if is_lit else 0.1)
+    bpy.ops.kiriko.look_through()
     assert view() == seen
     assert differences(before, snapshot()) == []
 
