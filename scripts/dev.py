@@ -12,6 +12,7 @@ import sys
 import build_kernel
 from environments import (
     BENCH,
+    FARM,
     MANUAL,
     MUTANTS,
     ONE_THREAD,
@@ -222,6 +223,21 @@ def clicks(arguments: argparse.Namespace) -> None:
     run_with_tests("manual.clicks", arguments.rest, MANUAL)
 
 
+def farm(arguments: argparse.Namespace) -> None:
+    """Prove that other programs make of the files for shows what
+    Kiriko means (further options go to scripts/bench/farm.py).
+    """
+    run_beside("bench.farm", FARM, arguments.rest)
+
+
+def run_beside(script: str, environment: str, rest: list[str]) -> None:
+    """Run a module of scripts/ in the newest Blender, told of another environment's Python."""
+    answer_help(script, rest)
+    build_kernel.provide()
+    readers = set_up(environment, newest_blender()[1])
+    sys.exit(run_in_newest_blender(script, "--readers", readers, *rest))
+
+
 def run_with_tests(
     script: str, rest: list[str], environment: str | None = None, **extra: str
 ) -> None:
@@ -320,6 +336,7 @@ def main() -> None:
         placement,
         marks,
         cycles,
+        farm,
         kernel,
         fuzz,
         paper,

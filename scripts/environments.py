@@ -28,6 +28,8 @@ PYTHONS = {**BLENDERS, "core": "3.11"}
 BENCH = "bench"
 MUTANTS = "mutants"
 MANUAL = "manual"
+# The readers of warp maps, only for `dev.py farm`.
+FARM = "farm"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
 

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import pytest
 
+from known.map_uv import is_nearest, warped
 from known.warp_readers import ramp
-from map_uv import is_nearest, warped
 from small_rigs import pixels, small_rig
 
 ALL = {"EXR", "FFMPEG", "OBJ", "DATA", "NPZ", "PNG"}

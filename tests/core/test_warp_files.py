@@ -7,12 +7,11 @@ import pytest
 
 from kiriko.core import image_io
 from kiriko.core.errors import ImageError
-from kiriko.core.warp.channel_maps import ChannelMaps, description, maps_of
+from kiriko.core.warp.channel_maps import description, maps_of
 from kiriko.core.warp.files import names_of, write_maps
 from kiriko.core.warp.images import CHANNELS
-from kiriko.core.warp.mesh import WarpMesh
 from kiriko.core.warp.options import FORMATS, MapOptions
-from kiriko.core.warp.stmap import STMap
+from known.known_maps import asked_for, maps_by, straight, turned
 from known.reference_rigs import ball_rig, cube_rig
 from known.warp_readers import bilinear, data, drawn, obj, pgm, ramp, remapped, sampled
 from known.work import drain, solve
@@ -20,35 +19,6 @@ from known.work import drain, solve
 ALL = MapOptions(formats=tuple(FORMATS), times=4, mesh_step=4.0)
 SIZE = 40, 32  # of a display, px
 PICTURE = 96, 48  # px
-
-
-def turned(x, y):
-    """(s, t) on the display, from its left and lower edge, a quarter turn against the clock on."""
-    return np.stack([y, 1 - x], axis=-1)
-
-
-def straight(x, y):
-    return np.stack([x, y], axis=-1)
-
-
-def stmap_of(way, x, y):
-    """A map that covers all, by the places x and y (h, w), 0..1, y from below."""
-    shape = x.shape
-    return STMap(PICTURE, way(x, y), np.ones(shape), np.ones(shape, int), np.zeros((*shape, 2, 2)))
-
-
-def maps_by(way):
-    """The maps of a way from display to picture that is known."""
-    found = []
-    for times in (1, ALL.times):
-        w, h = (n * times for n in SIZE)
-        found.append(
-            stmap_of(way, *np.meshgrid((np.arange(w) + 0.5) / w, 1 - (np.arange(h) + 0.5) / h))
-        )
-    nodes = [np.linspace(0, 1, n + 1) for n in SIZE]
-    of_nodes = stmap_of(way, *np.meshgrid(nodes[0], 1 - nodes[1]))
-    mesh = WarpMesh(SIZE, 4, of_nodes, np.ones(of_nodes.size[::-1], np.uint64))
-    return ChannelMaps(found[0], found[0], found[1], ALL.times, mesh)
 
 
 def written(folder, maps):
@@ -82,11 +52,8 @@ def test_known_ways_come_out_of_each_file(tmp_path, way):
     """Identity, and a quarter turn, which no flip of rows, columns, s or t leaves as it is: the
     place that each reader fetches is the place that the way asks for.
     """
-    files = written(tmp_path, maps_by(way))
-    w, h = SIZE
-    x, y = np.meshgrid((np.arange(w) + 0.5) / w, 1 - (np.arange(h) + 0.5) / h)
-    st = way(x, y)
-    expected = np.stack([st[..., 0] * PICTURE[0], (1 - st[..., 1]) * PICTURE[1]], axis=2)
+    files = written(tmp_path, maps_by(way, SIZE, PICTURE, ALL.times, 4))
+    expected = asked_for(way, SIZE, PICTURE)
     inner = np.s_[2:-2, 2:-2]  # beside the outer half pixel, where readers differ
     for form, image in warped_by_all(ramp(*PICTURE), files, SIZE, ALL.times).items():
         off = np.abs(image[..., :2] - expected)[inner].max()
@@ -137,7 +104,7 @@ def test_nothing_is_nothing_in_each_file(tmp_path):
 
 def test_exr_has_all_channels_in_single_precision(tmp_path):
     """R, G, B, A first, then the others by their names; half float would be 0.94 px off at 4K."""
-    maps = maps_by(straight)
+    maps = maps_by(straight, SIZE, PICTURE, ALL.times, 4)
     files = written(tmp_path, maps)
     pixels, about = image_io.read(files["warp.exr"])
     oiio = image_io.openimageio()
@@ -168,7 +135,7 @@ def test_disk_that_is_full_is_one_sentence(tmp_path, form):
     """Each writer tells which file cannot be written, and why."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    maps = maps_by(turned)
+    maps = maps_by(turned, SIZE, PICTURE, ALL.times, 4)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
     try:
         with pytest.raises(ImageError, match=r"^The file '.*' .*: check the disk.*\.$"):
