@@ -55,8 +55,13 @@ def exported(
     """
     options.check()
     use_bundled_modules()
-    if "EXR" in options.formats:
-        image_io.openimageio()
+    has_openimageio = importlib.util.find_spec("OpenImageIO") is not None
+    if "EXR" in options.formats and not has_openimageio:
+        raise ImageError(
+            "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
+            " {remedy}.",
+            remedy=image_io.REMEDY,
+        )
 
     scene = context.scene
     rig = work.read(context).rig
@@ -68,7 +73,6 @@ def exported(
         files = [name for forms in names for of_form in forms.values() for name in of_form]
         folder.refuse_existing(target, [*files, SIDECAR], remedy)
 
-    has_openimageio = importlib.util.find_spec("OpenImageIO") is not None
     solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
     told = []
 
@@ -182,6 +186,14 @@ class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
         self.is_in_dialogue = True
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.column().prop(self, "formats")  # in a row they would have no room for their names
+        for name in ("overscan", "times", "mesh_step", "overwrite"):
+            layout.prop(self, name)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self.is_in_dialogue:
