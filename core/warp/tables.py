@@ -10,6 +10,7 @@ from ..arrays import Floats
 from .stmap import STMap
 
 NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
+COLOURS = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv"
 FAR = -64.0  # px: so far beside the picture no filter of OpenCV reads any of it
 
 
@@ -45,7 +46,8 @@ def ffmpeg_command(
     """The command that warps a picture, or a film, by the maps.
 
     The picture is made larger first and the image smaller at last: the filter between them reads
-    the nearest pixel. The end is a pixel format that players take; 4:2:0 wants even sizes.
+    the nearest pixel. The end is a pixel format that players take, told as Rec.709, which they
+    would guess; 4:2:0 wants even sizes.
     """
     width, height = display_size
     larger = "x".join(str(n * times) for n in picture_size)
@@ -53,12 +55,13 @@ def ffmpeg_command(
     steps = [
         f"[0:v]scale={larger}:flags=bicubic,format=gbrp[p]",
         "[p][1:v][2:v]remap=fill=black[w]",
-        f"[w]scale={width}x{height}:flags=area,format={last}[v]",
+        f"[w]scale={width}x{height}:flags=area:out_color_matrix=bt709:out_range=tv,"
+        f"format={last}[v]",
     ]
     x, y = names
     return (
         f'ffmpeg -i PICTURE -i {x} -i {y} -filter_complex "{";".join(steps)}" -map "[v]"'
-        ' -map "0:a?" OUT.mp4'
+        f' -map "0:a?" {COLOURS} OUT.mp4'
     )
 
 

@@ -44,7 +44,7 @@ from known.reference_rigs import ball_rig, lattice_image
 from known.warp_readers import data, drawn, obj, ramp, sampled
 
 Image = NDArray[np.floating]
-PIXELS = 512  # of display, viewer and picture
+PIXELS = 256  # of display, viewer and picture
 # px of the picture: what the readers' own arithmetic allows
 EXACT = 1e-3
 # ffmpeg's own scaler keeps colours, which tell the places here, to a thousandth of white

@@ -51,7 +51,16 @@ def by_ffmpeg(folder: Path, picture: np.ndarray, times: int) -> None:
     source = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r 25 -i film.rgb"
     ffmpeg("-y", *source.split(), "-c:v", "ffv1", "film.mkv", folder=folder)
     run(folder, command, "film.mkv", "-c:v libx264 -qp 0 OUT.mp4")
-    out = ["-f", "rawvideo", "-pix_fmt", "rgb24", "film_out.rgb"]
+    # exact, or the way back from 4:2:0 would be as far off as the way there
+    out = [
+        "-sws_flags",
+        "accurate_rnd+full_chroma_int+bicubic",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "film_out.rgb",
+    ]
     ffmpeg("-y", "-i", "OUT.mp4", *out, folder=folder)
     frames = np.frombuffer((folder / "film_out.rgb").read_bytes(), np.uint8)
     frames = frames.reshape(-1, rows, columns, 3)

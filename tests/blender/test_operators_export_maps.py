@@ -135,7 +135,7 @@ def test_without_openimageio_all_but_exr_is_written(
     module = importlib.import_module(f"{kiriko.__name__}.operators.export_maps")
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(RuntimeError, match="has no OpenImageIO.*: choose other formats, or"):
+    with pytest.raises(RuntimeError, match=r"has no OpenImageIO.*: choose other formats, or"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"))
     bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"), formats=both)
     one, other = (numbers_of(tmp_path / name / "warp.png") for name in ("with", "without"))
