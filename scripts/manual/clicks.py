@@ -2,7 +2,8 @@
 
 Plays the whole way in the real Blender, by events of mouse and keys, and looks at the result: the
 picture is seen when the viewport shows the viewer's sight and the source image is final; it is
-exported when the file is there. Ends with 1 where a way takes more clicks than it may.
+exported when the file is there. Ends with 1 where a way takes more clicks than it may,
+or where a step of it is not possible.
 """
 
 from __future__ import annotations
@@ -23,15 +24,18 @@ def main() -> None:
     parser.add_argument("--only", default="", metavar="WORD", help="ways with this word")
     arguments = parser.parse_args()
     ways = {name: way for name, way in WAYS.items() if arguments.only in name}
+    if not ways:
+        parser.error(f"no way has the word {arguments.only}: there are {', '.join(WAYS)}")
     try:
         folder = play(list(ways), arguments.blender, arguments.extension)
+        accounts = {name: account(folder, name) for name in ways}
     except ToolError as error:
         sys.exit(str(error))
 
     is_more = False
     print(f"{'way':<30} {'clicks':>6} {'at most':>8} {'keys':>5} {'scrolls':>8} {'waits s':>9}  of")
     for name, way in ways.items():
-        told = account(folder, name)
+        told = accounts[name]
         clicks = len(told["clicks"])
         is_more |= clicks > way.at_most
         print(

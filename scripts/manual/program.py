@@ -50,13 +50,17 @@ def screen() -> Iterator[dict[str, str]]:
     if not shutil.which("Xvfb"):
         raise ToolError(NO_DISPLAY)
 
-    number = next(n for n in FREE if not Path(f"/tmp/.X11-unix/X{n}").exists())
+    number = next((n for n in FREE if not Path(f"/tmp/.X11-unix/X{n}").exists()), None)
+    if number is None:
+        raise ToolError(f"Displays {FREE[0]} to {FREE[-1]} are all taken: end what uses them.")
     width, height = SIZE
     options = ["-screen", "0", f"{width}x{height}x24", "-dpi", "96", "+extension", "GLX"]
     server = subprocess.Popen(["Xvfb", f":{number}", *options], stderr=subprocess.DEVNULL)
     try:
         while not Path(f"/tmp/.X11-unix/X{number}").exists() and server.poll() is None:
             time.sleep(0.1)
+        if server.poll() is not None:
+            raise ToolError(f"Xvfb ended with {server.returncode}: start a screen of your own.")
         yield {"DISPLAY": f":{number}", "LIBGL_ALWAYS_SOFTWARE": "1"}
     finally:
         server.terminate()
@@ -87,7 +91,12 @@ def play(names: Sequence[str], blender: str | None, extension: Path | None) -> P
     ]  # fmt: skip
 
     with screen() as variables, tempfile.TemporaryDirectory(prefix="profile-", dir=folder) as home:
-        extra = {"BLENDER_USER_RESOURCES": home, "PYTHONPATH": str(ROOT / "scripts")}
+        # a home of its own, or a file that is there could be taken for the exported one
+        extra = {
+            "BLENDER_USER_RESOURCES": home,
+            "HOME": home,
+            "PYTHONPATH": str(ROOT / "scripts"),
+        }
         environment = clean_environment(**extra, **variables)
         try:
             code = subprocess.run(command, env=environment, timeout=60 * MINUTES).returncode
@@ -106,4 +115,7 @@ def play(names: Sequence[str], blender: str | None, extension: Path | None) -> P
 
 def account(folder: Path, name: str) -> dict:
     """Clicks, keys and scrolls of a play."""
-    return json.loads((folder / f"{name}.account.json").read_text(encoding="utf-8"))
+    path = folder / f"{name}.account.json"
+    if not path.exists():
+        raise ToolError(f"Blender ended before '{name}' was played: its last lines are above.")
+    return json.loads(path.read_text(encoding="utf-8"))

@@ -458,8 +458,8 @@ def test_every_button_is_an_operator_with_its_properties(
     entries = look()
     assert len(entries) == 2
     shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
-    another, *buttons = shown.operators
-    assert another == "kiriko.add_rig"
+    another, *buttons, picture = shown.operators
+    assert (another, picture) == ("kiriko.add_rig", "kiriko.open_picture")
     assert buttons == [b.operator for entry in entries for b in entry.buttons]
     assert " ".join(told(entries)) == " ".join(shown.texts)
     for entry in entries:
