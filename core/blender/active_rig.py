@@ -46,12 +46,16 @@ def make_active(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
 
 
 def keep_as(scene: bpy.types.Scene, key: str) -> None:
-    """Keep the scene's settings as those of a rig, by its key; '': of the scene without any."""
+    """Keep the scene's settings as those of a rig, by its key; '': of the scene without any.
+
+    A rig's own ones go with it. Those of the scene, which its first rig took, stay.
+    """
     known = {"", *(group.kiriko.key for group in bpy.data.collections)}
     for n in reversed(range(len(scene.kiriko_others))):
-        if scene.kiriko_others[n].key == key or scene.kiriko_others[n].key not in known:
+        one = scene.kiriko_others[n]
+        if one.key == key or (one.key not in known and one.settings.is_of_rig):
             scene.kiriko_others.remove(n)
-    if key in known:
+    if key in known or not scene.kiriko.is_of_rig:
         kept = scene.kiriko_others.add()
         kept.key = key
         copy_settings(scene.kiriko, kept.settings)
@@ -60,19 +64,28 @@ def keep_as(scene: bpy.types.Scene, key: str) -> None:
 def replace(scene: bpy.types.Scene, rig: bpy.types.Collection | None) -> None:
     """Put a rig's settings, or those of the scene without any, in the place of the scene's.
 
-    One that has neither settings of its own nor any kept has those of the scene.
+    A rig that has none kept takes those of the scene, or begins with the defaults.
     """
-    keys = [""] if rig is None else [rig.kiriko.key]
-    if rig is not None and not rig.kiriko.has_own_settings:
-        keys.append("")
+    key = "" if rig is None else rig.kiriko.key
     others = scene.kiriko_others
-    places = [n for key in keys for n, one in enumerate(others) if one.key == key]
+    places = [n for n, one in enumerate(others) if one.key == key]
+    if rig is None:  # also those that a first rig took, whose collection is gone
+        places += [n for n, one in enumerate(others) if not one.settings.is_of_rig]
+    else:
+        places += [n for n, one in enumerate(others) if not one.key]
     if places:
         copy_settings(others[places[0]].settings, scene.kiriko)
         others.remove(places[0])
     else:
-        clear_settings(scene.kiriko)
-    scene.kiriko.rig = keys[0]
+        begin(scene, rig)
+    scene.kiriko.rig = key
+
+
+def begin(scene: bpy.types.Scene, rig: bpy.types.Collection | None) -> None:
+    """Have a scene's settings be the defaults: those of a rig, or of no rig."""
+    clear_settings(scene.kiriko)
+    if rig is not None:
+        scene.kiriko.is_of_rig = True
 
 
 def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:

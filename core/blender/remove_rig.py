@@ -26,7 +26,9 @@ def rig_to_remove(
     scene: bpy.types.Scene, thing: bpy.types.Object | None
 ) -> bpy.types.Collection | None:
     """The rig of an object that was just selected, else the active one; None if there is none."""
-    own = rig_of(scene, thing) if is_new(scene, thing) else None
+    # one that is looked through stays the shown one, whatever is selected
+    is_followed = is_new(scene, thing) and not scene.kiriko.looking
+    own = rig_of(scene, thing) if is_followed else None
     return own or active_rig(scene)
 
 
@@ -63,7 +65,7 @@ def _go_on_with(
     before : the rig that was active
     """
     left = rigs(scene)
-    has_own = gone.kiriko.has_own_settings
+    has_own = scene.kiriko.is_of_rig
     if scene.kiriko.rig == gone.kiriko.key and (left or has_own):
         if not has_own:  # they are the scene's, as they were before any rig
             keep_as(scene, "")

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from .active_rig import make_active, replace
+from .active_rig import begin, keep_as, replace
 from .changes import Change, change, put_back
 from .kept import Changed
 from .rigs import RIG_MARK, active_rig, let_go, take_in
@@ -28,9 +28,12 @@ class Record:
         self._taken: list[bpy.types.Object] = []
 
         # the first rig takes the scene's settings as they are
-        self.rig.has_own_settings = self._before is not None or bool(self._key)
-        if self.rig.has_own_settings:
-            make_active(scene, collection)
+        if self._before is not None:
+            keep_as(scene, self._before.kiriko.key)
+            begin(scene, collection)
+        elif scene.kiriko.is_of_rig:  # of one whose collection is gone
+            keep_as(scene, self._key)
+            replace(scene, None)
         scene.kiriko.rig = self.rig.key
 
     def take_in(self, thing: bpy.types.Object) -> None:
@@ -67,7 +70,7 @@ class Record:
 
         for thing in self._taken:
             let_go(thing, self._collection)
-        if self.rig.has_own_settings:
+        if self._before is not None:
             replace(self._scene, self._before)
         if self._key:
             self._scene.kiriko.rig = self._key

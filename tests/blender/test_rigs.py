@@ -289,7 +289,9 @@ def test_the_rig_of_the_active_object_is_followed(
 
 
 def test_a_deleted_collection_leaves_its_rig(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
-    """Deleted by hand with all it has, the other one is active, with its own settings."""
+    """Deleted by hand with all it has, the other one is active, with its own settings. Those of
+    the first rig are the scene's, and kept.
+    """
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.active_rig")
     first, second = two()
     choose(first)
@@ -299,8 +301,40 @@ def test_a_deleted_collection_leaves_its_rig(kiriko: ModuleType, scene: bpy.type
     assert rig == second
     module.make_active(scene, rig)
     assert scene.kiriko.tolerance == pytest.approx(0.1)
-    assert len(scene.kiriko_others) == 0
+    assert [one.settings.tolerance for one in scene.kiriko_others] == [pytest.approx(0.3)]
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_a_rig_deleted_by_hand_leaves_the_scenes_settings(scene: bpy.types.Scene) -> None:
+    """To the next rig, and after that to the scene."""
+    scene.kiriko.tolerance, scene.kiriko.margin = 0.2, 5
+    bpy.data.collections.remove(add(cube()))
+    add(gem())
+    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
+    bpy.ops.kiriko.remove_rig()
+    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
+
+
+@pytest.mark.parametrize("is_first_active", [False, True])
+@pytest.mark.parametrize("is_second_deleted", [False, True])
+def test_the_scenes_settings_outlive_its_first_rig(
+    scene: bpy.types.Scene, is_first_active: bool, is_second_deleted: bool
+) -> None:
+    """Deleted by hand, alone or with the second one, whichever was active."""
+    scene.kiriko.tolerance, scene.kiriko.margin = 0.2, 5
+    first, second = two()
+    if is_first_active:
+        choose(first)
+    bpy.data.batch_remove([*first.objects, scene.objects["Cube"], first])
+    if is_second_deleted:
+        bpy.data.batch_remove([*second.objects, scene.objects["Gem"], second])
+        add(cube())
+        assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
+    else:
+        bpy.context.view_layer.objects.active = scene.objects["Gem"]
+    bpy.ops.kiriko.remove_rig()
+    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
+    assert len(scene.kiriko_others) == 0
 
 
 def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
@@ -519,6 +553,17 @@ def test_others_are_hidden_while_one_looks_through_the_viewer(
     choose(second)
     assert not scene.kiriko.looking
     assert not any(thing.hide_viewport for thing in others)
+
+
+def test_the_rig_that_is_looked_through_is_the_one_to_remove(scene: bpy.types.Scene) -> None:
+    """The panel goes on showing it, whatever is selected meanwhile."""
+    first, second = two()
+    choose(first)
+    bpy.ops.kiriko.look_through()
+    bpy.context.view_layer.objects.active = scene.objects["Gem"]
+    bpy.ops.kiriko.remove_rig()
+    assert list(scene.collection.children) == [second]
+    assert scene.objects["Gem"].kiriko.role == "GLASS"
 
 
 def test_each_rig_has_its_own_visible_range(scene: bpy.types.Scene) -> None:

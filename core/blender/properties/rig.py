@@ -1,7 +1,7 @@
 """A rig that Add Rig made, and what it changed of things that were there before."""
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty, StringProperty
+from bpy.props import PointerProperty, StringProperty
 
 
 class KirikoRig(bpy.types.PropertyGroup):
@@ -22,11 +22,6 @@ class KirikoRig(bpy.types.PropertyGroup):
     views: StringProperty(
         name="Views",
         description="Settings of 3D views that Add Rig changed, by screen, as JSON",
-        options={"HIDDEN"},
-    )
-    has_own_settings: BoolProperty(
-        name="Own Settings",
-        description="It began with settings of its own, not with those that the scene had",
         options={"HIDDEN"},
     )
     viewer_before: PointerProperty(

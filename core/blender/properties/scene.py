@@ -59,6 +59,12 @@ class KirikoScene(bpy.types.PropertyGroup):
         description="Key of the rig that these settings are of; empty: the scene's only one",
         options={"HIDDEN"},
     )
+    is_of_rig: BoolProperty(
+        name="Rig's Own",
+        description="These settings began with a rig; else they are those that the scene had"
+        " before any rig",
+        options={"HIDDEN"},
+    )
     followed: StringProperty(
         name="Followed",
         description="The active object whose rig was looked up last, by its name",
