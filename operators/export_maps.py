@@ -20,7 +20,15 @@ from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.steps import within
 from ..core.warp.channel_maps import description, maps_of
-from ..core.warp.files import CONVENTION, SIDECAR, names_of, suffixes, write_maps
+from ..core.warp.files import (
+    CONVENTION,
+    SIDECAR,
+    earlier_files,
+    names_of,
+    remove_earlier,
+    suffixes,
+    write_maps,
+)
 from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions
 from . import folder, long_work, needed, telling, work
 from .export import use_bundled_modules
@@ -66,15 +74,17 @@ def exported(
     scene = context.scene
     rig = work.read(context).rig
     rig.check()
+    options.check_for(rig.picture_place)
     settings = work.settings_of(scene)
     of_channels = suffixes([(viewer.name, settings.wavelength) for viewer in rig.viewers])
     names = [names_of(suffix, options) for suffix in of_channels]
+    files = [name for forms in names for of_form in forms.values() for name in of_form]
     if not overwrite:
-        files = [name for forms in names for of_form in forms.values() for name in of_form]
         folder.refuse_existing(target, [*files, SIDECAR], remedy)
 
     solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
     told = []
+    earlier = earlier_files(target)
 
     with disk.together(target) as new:
         n = len(names)
@@ -89,6 +99,7 @@ def exported(
         about = {**_about(scene, rig, settings, options), "maps": told}
         disk.write_text(new / SIDECAR, json.dumps(about, indent=2) + "\n")
 
+    remove_earlier(target, earlier, files)
     return about
 
 
@@ -169,7 +180,7 @@ class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
-        description="Replace files that are there already",
+        description="Replace files that are there already, and remove others of earlier maps",
         options={"SKIP_SAVE"},
     )
     filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})

@@ -1,9 +1,11 @@
 """The files of warp maps: which there are, how they are called, and their description."""
 
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from ..errors import ImageError
 from .channel_maps import ChannelMaps
 from .images import SavePng, write_exr, write_png
 from .mesh import write_data, write_obj
@@ -59,6 +61,54 @@ def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
         found.append(suffix)
 
     return found
+
+
+def earlier_files(folder: Path) -> set[str]:
+    """The files of maps that a folder's maps.json tells of; none where it is no such file.
+
+    Only names that a map can have: nothing else is ever taken for one.
+    """
+    try:
+        told = json.loads((folder / SIDECAR).read_text(encoding="utf-8"))
+        names = [
+            (form, name)
+            for one in told["maps"]
+            for form, of_form in one["files"].items()
+            for name in of_form
+        ]
+        return {name for form, name in names if _is_of(form, name)}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return set()
+
+
+def _is_of(form: str, name: str) -> bool:
+    """Can a file of this name hold a map of a format?"""
+    return any(
+        re.fullmatch(rf"{Path(plain).stem}(_[\w-]+)?{re.escape(Path(plain).suffix)}", name)
+        for plain in FORMATS.get(form, ())
+    )
+
+
+def remove_earlier(folder: Path, earlier: set[str], names: Iterable[str]) -> None:
+    """Remove files of earlier maps, but those of these names, which have been written anew.
+
+    Raises
+    ------
+    ImageError : one cannot be removed
+    """
+    kept = {name.casefold() for name in names}  # disks may not tell capitals from small letters
+    for name in sorted(earlier):
+        path = folder / name
+        if name.casefold() in kept or not path.is_file():
+            continue
+        try:
+            path.unlink()
+        except OSError as reason:
+            raise ImageError(
+                "The file '{path}' of earlier maps cannot be removed ({why}): remove it yourself.",
+                path=path,
+                why=reason.strerror,
+            ) from None
 
 
 def write_maps(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import RigError
+from ..rig import PicturePlace
 
 # the files of each format
 FORMATS = {
@@ -17,6 +18,7 @@ FORMATS = {
 }
 TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
+NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class MapOptions:
     formats : keys of FORMATS
     overscan : per cent by which the picture's image is larger than the picture at each side
     times : size of the maps for ffmpeg, in display pixels
-    mesh_step : display px, about, between the nodes of meshes
+    mesh_step : display px, about, between the nodes of meshes; the display's size at most
     """
 
     formats: tuple[str, ...] = ("EXR",)
@@ -53,4 +55,17 @@ class MapOptions:
         if not 1 <= self.mesh_step < np.inf:
             raise RigError(
                 "The mesh step is {step:g} display pixels: set 1 or more.", step=self.mesh_step
+            )
+
+    def check_for(self, place: PicturePlace) -> None:
+        """Raise RigError when a format has no room for the pixels of a picture."""
+        if "FFMPEG" in self.formats and self.times * max(place.width, place.height) > NOTHING:
+            raise RigError(
+                "The picture '{picture}' has {width} x {height} pixels, and the maps for ffmpeg,"
+                " {times} x, have room for {most}: set a smaller ffmpeg Size, or other formats.",
+                picture=place.name,
+                width=place.width,
+                height=place.height,
+                times=self.times,
+                most=NOTHING // self.times,
             )

@@ -7,9 +7,9 @@ import numpy as np
 
 from .. import disk
 from ..arrays import Floats
+from .options import NOTHING
 from .stmap import STMap
 
-NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
 COLOURS = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv"
 FAR = -64.0  # px: so far beside the picture no filter of OpenCV reads any of it
 

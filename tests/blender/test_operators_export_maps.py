@@ -105,8 +105,23 @@ def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -
 
     bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})
     assert {path.name for path in tmp_path.iterdir()} == {"view.exr", "warp.npz", "maps.json"}
+    beside = tmp_path / "mine.npz"
+    beside.write_text("mine")
     bpy.ops.kiriko.export_maps(directory=str(tmp_path), overwrite=True)
+    # what maps.json told of before is of another rig now
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"view.exr", "warp.exr", "maps.json", "mine.npz"}
     assert taken.read_bytes()[:4] == bytes([0x76, 0x2F, 0x31, 0x01])  # OpenEXR's first bytes
+
+
+def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """It comes before any work, and leaves no folder."""
+    small_rig()["PICTURE"].kiriko.image = bpy.data.images.new("Wide", 16384, 1)
+    with pytest.raises(RuntimeError, match=r"has 16384 x 1 pixels.* room for 16383: set a"):
+        bpy.ops.kiriko.export_maps(directory=str(tmp_path / "m"), formats={"FFMPEG"}, times="4")
+    assert not (tmp_path / "m").exists()
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The files of warp maps, read by judges that know the formats alone (known/warp_readers.py)."""
 
+import json
 import re
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from kiriko.core import image_io
 from kiriko.core.errors import ImageError
 from kiriko.core.warp.channel_maps import description, maps_of
-from kiriko.core.warp.files import names_of, write_maps
+from kiriko.core.warp.files import earlier_files, names_of, remove_earlier, write_maps
 from kiriko.core.warp.images import CHANNELS
 from kiriko.core.warp.options import FORMATS, MapOptions
 from known.known_maps import asked_for, maps_by, straight, turned
@@ -142,3 +143,37 @@ def test_disk_that_is_full_is_one_sentence(tmp_path, form):
             write_maps(tmp_path, names_of("", MapOptions(formats=(form,))), maps, "a map")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_earlier_maps_are_removed_and_nothing_else(tmp_path):
+    """Files that maps.json tells of, and that a map can be called; those written anew stay."""
+    ours = ["warp_650nm.exr", "view_Left-Eye_2.exr", "x.pgm", "warp.npz"]
+    others = ["warp.blend", "xx.pgm", "notes.exr", "warp", "view.npz", "film.pgm"]
+    beside = tmp_path / "beside"
+    beside.mkdir()
+    for path in (beside / "warp.exr", *(tmp_path / name for name in (*ours, *others))):
+        path.write_text("kept")
+    (tmp_path / "warp.obj").mkdir()
+    files = {
+        "EXR": [*ours[:2], *others, "beside/warp.exr", "../warp.exr", ".", "warp_gone.exr"],
+        "FFMPEG": [ours[2]],
+        "NPZ": [ours[3]],
+        "OBJ": ["warp.obj"],
+        "BLEND": ["warp.blend"],
+    }
+    assert earlier_files(tmp_path) == set()
+    about = {"maps": [{"files": {form: names}} for form, names in files.items()]}
+    (tmp_path / "maps.json").write_text(json.dumps(about))
+    earlier = earlier_files(tmp_path)
+    remove_earlier(tmp_path, earlier, ["Warp.npz"])
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {*others, "warp.npz", "warp.obj", "beside", "maps.json"}
+    assert (beside / "warp.exr").read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", "7", '{"maps": 3}', '{"maps": [{"files": []}]}', '{"maps": [null]}']
+)
+def test_other_json_files_tell_of_no_maps(tmp_path, text):
+    (tmp_path / "maps.json").write_text(text)
+    assert earlier_files(tmp_path) == set()
