@@ -57,7 +57,7 @@ class WarpMesh:
 def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
     """The finest nodes of a mesh, the large cells of which are about `step` px wide."""
     large = nodes(display_size, step)
-    finer = _finer(step)
+    finer = _finer(large)
     x, y = large.step
     return Grid(
         large.first,
@@ -67,9 +67,12 @@ def mesh_grid(display_size: tuple[int, int], step: float) -> Grid:
     )
 
 
-def _finer(step: float) -> int:
-    """Into how many cells of about a pixel a large one is cut along its side."""
-    return max(1, round(step))
+def _finer(large: Grid) -> int:
+    """Into how many cells of about a pixel a large one is cut along its side: never into more than
+    it has pixels, about, however large a step was asked for.
+    """
+    x, y = large.step
+    return max(1, round((x * y) ** 0.5))
 
 
 def mesh_of(
@@ -78,7 +81,8 @@ def mesh_of(
     """The mesh of a map at the nodes of its grid, by the places that show them."""
     path = places.path.reshape(stmap.size[::-1])
     is_node = (places.multiplicity > 0).reshape(path.shape) & stmap.is_there
-    return WarpMesh(display_size, _finer(step), stmap, np.where(is_node, path, NO_PATH))
+    finer = _finer(nodes(display_size, step))
+    return WarpMesh(display_size, finer, stmap, np.where(is_node, path, NO_PATH))
 
 
 def quads_of(mesh: WarpMesh) -> Ints:

@@ -33,7 +33,7 @@ class STMap:
     to_size : (width, height) of the other image, px
     st : (h, w, 2) places, NaN where there is none
     coverage : (h, w) 0..1, how much of each pixel shows anything of the other image; 0 where
-        its place is beside that
+        its place is beside that, or beside the plane that has it
     multiplicity : (h, w) at how many places of the viewer's image the display's pixel is seen
     jacobian : (h, w, 2, 2) px of the other image per px of this, x right and y down in both; 0
         where it is not known
@@ -98,6 +98,7 @@ def of_places(
     st[seen], by_view[seen] = _picture_places(place, viewer, places.view[seen])
 
     shape = grid.rows, grid.columns
+    is_on = _is_on(place, viewer, st, overscan).reshape(shape)
     found = STMap(
         to_size=(place.width, place.height),
         st=st.reshape(*shape, 2),
@@ -105,7 +106,7 @@ def of_places(
         multiplicity=places.multiplicity.reshape(shape),
         jacobian=np.einsum("nij,njk->nik", by_view, places.view_by_display).reshape(*shape, 2, 2),
     ).with_overscan(overscan)
-    return replace(found, coverage=np.where(_is_on(found.st), coverage, 0.0))
+    return _extended(replace(found, coverage=np.where(is_on, coverage, 0.0)))
 
 
 def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
@@ -192,6 +193,25 @@ def _st_of(xy: Floats, size: tuple[int, int]) -> Floats:
     return np.stack([xy[:, 0] / size[0], 1 - xy[:, 1] / size[1]], axis=1)
 
 
-def _is_on(st: Floats) -> Bools:
-    """Which places (..., 2) are on their image?"""
-    return ((st >= 0) & (st <= 1)).all(axis=-1)
+def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> Bools:
+    """Which places (n, 2) are on the picture, as a source image has it? Its plane may have a part
+    of its image, or more than that; by overscan, per cent of the image, it reaches further.
+    """
+    way = flat_way(place, viewer)
+    if way is None:
+        return np.isfinite(st).all(axis=1)
+    more = overscan / 100
+    return ((st >= way.low - more) & (st <= way.high + more)).all(axis=1)
+
+
+def _extended(stmap: STMap) -> STMap:
+    """A map whose places beyond the other image are the middles of its outermost pixels: there a
+    source image shows their colours, and many programs show nothing.
+    """
+    is_beyond = stmap.is_there[..., None] & ((stmap.st < 0) | (stmap.st > 1))
+    edge = 0.5 / np.array(stmap.to_size)
+    return replace(
+        stmap,
+        st=np.where(is_beyond, np.clip(stmap.st, edge, 1 - edge), stmap.st),
+        jacobian=np.where(is_beyond[..., None], 0.0, stmap.jacobian),
+    )

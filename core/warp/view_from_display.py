@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, Ints
 from ..image.ghosts import NO_PATH, Paths
 from ..light.plan import Plan
-from ..map.points import trace_points
+from ..map.points import is_in_image, trace_points
 from ..map.shares import Shares
 from ..map.view_map import ViewMap
 from ..solve.channel import shares_of
@@ -144,7 +144,8 @@ def _settled(plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates) -> Paus
     only as well as its tolerance: there it lands so far off.
     """
     places = yield from settle(plan, grid.at(lot.point), lot.view, lot.view_by_display, lot.branch)
-    true = np.flatnonzero(places.off <= view_map.tolerance)
+    is_true = (places.off <= view_map.tolerance) & is_in_image(places.view, view_map.view_size)
+    true = np.flatnonzero(is_true)
     return _Settled(lot._replace(view=places.view).at(true), places.off[true])
 
 
@@ -209,13 +210,15 @@ def _fill(
     found: ViewPlaces, plan: Plan, view_map: ViewMap, points: Floats, number: Ints, start: Floats
 ) -> Pauses[None]:
     """Set the places of points (n, 2) by their numbers (n,) from shares in their pixels: the very
-    points where the way leads there, else the middles (n, 2) of the shares.
+    points where the way leads there within the viewer's image, else the middles (n, 2) of the
+    shares.
     """
     traced = yield from trace_points(plan, start)
     by_view = yield from derivative(plan, start, traced.xy, traced.branch)
     inverse = inverse_of(by_view)
     places = yield from settle(plan, points, start, inverse, traced.branch)
     is_there = (places.off <= view_map.tolerance) & (traced.branch != 0)
+    is_there &= is_in_image(places.view, view_map.view_size)
 
     found.view[number] = np.where(is_there[:, None], places.view, start)
     found.view_by_display[number] = inverse

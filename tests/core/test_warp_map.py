@@ -11,6 +11,7 @@ from kiriko.core.map.points import in_triangles
 from kiriko.core.warp.channel_maps import maps_of
 from kiriko.core.warp.files import suffixes
 from kiriko.core.warp.grid import middles, nodes
+from kiriko.core.warp.mesh import mesh_grid
 from kiriko.core.warp.options import FORMATS, MapOptions
 from kiriko.core.warp.stmap import view_stmap, warp_map
 from kiriko.core.warp.view_from_display import view_from_display
@@ -196,6 +197,77 @@ def test_overscan_is_room_around_the_picture():
     assert (wide.is_there | ~both).all()
 
 
+def with_uv(bench, low, high):
+    """A rig whose picture's plane has the part of the image between two places of its UV."""
+    mesh = bench.picture.mesh
+    uv = low + mesh.uv * (np.array(high) - low)
+    return replace(bench, pictures=(replace(bench.picture, mesh=replace(mesh, uv=uv)),))
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [((0.25, 0.25), (0.5, 0.5)), ((-0.5, -0.5), (1.5, 1.5)), ((0.2, 0), (1, 0.4))]
+)
+def test_pixels_on_the_picture_are_those_that_the_source_image_lights(low, high):
+    """The plane is the border, not its image: a part of that, or more than it, whose outermost
+    pixels go on, as in the source image.
+    """
+    image = np.full((64, 64, 3), 0.25, np.float32)
+    image[[0, -1]] = image[:, [0, -1]] = 1.0
+    solution = solve(with_uv(ball_rig(3, image=image, **SMALL), low, high), ghosts="strongest")
+    found = drain(warp_map(solution.first))
+    lit = solution.source[..., 0] > 0
+    whole = solution.display_coverage > 1 - 1e-9
+    away = whole & (found.multiplicity == 1)  # beside the borders, where a pixel has both
+    same = np.lib.stride_tricks.sliding_window_view(np.pad(lit, 1), (3, 3)).reshape(64, 64, 9)
+    away &= same.all(axis=2) | ~same.any(axis=2)
+    assert away.sum() > 1000
+    assert (away & ~lit).sum() > 300
+    assert (found.is_there == lit)[away].all()
+
+    # a reader that shows nothing beyond the image shows the same colours as the source image
+    st = found.st[found.is_there]
+    assert ((st >= 0) & (st <= 1)).all()
+    if low[0] < 0:
+        colour = solution.source[..., 0]
+        assert (found.st[away & lit & (colour == 1)] * 64 % 63 == 0.5).any(axis=1).all()
+
+
+def test_overscan_reaches_as_far_beside_a_part_of_an_image():
+    """Its per cent are those of the image: the plane grows by them, in UV, at each side."""
+    channel = solve(with_uv(ball_rig(3, **SMALL), (0.25, 0.25), (0.5, 0.5))).first
+    plain = drain(warp_map(channel))
+    wide = drain(warp_map(channel, overscan=10.0))
+    seen = np.isfinite(plain.st[..., 0]) & (channel.coverage.of_display > 0)
+    is_near = (np.abs(plain.st - 0.375) <= 0.225).all(axis=2)
+    assert (wide.is_there == is_near)[seen].all()
+    assert wide.is_there.sum() > 1.5 * plain.is_there.sum()
+
+
+def test_pixels_at_the_edge_of_the_viewers_image_show_the_part_that_is_seen():
+    """Their middles are beyond the viewer's image, where a picture in its own pixels has nothing:
+    the place is in the middle of the part within.
+    """
+    bench = rig(box([0.06, 0.02, 0.06]), **SMALL)
+    viewer = replace(bench.viewer, window=tuple(0.45 * edge for edge in bench.viewer.window))
+    bench = replace(bench, viewers=(viewer,), pictures=(replace(bench.picture, mesh=None),))
+    channel = solve(bench).first
+    found = drain(warp_map(channel))
+    coverage = channel.coverage.of_display
+    in_part = (coverage > 0) & (coverage < 0.49)
+    assert in_part.sum() > 100
+    assert (found.coverage == coverage).all()
+    assert (found.multiplicity[in_part] == 0).all()
+
+    # beside the corners the part is as wide as it covers, and its light lands in its middle
+    st = found.st[in_part]
+    assert ((st > 0) & (st < 1)).all()
+    rays = viewer.rays(np.stack([st[:, 0], 1 - st[:, 1]], axis=1) * 64)
+    row, column = np.nonzero(in_part)
+    off = np.abs(trace(channel.plan, *rays).xy - np.stack([column, row], axis=1) - 0.5)
+    at_side = coverage[in_part] > 0.2
+    assert np.abs(off.max(axis=1) - (1 - coverage[in_part]) / 2)[at_side].max() < 0.01
+
+
 def test_parts_of_pixels_have_their_own_places():
     """A map that is twice as large has the middles of quarters; the mean of four is the middle."""
     channel = solve(ball_rig(3, **SMALL)).first
@@ -212,6 +284,33 @@ def test_nodes_are_at_the_displays_edges():
     assert (grid.columns, grid.rows) == (5, 3)
     assert grid.at(np.array([0, len(grid) - 1])).tolist() == [[0, 0], [30, 20]]
     assert grid.pixels((30, 20)).max() == 30 * 20 - 1
+
+
+@pytest.mark.parametrize("step", [1.0, 1.4, 5.5, 8.0, 20.0, 1e4, 1e12])
+def test_meshes_have_no_more_nodes_than_the_display_has_pixels_about(step):
+    """The cells into which a large one is cut are about a pixel, by its own size: a step beyond the
+    display's size is that.
+    """
+    grid = mesh_grid((64, 40), step)
+    assert np.prod(grid.step) == pytest.approx(1, rel=1.0)
+    assert len(grid) < 2.1 * 65 * 41
+    cells = nodes((64, 40), step)
+    assert (grid.columns - 1) % (cells.columns - 1) == (grid.rows - 1) % (cells.rows - 1) == 0
+    assert (cells.columns, cells.rows) == (2, 2) if step > 64 else True
+
+
+def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence():
+    """Numbers of 16 bits tell its columns and rows, and 65535 is nothing."""
+    place = ball_rig(3, **SMALL).picture_place
+    wide = replace(place, width=16384)
+    for times, width in ((4, 16383), (2, 32767), (1, 65535)):
+        options = MapOptions(("EXR", "FFMPEG"), times=times)
+        options.check_for(replace(place, width=width))
+        with pytest.raises(RigError, match=rf"has {width + 1} x .* room for {width}: set .*\.$"):
+            options.check_for(replace(place, width=width + 1))
+    MapOptions(("EXR", "NPZ"), times=4).check_for(wide)
+    with pytest.raises(RigError, match=r"x 65536 pixels"):
+        MapOptions(("FFMPEG",), times=1).check_for(replace(place, height=65536))
 
 
 def test_channels_never_share_a_file():
