@@ -26,10 +26,11 @@ def rig_to_remove(
     scene: bpy.types.Scene, thing: bpy.types.Object | None
 ) -> bpy.types.Collection | None:
     """The rig of an object that was just selected, else the active one; None if there is none."""
+    active = active_rig(scene)
     # one that is looked through stays the shown one, whatever is selected
-    is_followed = is_new(scene, thing) and not scene.kiriko.looking
+    is_followed = not scene.kiriko.looking and (active is None or is_new(scene, thing))
     own = rig_of(scene, thing) if is_followed else None
-    return own or active_rig(scene)
+    return own or active
 
 
 def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
