@@ -15,7 +15,7 @@ from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.kept import Sentences
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
 from ..core.blender.rig_record import Record
-from ..core.blender.rigs import has_roles, rig_of, rigs, rigs_of
+from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
@@ -291,7 +291,7 @@ def _refuse_second(
     """
     keys = rigs_of(scene)
     for thing in glasses:
-        rig = rig_of(scene, thing)
+        rig = None if is_copy(scene, thing) else rig_of(scene, thing)
         if thing.kiriko.role != "NONE" and rig is not None and has_roles(scene, rig):
             raise RigError(
                 "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig"

@@ -11,8 +11,9 @@ import bpy
 from .active_rig import begin, keep_as, replace
 from .changes import Change, change, put_back
 from .kept import Changed
-from .rigs import RIG_MARK, active_rig, let_go, take_in
+from .rigs import RIG_MARK, active_rig, is_copy, let_go, take_in
 
+OF_GLASS = ("rigs", "taken_as", "changed")  # marks of an object that a rig has taken in
 KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
 
 
@@ -25,7 +26,7 @@ class Record:
         self.rig = collection.kiriko
         self.rig.key = token_hex(8)
         self._done: list[tuple[Any, Any, str, list[Change]]] = []
-        self._taken: list[bpy.types.Object] = []
+        self._taken: list[tuple[bpy.types.Object, dict[str, str]]] = []
 
         # the first rig takes the scene's settings as they are
         if self._before is not None:
@@ -37,9 +38,16 @@ class Record:
         scene.kiriko.rig = self.rig.key
 
     def take_in(self, thing: bpy.types.Object) -> None:
-        """Have an object of the artist's be a part of the rig."""
+        """Have an object of the artist's be a part of the rig. A copy of
+        glass leaves the rig of that glass.
+        """
+        ours = thing.kiriko
+        self._taken.append((thing, {name: getattr(ours, name) for name in OF_GLASS}))
+        if is_copy(self._scene, thing):
+            ours.rigs = ""
+            if ours.changed:
+                ours.changed = Changed(self.rig.key, Changed.read(ours.changed).changes).text()
         take_in(thing, self._collection)
-        self._taken.append(thing)
 
     def change(self, owner: bpy.types.ID, values: dict[str, Any]) -> None:
         """Give settings of an object, a material or the scene other values, by their paths."""
@@ -68,8 +76,11 @@ class Record:
             put_back(owner, changes)
             keeper.changed = before
 
-        for thing in self._taken:
+        for thing, before in self._taken:
             let_go(thing, self._collection)
+            for name, value in before.items():
+                if value:
+                    setattr(thing.kiriko, name, value)
         if self._before is not None:
             replace(self._scene, self._before)
         if self._key:

@@ -112,6 +112,20 @@ def take_in(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
     """Have an object be a part of a rig wherever it is."""
     if thing.is_editable:
         thing.kiriko.rigs = " ".join([*thing.kiriko.rigs.split(), rig.kiriko.key])
+        thing.kiriko.taken_as = thing.name
+
+
+def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Is an object, which lies in no rig's collection, a copy of one that Add Rig took into a rig?
+
+    The one that has kept the name is the one that was taken, else the first.
+    """
+    ours = thing.kiriko
+    if not ours.taken_as or any(thing in set(_held(rig)) for rig in rigs(scene)):
+        return False
+    mark = (ours.taken_as, ours.rigs)
+    same = [one for one in scene.objects if (one.kiriko.taken_as, one.kiriko.rigs) == mark]
+    return thing != next((one for one in same if one.name == ours.taken_as), same[0])
 
 
 def let_go(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
@@ -122,3 +136,4 @@ def let_go(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
         thing.kiriko.rigs = " ".join(rest)
         if not rest:
             thing.kiriko.property_unset("rigs")
+            thing.kiriko.property_unset("taken_as")

@@ -423,6 +423,47 @@ def test_glass_of_a_rig_gets_no_second_one(scene: bpy.types.Scene) -> None:
     assert differences(before, snapshot()) == []
 
 
+@pytest.mark.parametrize("role", ["GLASS", "NONE"])
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_copy_of_a_rigs_glass_gets_a_rig_of_its_own(
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
+    role: str,
+    fails: bool,
+) -> None:
+    """The first rig, whose marks the copy had, is as it was: with it, and after it is removed."""
+    read = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read
+    has_changed = importlib.import_module(f"{kiriko.__name__}.operators.watch").has_changed
+    first = add(cube())
+    bpy.ops.kiriko.solve()
+    copy = scene.objects["Cube"].copy()
+    scene.collection.objects.link(copy)
+    copy.location.x, copy.kiriko.role = 0.2, role
+    if fails:
+        module = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
+        monkeypatch.setattr(module, "_make_viewer", None)
+        scene.objects["Cube"].select_set(False)
+        before = snapshot()
+        with pytest.raises(RuntimeError):
+            add(copy)
+        copy.select_set(False)
+        assert differences(before, snapshot()) == []
+        return
+
+    second = add(copy)
+    assert [part.name for part in read(bpy.context).rig.glasses] == ["Cube.001"]
+    for is_there in (True, False):
+        choose(first)
+        assert [part.name for part in read(bpy.context).rig.glasses] == ["Cube"]
+        assert not has_changed(bpy.context)
+        if is_there:
+            choose(second)
+            bpy.ops.kiriko.remove_rig()
+    ours = copy.kiriko
+    assert (ours.role, ours.rigs, ours.changed, ours.taken_as) == ("NONE", "", "", "")
+
+
 def test_a_part_in_no_rig_is_told_before_a_second_one(scene: bpy.types.Scene) -> None:
     """Each rig would have it: a display beside its own."""
     add(cube())

@@ -239,6 +239,11 @@ class KirikoObject(bpy.types.PropertyGroup):
         description="Keys of the rigs that Add Rig took the object into",
         options={"HIDDEN"},
     )
+    taken_as: StringProperty(
+        name="Taken As",
+        description="The name that it had then, which tells it from its copies",
+        options={"HIDDEN"},
+    )
     # image: see `register`
     is_image_shown: BoolProperty(
         name="Image Is Shown",
