@@ -13,6 +13,7 @@ from time import monotonic, perf_counter
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.blender.made_for_rig import read_images_anew
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
 from ..core.messages import Message
@@ -185,6 +186,8 @@ def on_undo(*_: object) -> None:
     for watched in _watched.values():
         watched.kept = Kept()
         watched.touch()
+    for scene in bpy.data.scenes:
+        read_images_anew(scene)
 
 
 @persistent

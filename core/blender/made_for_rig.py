@@ -17,6 +17,18 @@ RESULT = "kiriko.result."  # path of the panel's numbers in the scene
 IMAGES = ("source", "seen", "preview")  # of a result
 
 
+def read_images_anew(scene: bpy.types.Scene) -> None:
+    """Have the images of a scene's results be read as they are packed.
+
+    Undo puts back what is packed, and leaves what Blender has read of it before.
+    """
+    for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others)):
+        for name in IMAGES:
+            image = getattr(settings.result, name)
+            if image is not None and image.packed_file is not None and not image.is_dirty:
+                image.buffers_free()
+
+
 def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
     """Objects that Add Rig made for a rig, and those that show its results in the scene."""
     made = objects_of(scene, rig.kiriko.key)

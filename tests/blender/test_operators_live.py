@@ -122,6 +122,25 @@ def test_remedies_follow_the_final_image(live: ModuleType) -> None:
     assert "kiriko.fit_plate" in {help["operator"] for help in helps}
 
 
+def test_undo_after_live_shows_the_image_of_before(live: ModuleType) -> None:
+    """Blender had read the newer one, which is not the one that undo brings back."""
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    before = shown()
+    bpy.ops.ed.undo_push(message="solved")
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    turn(rig["GLASS"], 0.3)
+    settle(live)
+    live.stop()
+    bpy.ops.ed.undo_push(message="turned")
+    assert not np.array_equal(shown(), before)
+
+    bpy.ops.ed.undo()
+    assert np.array_equal(shown(), before)
+    bpy.ops.ed.redo()
+    assert not np.array_equal(shown(), before)
+
+
 def test_a_coarse_picture_comes_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
