@@ -12,13 +12,13 @@ import numpy as np
 from ..arrays import Floats
 from ..bench.placement import Proposal, lattice
 from ..errors import RigError
-from ..glass.meshes import box_of
 from ..messages import Message, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
 from . import shaders
 from .bodies import bodiless
 from .elements import DEFAULT_IOR
 from .image import encoded_image
+from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .parts import Part, parts_by_role, read_parts, role_label
@@ -41,7 +41,7 @@ class Bench:
     glasses : objects that are to be glass; none: a ball is made
     rig : all the glass, and the plates, mirrors and blockers that are there
     bounds : (2, 3) of those glasses, world, m
-    aim : (2, 3) of the active one among them, or of all
+    aim : (2, 3) of the active one among them, or of the one nearest to the middle of all
     opaque : those of them whose material does not refract
     """
 
@@ -106,12 +106,9 @@ def read_bench(
         found.append(_ball(scene, metres))
         chosen = found[-1:]
 
-    active = context.view_layer.objects.active
-    aimed = [part for part in chosen if glasses and part.owner == active]
-    bounds, aim = (
-        box_of(np.concatenate([part.mesh.bounds for part in parts]))
-        for parts in (chosen, aimed or chosen)
-    )
+    bounds = aim = bounds_of(chosen)
+    if glasses:
+        aim = bounds_of(looked_through(chosen, context.view_layer.objects.active))
     others = {
         role.field: tuple(
             in_blender(role.name).read(part, kept).part for part in by_role[role.name]

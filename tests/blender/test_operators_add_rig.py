@@ -643,6 +643,29 @@ def test_of_several_glasses_the_viewer_looks_through_the_active_one(
     assert max(picture.dimensions) < max(active.dimensions)
 
 
+@pytest.mark.parametrize("has_active", [False, True])
+def test_without_an_active_glass_the_viewer_looks_through_the_one_in_the_middle(
+    scene: bpy.types.Scene, has_active: bool
+) -> None:
+    """After a box selection the active object is none of the glasses, or there is none: the viewer
+    looks through a glass all the same, and not through a gap between two.
+    """
+    other = new_object(primitive("cube", size=0.04))
+    other.location.x = 0.5
+    for x in (-0.1, 0.02, 0.1, 0.18):
+        glass = new_object(primitive("cube", size=0.04))
+        glass.location.x = x
+        glass.select_set(True)
+    other.select_set(False)
+    bpy.context.view_layer.objects.active = other if has_active else None
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", viewer_resolution=64, display_resolution=(64, 64))
+    (picture,) = (thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
+    assert abs(world_corners(picture).mean(axis=0)[0] - 0.02) < 1e-5
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.coverage > 0.99
+
+
 @pytest.mark.parametrize("look_down", [0, 60])
 def test_a_rig_behind_the_glass_shows_its_picture(scene: bpy.types.Scene, look_down: float) -> None:
     """Add Rig and Solve: all of the picture, and no word of a plate that is missed."""
