@@ -1,6 +1,6 @@
 """Numbers as people read them, the same in every sentence, label and report."""
 
-from .messages import Message, as_message, joined
+from .messages import Message, as_message
 from .numbers import number
 
 NO_PLATE = Message("The display, seen with no plate in between,")  # the beginning of a sentence
@@ -37,8 +37,12 @@ def shares_in_words(misses: dict[str, float]) -> list[Message]:
 
 
 def listed(misses: dict[str, float]) -> Message:
-    """Shares by reason, the largest first."""
-    return joined(shares_in_words(misses), ", ")
+    """Shares by reason, the largest first: clauses, which a language may tell as sentences."""
+    clauses = shares_in_words(misses)
+    whole = clauses[0] if clauses else Message("")
+    for clause in clauses[1:]:
+        whole = Message("{clauses}, {clause}", clauses=whole, clause=clause)
+    return whole
 
 
 def summary(

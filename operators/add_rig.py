@@ -322,9 +322,10 @@ def _on_display(
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
     """
-    display = Message("The display, {width} wide,", width=length_text(scene, proposal.display))
-    text = Message("{display} takes all the light of the picture.", display=display)
+    width = length_text(scene, proposal.display)
+    text = Message("The display, {width} wide, takes all the light of the picture.", width=width)
     if listed(spread.lost):
+        display = Message("The display, {width} wide,", width=width)
         text = summary(1 - sum(spread.lost.values()), spread.lost, display)
 
     if spread.leaked > BESIDE:

@@ -184,8 +184,8 @@ class KIRIKO_OT_export(bpy.types.Operator):
         with telling.told(self):
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
-                    "{changed}, or export the old image with allow_stale=True.",
-                    changed=watch.CHANGED.rstrip("."),
+                    "The scene has changed since: solve again, or export the old image with"
+                    " allow_stale=True."
                 )
 
             details = Numbers.read(ours.result.details).by_name

@@ -55,7 +55,8 @@ class FitsPart(long_work.LongWork):
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         reasons = needed.lacking(context.scene)
         if not reasons and cls.role not in needed.parts(context.scene):
-            reasons = [Message("The rig has no {role}", role=cls.role.lower())]
+            noun = next(role.noun for role in ROLES if role.name == cls.role)
+            reasons = [Message("The rig has no {role}", role=noun)]
         return needed.can_run(cls, reasons)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:

@@ -142,7 +142,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
 
     if thing.is_pictureless:
         button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
-        yield Entry(Message("{why}.", why=thing.is_pictureless), PROBLEM, (button,))
+        yield Entry(thing.is_pictureless, PROBLEM, (button,))
 
     if thing.has_no_scale:
         text = Message("'{name}' is scaled to nothing.", name=name)

@@ -82,16 +82,16 @@ def _thing(
 
 
 def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
-    """Why a plane shows no picture, without a full stop; '' where it does."""
+    """Why a plane shows no picture; '' where it does."""
     if scene.kiriko.picture_source == "IMAGE":
         return ""
     image = image_of(picture)
     if image is None:
-        return Message("'{picture}' shows no image", picture=picture.name)
+        return Message("'{picture}' shows no image.", picture=picture.name)
     try:
         check_readable(image, Message("the picture '{picture}'", picture=picture.name))
     except ImageError as error:
-        return Message("{reason}", reason=str(error).rstrip("."))
+        return error.message
     return ""
 
 

@@ -15,18 +15,19 @@ REFRACTIVE = {
     "BSDF_REFRACTION": "Refraction BSDF",
     "BSDF_PRINCIPLED": "Principled BSDF",
 }
-# inputs that change the glass, and the value at which they do nothing
+# inputs that are not followed: what a sentence calls each, and the value at which it does nothing
 NEUTRAL = {
-    "Roughness": 0.0,
-    "Metallic": 0.0,
-    "Alpha": 1.0,
-    "Transmission Weight": 1.0,
-    "Subsurface Weight": 0.0,
-    "Coat Weight": 0.0,
-    "Sheen Weight": 0.0,
-    "Emission Strength": 0.0,
-    "Thin Film Thickness": 0.0,
+    "Roughness": (Message("roughness"), 0.0),
+    "Metallic": (Message("metallic"), 0.0),
+    "Alpha": (Message("alpha"), 1.0),
+    "Transmission Weight": (Message("transmission weight"), 1.0),
+    "Subsurface Weight": (Message("subsurface weight"), 0.0),
+    "Coat Weight": (Message("coat weight"), 0.0),
+    "Sheen Weight": (Message("sheen weight"), 0.0),
+    "Emission Strength": (Message("emission strength"), 0.0),
+    "Thin Film Thickness": (Message("thin film thickness"), 0.0),
 }
+OUTPUTS = {"Volume": Message("volume"), "Displacement": Message("displacement")}  # beside surfaces
 
 Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outermost first
 
@@ -159,15 +160,15 @@ def is_linked(node: bpy.types.Node, name: str, groups: Groups) -> bool:
 
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
     """The settings of a refractive shader that Kiriko does not follow."""
-    for name, neutral in NEUTRAL.items():
+    for name, (setting, neutral) in NEUTRAL.items():
         socket = node.inputs.get(name)
         if socket is None:
             continue
         value, is_known = number(socket, groups)
         if not is_known:
-            yield Message("{setting} from nodes", setting=name.lower())
+            yield Message("{setting} from nodes", setting=setting)
         elif value != neutral:
-            yield f"{name.lower()} {value:.3g}"
+            yield Message("{setting} {value:.3g}", setting=setting, value=value)
 
     colour = node.inputs.get("Base Color") or node.inputs.get("Color")
     end, _ = feeding(colour, groups)
@@ -208,7 +209,7 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         for other, _ in found
         if other != node
     ]
-    ignored += [name.lower() for name in ("Volume", "Displacement") if is_linked(output, name, ())]
+    ignored += [word for name, word in OUTPUTS.items() if is_linked(output, name, ())]
 
     return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
 

@@ -206,9 +206,9 @@ def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]
     return full + [Part(owners[name], name, empty) for name in names]
 
 
-def role_label(owner: bpy.types.Object) -> str:
+def role_label(owner: bpy.types.Object) -> Message:
     """The word the user sees for an object's role."""
-    return owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name
+    return as_message(owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name)
 
 
 def unmet_parts(
@@ -242,7 +242,7 @@ def hidden_words(thing: bpy.types.Object, by: str) -> str:
     can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
     return Message(
         "The {role} '{name}' is hidden{by}: show it{otherwise}",
-        role=as_message(role_label(thing).lower()),
+        role=next(role.noun for role in ROLES if role.name == thing.kiriko.role),
         name=thing.name,
         by=by,
         otherwise=Message(", or set its role to None") if can_do_without else "",
@@ -262,14 +262,14 @@ def notes_on_parts(
         Message(
             "'{name}' has the role {role} but is hidden{by}: left out.",
             name=o.name,
-            role=as_message(role_label(o)),
+            role=role_label(o),
             by=by,
         )
         if by
         else Message(
             "'{name}' has the role {role} but shows nothing: left out.",
             name=o.name,
-            role=as_message(role_label(o)),
+            role=role_label(o),
         )
         for o, by in unmet.items()
     ]

@@ -27,13 +27,14 @@ def on_white(rig: Rig, plan: Plan, light: NDArray[np.float32]) -> Iterator[Remar
     if not bright:
         return
 
-    remedy = Message("turn Brightness off, lower") if plan.settings.brightness else Message("lower")
+    remedy = Message("lower the Picture Brightness of '{picture}'", picture=rig.picture.name)
+    if plan.settings.brightness:
+        remedy = Message("turn Brightness off, {remedy}", remedy=remedy)
     yield note(
         "{share} of the source image is brighter than a display's white and would be clipped:"
-        " {remedy} the Picture Brightness of '{picture}', or export OpenEXR, which keeps it.",
+        " {remedy}, or export OpenEXR, which keeps it.",
         share=percent(bright),
         remedy=remedy,
-        picture=rig.picture.name,
     )
 
 

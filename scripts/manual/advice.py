@@ -300,7 +300,7 @@ RESULT = Section(
         ),
         Advice(
             "{share} of the source image is brighter than a display's white and would be clipped:"
-            " {remedy} the Picture Brightness of '{picture}', or export OpenEXR, which keeps it.",
+            " {remedy}, or export OpenEXR, which keeps it.",
             "The setting is in the panel Object, when the picture is selected.",
             "絵を選択すると、「オブジェクト」パネルにこの設定があります。",
         ),
@@ -563,7 +563,8 @@ FILES = Section(
             "「エクスポート」パネルのファイル欄が空です。",
         ),
         Advice(
-            "{changed}, or export the old image with allow_stale=True.",
+            "The scene has changed since: solve again, or export the old image with"
+            " allow_stale=True.",
             "In the window, Export asks instead.",
             "ウィンドウでは、代わりに確認が表示されます。",
         ),

@@ -12,7 +12,7 @@ import pytest
 
 import languages as tool
 from panel_layout import Layout
-from small_rigs import small_rig
+from small_rigs import new_object, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
 LOCALES = sorted(path.stem for path in (tool.ROOT / "languages").glob("*.po"))
@@ -216,6 +216,72 @@ def test_the_terminal_stays_english(
     telling = importlib.import_module(f"{EXTENSION}.operators.telling")
     error = telling.KirikoError("The scene has {n} gaps.", n=2)
     assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
+
+
+def test_sentences_of_several_parts_read_as_japanese(kiriko: ModuleType) -> None:
+    """A sentence that is put together has its particles, and its clauses end alike."""
+    texts = kiriko.languages.texts_of("ja_JP")
+    words = importlib.import_module(f"{EXTENSION}.core.words")
+    helps = importlib.import_module(f"{EXTENSION}.core.bench.helps")
+    message = importlib.import_module(f"{EXTENSION}.core.messages").Message
+
+    def told(sentence: str) -> str:
+        return sentence.told(lambda text: texts.get(text, text))
+
+    wide = message("The display, {width} wide,", width="300 mm")
+    lost = {"missed the plate": 0.09, "finer than a viewer pixel": 0.0004}
+    text = words.summary(0.9096, lost, wide)
+    assert text == (
+        "The display, 300 mm wide, shows 91 % of the picture; 9 % missed the plate,"
+        " 0.04 % finer than a viewer pixel."
+    )
+    assert told(text) == (
+        "幅300 mmのディスプレイから絵の91 %が見えます。9 %がプレートを外れています。"
+        "0.04 %が視点の1ピクセルより細かいため見えません。"
+    )
+    remedy = helps.Help("kiriko.fit_plate", 0.911, 0.96).told(lambda metres: f"{metres:g} m")
+    assert re.fullmatch("プレートを0.911 m大きくしてください.96 %が届きます.", told(remedy))
+
+
+def test_errors_with_words_of_their_values_are_japanese(
+    scene: bpy.types.Scene, in_japanese: Callable[[str], str]
+) -> None:
+    """Roles, and an image that is older than its scene: words within a sentence are Japanese."""
+    parts = small_rig()
+    bpy.ops.kiriko.solve()
+    parts["PLATE"].location.x += 0.01
+    with pytest.raises(RuntimeError, match="シーンが変わりました。計算し直すか、allow_stale=True"):
+        bpy.ops.kiriko.export(filepath="//never.png")
+    light = new_object(None, "GLASS")
+    with pytest.raises(RuntimeError, match="役割は「ガラス」です"):
+        bpy.ops.kiriko.solve()
+    bpy.data.objects.remove(light)
+
+
+def test_settings_of_materials_are_japanese(
+    scene: bpy.types.Scene, in_japanese: Callable[[str], str], kiriko: ModuleType
+) -> None:
+    """Inputs of a shader that Kiriko does not follow have their words, with and without a value."""
+    inputs = importlib.import_module(f"{EXTENSION}.core.blender.material")
+    words = [*(word for word, _ in inputs.NEUTRAL.values()), *inputs.OUTPUTS.values()]
+    assert not english_in([str(word) for word in words], in_japanese)
+
+    material = bpy.data.materials.new("Frosted")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    shader.inputs["Transmission Weight"].default_value = 1.0
+    shader.inputs["Roughness"].default_value = 0.3
+    shader.inputs["Base Color"].default_value = (1, 1, 1, 1)
+    small_rig()["GLASS"].data.materials.append(material)
+    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
+    kept = importlib.import_module(f"{EXTENSION}.core.blender.kept")
+    bpy.ops.kiriko.solve()
+    result = scene.kiriko.result
+    assert "roughness 0.3" in result.notes
+    said = kept.Sentences.read(result.sentences)
+    texts = [telling.in_words(said.message(note)) for note in result.notes.splitlines()]
+    assert any("粗さ 0.3" in text for text in texts)
 
 
 def test_no_button_is_cut(kiriko: ModuleType) -> None:

@@ -11,6 +11,7 @@ from kiriko.core.errors import MeshError, RigError
 from kiriko.core.messages import Length, Message, joined
 
 ROOT = Path(__file__).parents[2]
+ROOMS = "core", "operators", "panels"
 ERRORS = {"KirikoError", "RigError", "MeshError", "ImageError", "UsageError"}
 TEMPLATES = ERRORS | {"Message", "note", "warning"}  # calls that take a template and its values
 TOLD_AGAIN = {"template"}  # names of templates that were checked where they were made
@@ -73,7 +74,7 @@ def name_of(call: ast.Call) -> str:
 
 def calls(names: Container[str]) -> Iterator[tuple[str, ast.Call]]:
     """Calls of functions with these names, each with its place."""
-    for room in ("core", "operators", "panels"):
+    for room in ROOMS:
         for path in sorted((ROOT / room).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Call) and name_of(node) in names:
@@ -99,6 +100,49 @@ def test_templates_are_constant() -> None:
         n += 1
 
     assert n > 250
+
+
+def made_names(tree: ast.AST) -> set[str]:
+    """Names of a file that stand for a message: constants, variables, functions that return one."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and is_message(node.value, set()):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+        if isinstance(node, ast.FunctionDef) and getattr(node.returns, "id", "") == "Message":
+            names.add(node.name)
+    return names
+
+
+def is_message(node: ast.AST, names: Container[str]) -> bool:
+    """Is a value a message, as far as it can be told from its words?"""
+    if isinstance(node, ast.Call):
+        return name_of(node) in {"Message", "as_message", "joined", "quoted", *names}
+    return getattr(node, "attr", getattr(node, "id", "")) in names
+
+
+def test_messages_are_not_changed_as_texts() -> None:
+    """A method of texts, as in `CHANGED.rstrip(".")`, would make a plain text of a message, which
+    no language translates: none is called on a message, where that can be told by its name, nor in
+    a value of one, as in `role=label.lower()`.
+    """
+    changes = {"rstrip", "strip", "lstrip", "lower", "upper", "capitalize", "title", "replace"}
+    changes |= {"removesuffix", "removeprefix"}
+    paths = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+    paths = [path for path in paths if path.name != "command_line.py"]  # which is English
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    shared = set().union(*map(made_names, trees.values()))
+    shared = {name for name in shared if name.isupper() or name.endswith(("_label", "_words"))}
+
+    for path, tree in trees.items():
+        names = shared | made_names(tree)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and name_of(node) in changes:
+                owner = getattr(node.func, "value", None)
+                assert not is_message(owner, names), f"{path.relative_to(ROOT)}:{node.lineno}"
+            if isinstance(node, ast.Call) and name_of(node) in TEMPLATES:
+                for value in (keyword.value for keyword in node.keywords):
+                    is_changed = isinstance(value, ast.Call) and name_of(value) in changes
+                    assert not is_changed, f"{path.relative_to(ROOT)}:{value.lineno}"
 
 
 def test_sentences_are_not_put_together() -> None:
