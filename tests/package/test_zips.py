@@ -20,6 +20,7 @@ WHEEL_ENDS = {
 }
 WITHOUT_EMBREE = {"windows_arm64", "linux_arm64"}
 ZIPS = [*WHEEL_ENDS, *WITHOUT_EMBREE]
+ROOMS = ("core", "operators", "panels", "languages")
 KERNELS = {target.platform.replace("-", "_"): target for target in build_kernel.TARGETS}
 # The first bytes of a library for a system.
 FORMATS = {"linux": b"\x7fELF", "windows": b"MZ", "macos": b"\xcf\xfa\xed\xfe"}
@@ -118,11 +119,12 @@ def test_zip_has_the_package_and_nothing_else(
     names = set(contents[platform])
     code = [
         ROOT / "__init__.py",
-        *(p for room in ("core", "operators", "panels") for p in ROOT.glob(f"{room}/**/*.py")),
+        *(p for room in ROOMS for p in ROOT.glob(f"{room}/**/*.py")),
+        *ROOT.glob("languages/*.po"),
         *(ROOT / "assets" / name for name in ("kiriko_plate.blend", "blender_assets.cats.txt")),
     ]
     assert {path.relative_to(ROOT).as_posix() for path in code} <= names
-    rooms = {"core", "operators", "panels", "assets", "wheels"}
+    rooms = {*ROOMS, "assets", "wheels"}
     files = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
     assert {name for name in names if name.partition("/")[0] not in rooms} <= files
     assert {"LICENSE", "blender_manifest.toml"} <= names
