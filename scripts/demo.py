@@ -18,11 +18,11 @@ from time import perf_counter
 
 import bpy
 
-import kiriko
 from known import straight_rigs
+from known.registered import registered
 from paper.lattice import shift_in_cycles
 
-kiriko.register()
+registered()
 
 from kiriko.core import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.blender.kept import Numbers  # noqa: E402
@@ -196,7 +196,6 @@ def main() -> None:
         f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across."
         f" Files: {arguments.out}/"
     )
-    kiriko.unregister()
     sys.stdout.flush()
 
 

@@ -154,10 +154,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", metavar="LOCALE", help="this language alone")
     only = parser.parse_args().only
-    import kiriko
     from kiriko import languages
+    from known.registered import registered
 
-    kiriko.register()
+    kiriko = registered()
     wanted, frames = needed(kiriko, "kiriko"), sentences(with_frames=True)
     for locale in [only] if only else languages.locales():
         texts = languages.texts_of(locale)
@@ -166,7 +166,6 @@ def main() -> None:
         print(f"# {locale}: {len(texts)} texts, {len(missing)} missing, {len(stale)} not used\n")
         print(*missing, sep="\n")
         print(*(f"# not used: {text!r}" for text in stale), sep="\n")
-    kiriko.unregister()
 
 
 if __name__ == "__main__":

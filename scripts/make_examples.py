@@ -16,10 +16,10 @@ import bpy  # makes the other modules known
 import bmesh  # isort: skip
 from mathutils import Matrix
 
-import kiriko
 from bench.brought_glass import BOTTLE, add, wine_glass
 from fuzz.shapes import linked, mesh_of, turned
 from kiriko.core.blender import shaders
+from known.registered import registered
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
 INDEX = 1.52  # soda-lime glass
@@ -85,11 +85,10 @@ def make(name: str) -> None:
 
 
 def main() -> None:
-    kiriko.register()
+    registered()
     for name in EXAMPLES:
         make(name)
         sys.stdout.write(f"{name}\n")
-    kiriko.unregister()
 
 
 if __name__ == "__main__":

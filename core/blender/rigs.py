@@ -129,7 +129,7 @@ def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 
 def let_go(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
-    """Undo that."""
+    """Have an object be no part of a rig any more that Add Rig took it into."""
     keys = thing.kiriko.rigs.split()
     if rig.kiriko.key in keys:
         rest = [key for key in keys if key != rig.kiriko.key]

@@ -73,7 +73,7 @@ TELEPHONE: list[Step] = [
     Press(BEHIND_THE_GLASS),
     Until("has_rig"),
     Shot("telephone_rig", of="*"),
-    Press(does("kiriko.select_part", "Kiriko Display")),
+    DISPLAY_CHOSEN,
     Press(RESOLUTION, up=1),
     Shot("telephone_product", of="*", stays=True),
     Choose("kiriko.display_preset", "iPhone 15"),
@@ -97,7 +97,7 @@ BENCH: list[Step] = [
     *SIDEBAR,
     Press(IN_THE_GLASS),
     Until("has_rig"),
-    Press(does("kiriko.select_part", "Kiriko Display")),
+    DISPLAY_CHOSEN,
     Shot("bench_display", of="*", at=RESOLUTION),
     Shot("bench_drawing", of="VIEW_3D", region="UI", at=does("kiriko.bench_drawing")),
 ]
