@@ -29,6 +29,7 @@ from . import (
     make_glass,
     mend,
     open_example,
+    open_manual,
     parts,
     plate_material,
     plate_preset,
@@ -65,6 +66,7 @@ CLASSES = (
     mend.KIRIKO_OT_select_faults,
     mend.KIRIKO_OT_rescale_scene,
     open_example.KIRIKO_OT_open_example,
+    open_manual.KIRIKO_OT_open_manual,
     choose_picture.KIRIKO_OT_choose_picture,
     choose_picture.KIRIKO_OT_open_picture,
     fit_picture.KIRIKO_OT_fit_picture,
@@ -109,6 +111,7 @@ def register() -> None:
     look_through.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     choose_rig.register()
+    open_manual.register()
     watch.register()
     sketcher.register()
     look_over.register()
@@ -122,6 +125,7 @@ def unregister() -> None:
     proposal.unregister()
     look_over.unregister()
     watch.unregister()
+    open_manual.unregister()
     choose_rig.unregister()
     look_through.unregister()
     live.unregister()

@@ -25,10 +25,12 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
     bl_label = "Kiriko"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Is the light's way drawn over the viewport?"""
+        """The manual; and is the light's way drawn over the viewport?"""
+        row = self.layout.row(align=True)
         if needed.has_rig(context.scene):
             shown = context.window_manager.kiriko
-            self.layout.prop(shown, "show_overlay", text="", icon="OVERLAY", emboss=False)
+            row.prop(shown, "show_overlay", text="", icon="OVERLAY", emboss=False)
+        row.operator("kiriko.open_manual", text="", icon="HELP", emboss=False)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

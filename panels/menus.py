@@ -51,6 +51,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.report", icon="GRAPH")
+        layout.separator()
+        layout.operator("kiriko.open_manual", icon="HELP")
 
 
 def draw_in_object(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

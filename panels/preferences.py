@@ -8,11 +8,12 @@ from ..operators.telling import in_words
 
 
 class KIRIKO_preferences(bpy.types.AddonPreferences):
-    """One button: nothing is set here, and no asset library is added unasked."""
+    """Buttons: nothing is set here, and no asset library is added unasked."""
 
     bl_idname = __package__.rpartition(".")[0]
 
     def draw(self, context: bpy.types.Context) -> None:
+        self.layout.operator("kiriko.open_manual", icon="HELP")
         path = plate_material.library_path()
         self.layout.label(text="Plate materials for Cycles, in the asset browser:")
         if path:

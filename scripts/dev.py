@@ -210,7 +210,7 @@ def lab(arguments: argparse.Namespace) -> None:
 
 
 def manual(arguments: argparse.Namespace) -> None:
-    """Build the manual's site into out/manual/; with --screenshots take
+    """Build the manual's site into manual/; with --screenshots take
     its pictures anew (further options go to scripts/manual/run.py).
     """
     run_with_tests("manual.run", arguments.rest, MANUAL)

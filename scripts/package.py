@@ -1,9 +1,10 @@
-"""Fetches and builds the wheels the manifest lists; builds and
-validates the extension's zips with Blender's own tool.
+"""Fetches and builds the wheels the manifest lists, and the manual; builds
+and validates the extension's zips with Blender's own tool.
 
 Runs in an environment that has bpy: `python scripts/dev.py build` calls it there.
 """
 
+import argparse
 import hashlib
 import importlib.util
 import re
@@ -13,6 +14,15 @@ import tomllib
 from pathlib import Path
 
 import build_kernel
+from environments import (
+    MANUAL,
+    ToolError,
+    as_module,
+    clean_environment,
+    newest_blender,
+    python_path,
+    set_up,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
@@ -75,7 +85,19 @@ def fetch_wheel(path: Path) -> None:
         )
 
 
-def build() -> None:
+def make_manual() -> None:
+    """Build the manual's site, which the zips hold, in an environment of its own."""
+    try:
+        interpreter = set_up(MANUAL, newest_blender()[1])
+    except ToolError as error:
+        sys.exit(f"The zips hold the manual, whose packages could not be installed. {error}")
+    command = [interpreter, *as_module("manual.run")]
+    code = subprocess.run(command, env=clean_environment(PYTHONPATH=python_path())).returncode
+    if code:
+        sys.exit(code)
+
+
+def build(is_manual_kept: bool) -> None:
     """Make dist/ anew: one valid zip for each platform."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     build_kernel.make_wheels()
@@ -89,6 +111,8 @@ def build() -> None:
                 f" {build_kernel.version()}: write that into the manifest."
             )
 
+    if not is_manual_kept:
+        make_manual()
     extension_tool("validate", ROOT)
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):
@@ -107,4 +131,10 @@ def build() -> None:
 
 
 if __name__ == "__main__":
-    build()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--keep-manual",
+        action="store_true",
+        help="pack manual/ as it is, if it is there, as for pictures that its pages still lack",
+    )
+    build(parser.parse_args().keep_manual)

@@ -1,7 +1,7 @@
 """What to do beyond the sentence: a line for each error and remark that an artist may meet.
 
-`troubleshooting.py` makes the manual's page of it. The sentences are those of the code; a test
-finds one that is not there any more, and one of a section's files that has no line here.
+`troubleshooting.py` makes the manual's page of it. The sentences are those of the code; tests find
+one that is not there any more, and one of the code that is neither here nor among `NOT_MET`.
 """
 
 from __future__ import annotations
@@ -10,32 +10,33 @@ from typing import NamedTuple
 
 
 class Advice(NamedTuple):
-    """A sentence, by its template, and what to do, in each language."""
+    """A sentence, by its template, and what to do, in each language.
+
+    alike : further sentences, or reasons that stand in this one, for which the same is to be done
+    """
 
     template: str
     en: str
     ja: str
+    alike: tuple[str, ...] = ()
+
+    @property
+    def templates(self) -> tuple[str, ...]:
+        """All sentences that are told of here."""
+        return self.template, *self.alike
 
 
 class Section(NamedTuple):
-    """A heading in each language, the files whose errors are all here, and the advice."""
+    """A heading in each language, and the advice under it."""
 
     en: str
     ja: str
-    files: tuple[str, ...]
     advice: tuple[Advice, ...]
 
 
 RIG = Section(
     "The rig",
     "リグ",
-    (
-        "core/blender/new_rig.py",
-        "core/blender/parts.py",
-        "core/blender/scene.py",
-        "core/blender/viewer.py",
-        "core/light/checks.py",
-    ),
     (
         Advice(
             "The rig has no {noun}: {remedy}.",
@@ -107,18 +108,83 @@ RIG = Section(
             "An eye is in air. Glass around it has to be hollow.",
             "目は空気の中にあります。まわりのガラスは中空でなければなりません。",
         ),
+        Advice(
+            "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig first.",
+            "Each glass has one rig. A copy of the glass, by Shift D, can have another.",
+            "一つのガラスのリグは一つです。Shift D で複製したガラスには、別のリグを追加できます。",
+        ),
+        Advice(
+            "The scene has a {role} already ('{name}'): {remedy} first.",
+            "It got its role by hand. Remove Rig takes only rigs that Add Rig made.",
+            "手で役割を設定したオブジェクトです。「リグを削除」では消えません。",
+        ),
+        Advice(
+            "The scene has no rig '{name}': there are {names}.",
+            "Rigs have the names of their collections: see the outliner.",
+            "リグの名前はコレクションの名前です。アウトライナーで確かめます。",
+        ),
+        Advice(
+            "'{name}' is hidden: show it first.",
+            "The list in the panel Rig shows it with the eye beside it.",
+            "「リグ」パネルの一覧で、横の目のアイコンを押すと表示されます。",
+        ),
+        Advice(
+            "There is no object '{name}' in this file any more.",
+            "It was deleted or renamed meanwhile. Undo brings it back.",
+            "その間に削除されたか、名前が変わりました。Ctrl Z で元に戻ります。",
+        ),
+        Advice(
+            "'{name}' stays hidden, for its keyframes hide it in frame {frame}: delete the"
+            " keyframes of its monitor or camera symbol, or go to a frame in which it is shown.",
+            "A right click on the symbol in the outliner has Clear Keyframes.",
+            "アウトライナーのアイコンを右クリックすると、キーフレームを削除できます。",
+        ),
+        Advice(
+            "'{name}' stays hidden{by}: it is linked from another file, or driven.",
+            "Show it in its own file, or make it local: Object > Relations > Make Local.",
+            "元のファイルで表示するか、オブジェクト > 関係 > ローカル化 を使います。",
+        ),
+        Advice(
+            "The rig is in the scene '{other}', too: unlink its collection '{rig}' there first.",
+            "In that scene's outliner, a right click on the collection has Unlink.",
+            "そのシーンのアウトライナーで、コレクションを右クリックしてリンクを解除します。",
+            alike=(
+                "The rig's '{name}' is in the scene '{other}', too: unlink it there first.",
+                "The object '{name}' is an instance of the rig's collection '{rig}': delete it"
+                " first.",
+            ),
+        ),
+        Advice(
+            "The axes of the viewer '{name}' are not orthonormal: remove shear from the camera.",
+            "Parents with an uneven scale shear what they turn: Alt P takes the camera from them.",
+            "親の不均一なスケールが原因です。Alt P で親子関係を解除します。",
+        ),
+        Advice(
+            "{owner} sees nothing: its lens or orthographic scale has no size.",
+            "Both are in the camera's properties. A driver may hold them.",
+            "カメラのプロパティにあります。ドライバーが動かしていることもあります。",
+            alike=(
+                "{owner} has a place, lens or shift that is no finite number: look for a driver or"
+                " a keyframe.",
+            ),
+        ),
+        Advice(
+            "{owner} has no pixels: set its resolution.",
+            "The display's resolution is in the panel Object, the viewer's is the render's or its"
+            " own.",
+            "ディスプレイの解像度は「オブジェクト」パネルにあります。視点の解像度は、レンダーの解像度か「独自の解像度」です。",
+        ),
     ),
 )
 
 GLASS = Section(
     "Glass",
     "ガラス",
-    ("core/light/media.py",),
     (
         Advice(
             "{owner} has no faces with an area: give it some, or set its role to None.",
             "In Edit Mode, Mesh > Clean Up > Degenerate Dissolve shows what is left.",
-            "編集モードの メッシュ > クリーンアップ > 大きさ 0 を融解 で確かめます。",
+            "編集モードの メッシュ > クリーンアップ > 大きさ０を溶解 で確かめます。",
         ),
         Advice(
             "{owner} is no closed body, but flat: give it a thickness, as by a Solidify modifier,"
@@ -137,19 +203,28 @@ GLASS = Section(
             "In Edit Mode press M, and choose By Distance.",
             "編集モードで M を押し、「距離で」を選びます。",
         ),
+        Advice(
+            "{owner} has vertices that are not finite numbers: repair or remove them.",
+            "A modifier or a script divided by nothing: turn modifiers off one by one.",
+            "モディファイアーやスクリプトの計算の失敗です。モディファイアーを一つずつ無効にします。",
+        ),
+        Advice(
+            "'{name}' can have no modifier: turn it into a mesh.",
+            "Object > Convert > Mesh does it.",
+            "オブジェクト > 変換 > メッシュ を使います。",
+            alike=("'{name}' is no mesh: turn it into one.",),
+        ),
+        Advice(
+            "'{name}' is linked from another file: mend it there.",
+            "Or make it local: Object > Relations > Make Local.",
+            "または、オブジェクト > 関係 > ローカル化 を使います。",
+        ),
     ),
 )
 
 PICTURE = Section(
     "The picture",
     "絵",
-    (
-        "core/blender/elements.py",
-        "core/blender/picture.py",
-        "core/image/flat_picture.py",
-        "core/solve/picture_coverage.py",
-        "operators/choose_picture.py",
-    ),
     (
         Advice(
             "The picture '{name}' shows no image: give its material an image texture, or choose an"
@@ -173,7 +248,7 @@ PICTURE = Section(
             "The image '{image}' of {owner} cannot be read from {place}: the file is missing or"
             " broken; choose another or find it again.",
             "File > External Data > Find Missing Files looks for it.",
-            "ファイル > 外部データ > 欠けているファイルを探す で見つけます。",
+            "ファイル > 外部データ > 欠けたファイルを検索 で見つけます。",
         ),
         Advice(
             "The image '{image}' of {owner} is in the colour space {space}, which Kiriko does not"
@@ -216,13 +291,43 @@ PICTURE = Section(
             "It was removed from this .blend meanwhile.",
             "その間に、この .blend から削除されました。",
         ),
+        Advice(
+            "{owner} has no UV map: unwrap it, so that pixels have a place.",
+            "In Edit Mode press U, and choose Unwrap. A new plane has a map.",
+            "編集モードで U を押し、展開します。新しい平面には UV マップがあります。",
+            alike=(
+                "{owner} has a UV map with numbers that are not finite: unwrap it again.",
+                "{owner} has a UV map without area: unwrap it again.",
+            ),
+        ),
+        Advice(
+            "The picture '{name}' has no pixels: choose an image.",
+            "The image is empty, or its file is gone.",
+            "画像が空か、ファイルがありません。",
+            alike=("The picture has no pixels: choose another image.",),
+        ),
+        Advice(
+            "{owner} has a black level of {black_level:g}: set one from 0 to below 1.",
+            "A driver may have set it.",
+            "ドライバーが設定していることもあります。",
+        ),
+        Advice(
+            "'{picture}' keeps its shape, for {why}.",
+            "Scale the plane by hand: its shape should be that of the image.",
+            "平面を手で拡大縮小し、画像と同じ縦横比にします。",
+            alike=(
+                "it shows no image",
+                "it has no UV map",
+                "its UV map does not lay the image out as one rectangle",
+                "its mesh is turned within the object: scale it by hand in Edit Mode",
+            ),
+        ),
     ),
 )
 
 RESULT = Section(
     "The result",
     "結果",
-    ("core/solve/remarks.py", "core/solve/light_remarks.py", "core/solve/dark.py"),
     (
         Advice(
             "The display stays dark: {remedy}.",
@@ -317,13 +422,112 @@ RESULT = Section(
             "An OLED display has a Black Level of 0.",
             "有機 EL ディスプレイの黒レベルは 0 です。",
         ),
+        Advice(
+            "The display stays dark.",
+            "Nothing of the picture arrives, and no single reason stands out: look at the red"
+            " lines.",
+            "絵の光がまったく届きません。原因は一つではありません。赤い線を見ます。",
+        ),
+        Advice(
+            "The source image has {width} x {height} pixels, the display '{display}'"
+            " {display_width} x {display_height}: solve again.",
+            "The display's resolution was changed after the solve.",
+            "計算の後で、ディスプレイの解像度が変わりました。",
+        ),
+        Advice(
+            "No pixel of the display '{display}' shows the picture alone, so that nothing can be"
+            " compared: raise its resolution.",
+            "Report measures pixels that see nothing but the picture.",
+            "「レポート」は、絵だけを表示するピクセルで測ります。",
+        ),
+    ),
+)
+
+FITTING = Section(
+    "Sizes and places",
+    "大きさと場所",
+    (
+        Advice(
+            "'{name}' keeps its size, for {why}.",
+            "Free it and press the button again, or scale it by hand.",
+            "動かせるようにしてからもう一度押すか、手で拡大縮小します。",
+            alike=(
+                "'{name}' keeps its size, for it is an instance.",
+                "'{name}' keeps its size, for it is linked from another file.",
+                "'{name}' keeps its place, for {why}.",
+                "'{name}' cannot be turned, for it is an instance.",
+                "it is an instance",
+                "it is animated",
+                "its place is locked",
+                "its scale is locked",
+                "a constraint or a driver holds it",
+                "its parent '{parent}' is scaled unevenly",
+                "it has no size",
+                "it is not flat",
+                "its mesh is turned within the object, and is no square",
+            ),
+        ),
+        Advice(
+            "{owner} is not flat: its size is for you to choose.",
+            "Only flat plates and displays are fitted.",
+            "自動で合わせられるのは、平らなプレートとディスプレイだけです。",
+            alike=(
+                "The size of the plate '{plate}' is for you to choose, for the display '{display}'"
+                " is not flat.",
+            ),
+        ),
+        Advice(
+            "Hardly any of the picture '{name}' gets through about its middle: move it, or turn the"
+            " glass.",
+            "Best Place looks for a place for you.",
+            "「最適な配置」が場所を探します。",
+        ),
+        Advice(
+            "No light of the picture comes to the plane of the display '{name}': move or turn it.",
+            "Follow the lines over the viewport: the display has to stand where they lead.",
+            "ビューポートの線をたどります。ディスプレイは、線の先に置きます。",
+            alike=(
+                "No light of the picture comes to the display by way of the plate '{name}': move or"
+                " turn it.",
+            ),
+        ),
+        Advice(
+            "The picture is in the viewer's own pixels and has no size of its own: choose a picture"
+            " plane.",
+            "Set Picture to Plane, in the panel Rig, and give a plane the role Picture.",
+            "「リグ」パネルの絵を平面に切り替え、平面に役割「絵」を設定します。",
+            alike=(
+                "The picture is in the viewer's own pixels and moves with it: choose a picture"
+                " plane.",
+            ),
+        ),
+        Advice(
+            "All of the picture arrives: there is nothing to bring back.",
+            "This is good news.",
+            "問題はありません。",
+        ),
+        Advice(
+            "The scene has changed since '{label}' looked at it: press it again.",
+            "What it found holds for the scene as it was then.",
+            "見つかった結果は、そのときのシーンのものです。",
+        ),
+        Advice(
+            "The picture '{picture}' is behind the viewer: turn the viewer round.",
+            "The camera looks along its own -Z: the triangle over it shows where up is.",
+            "カメラは自分の -Z の向きを見ます。上の三角形が上の向きです。",
+        ),
+        Advice(
+            "No place within {angle:.0f} degrees shows {share} of the picture, the best one {best}:"
+            " enlarge the display{plate}, or ask for less.",
+            "Share is among the button's own settings, at the lower left of the view.",
+            "割合は、ビューの左下に出るボタンの設定で変えられます。",
+        ),
     ),
 )
 
 PLATE = Section(
     "The plate",
     "プレート",
-    ("core/light/law_plate.py", "core/light/plate.py"),
     (
         Advice(
             "The plate '{plate}' has no area: scale it up.",
@@ -347,6 +551,40 @@ PLATE = Section(
             "The scene may be in metres where millimetres were meant.",
             "ミリメートルのつもりのシーンが、メートルになっているかもしれません。",
         ),
+        Advice(
+            "{owner} has a {name} of {value:g} mm: set one above 0.",
+            "A driver or a script set it. A product sets all of the plate's numbers anew.",
+            "ドライバーやスクリプトが設定した値です。製品を選び直すと、すべての値が設定されます。",
+            alike=(
+                "{owner} has mirrors with a reflectance of {reflectance:g}: set one above 0, up to"
+                " 1.",
+                "{owner} has an index of refraction of {ior:g}: set one of 1 or more.",
+                "{owner} has layers crossed {angle:g} degrees wrong: set at most {most:g}.",
+                "{owner} has one layer only, which cannot be crossed wrong: set the crossing error"
+                " to 0.",
+                "{owner} has a phase that is no number: set one in pitches.",
+            ),
+        ),
+        Advice(
+            "The rig has no plate that could be '{plate}': leave out --plate.",
+            "A rig behind the glass has none.",
+            "「ガラスの向こう」のリグにはプレートがありません。",
+        ),
+        Advice(
+            "'{name}' is not flat, as a plate has to be: deselect it for a new plane.",
+            "With nothing selected, the button makes a plane with the material.",
+            "何も選択しないと、マテリアルの付いた平面が作られます。",
+            alike=(
+                "'{name}' has no faces: give it some, or deselect it for a new plane.",
+                "'{name}' is linked from another file: make it local first.",
+            ),
+        ),
+        Advice(
+            "The file {file} is missing or broken: install Kiriko again.",
+            "Part of the extension's folder was deleted.",
+            "エクステンションのフォルダーの一部が削除されています。",
+            alike=("The file {file} has no material '{name}': install Kiriko again.",),
+        ),
     ),
 )
 
@@ -354,17 +592,11 @@ CALIBRATION = Section(
     "Calibration",
     "キャリブレーション",
     (
-        "core/bench/lattice/check.py",
-        "core/bench/lattice/match.py",
-        "core/bench/lattice/photograph.py",
-        "operators/calibrate.py",
-    ),
-    (
         Advice(
             "The points are not in the order of a lattice of {columns} x {rows}: number them by"
             " column and row, or set the lattice that was shown.",
             "Columns and rows are in the panel Calibration: Lattice.",
-            "列と行は「キャリブレーション」の「格子」パネルにあります。",
+            "列と行は「キャリブレーション：格子」パネルにあります。",
         ),
         Advice(
             "Some points are hardly where they belong: {problems}. Correct that, or leave them"
@@ -435,12 +667,12 @@ CALIBRATION = Section(
             "The scene has the result of '{file}' already: solve, and take another photograph of"
             " the view.",
             "Remove Offset forgets it, if you want to begin anew.",
-            "最初からやり直す場合は、オフセットを取り除きます。",
+            "最初からやり直す場合は、「オフセットを削除」を押します。",
         ),
         Advice(
             "Nothing may be off: set a tolerance above 0.",
             "They are under May Be Off.",
-            "「キャリブレーション」の「写真」パネルの下のパネルにあります。",
+            "「キャリブレーション：写真」の下の「ずれの見込み」にあります。",
         ),
         Advice(
             "Only {n_shown} of {n_points} points of the lattice are seen in this rig: compare its"
@@ -457,12 +689,86 @@ CALIBRATION = Section(
         Advice(
             "There is nothing to calibrate by: choose a photograph or a CSV of points.",
             "The field is Measured.",
-            "「キャリブレーション」の「写真」パネルの最初の欄です。",
+            "「キャリブレーション：写真」パネルの最初の欄、「測定値」です。",
         ),
         Advice(
             "The photograph has {width} x {height} pixels: give both numbers, or 0 for both.",
             "They are asked for with a CSV only: a photograph has its own.",
             "CSV の場合にだけ必要です。写真は自分の値を持っています。",
+        ),
+        Advice(
+            "Only {n_measured} points were measured: a fit takes {least} or more.",
+            "Show a lattice of more points, or a photograph that shows more of it.",
+            "点の多い格子を表示するか、もっと広く写った写真を使います。",
+        ),
+        Advice(
+            "Only {n_used} of {n_left} measured points can be followed to the display: look for"
+            " swapped points, for points of another rig, or for glass with many flat faces.",
+            "Solve first, and look whether the picture arrives there at all.",
+            "まず計算して、絵がその場所に届いているか確かめます。",
+            alike=(
+                "The points lie {off:.3g} pixels from every place where the rig can show them: look"
+                " for swapped points, or for points of another rig.",
+            ),
+        ),
+        Advice(
+            "The fit still changes after {steps} steps: look for wrong or swapped points, compare"
+            " the lattice with the picture, or lower the tolerances.",
+            "The likely errors are under May Be Off: set to 0 those that you know.",
+            "「ずれの見込み」で、わかっている値を 0 にします。",
+        ),
+        Advice(
+            "A lattice of {columns} x {rows} points is too small: take 2 or more each way.",
+            "Columns, rows and border are in the panel Calibration: Lattice.",
+            "列、行、縁は「キャリブレーション：格子」パネルにあります。",
+            alike=(
+                "A lattice cannot have a margin of {margin:g}: set one from 0 to below 0.5.",
+                "{columns} x {rows} points do not fit into {width} x {height} pixels: take fewer"
+                " points, or {pixels:.0f} pixels.",
+                "A margin of {margin:g} would cut the outer points: set one of half a spacing,"
+                " {half:.2g}.",
+            ),
+        ),
+        Advice(
+            "The file '{path}' does not begin with the names column, row, x, y, or x, y: add that"
+            " line.",
+            "A CSV is a text: names in the first line, then a line for each point, with commas.",
+            "CSV はテキストです。1 行目に名前、続いて 1 点を 1 行に、コンマで区切って書きます。",
+            alike=(
+                "The file '{path}' is no text: choose a CSV file of points.",
+                "The file '{path}' is no CSV file, see line {line} ({why}): repair it.",
+                "The file '{path}' has no points: choose another one.",
+                "In the file '{path}' {missing} is missing, so that its points cannot be told"
+                " apart: complete it, or name the points (column, row, x, y).",
+                "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
+                "{where} has '{text}' where a number should be: correct it.",
+                "{where} has '{text}', which is no finite number: correct or remove the line.",
+            ),
+        ),
+        Advice(
+            "{where} has a point ({column:g}, {row:g}), but columns run from 1 to {columns} and"
+            " rows from 1 to {rows}: correct it.",
+            "Columns count from the left and rows from the top, both from 1.",
+            "列は左から、行は上から、どちらも 1 から数えます。",
+            alike=("{where} has the point {point} of line {line} again: remove one.",),
+        ),
+        Advice(
+            "'{name}' cannot be set as fitted, for a constraint, a parent or shared data moves it:"
+            " keep the offset instead.",
+            "With the offset, Kiriko solves for the bench as it is, and no part moves.",
+            "オフセットのままでも、実際の装置に合わせて計算されます。部品は動きません。",
+            alike=(
+                "'{name}' is an instance, and cannot be moved alone: keep the offset instead.",
+                "'{name}' is linked from another file, and would not stay as it is set: keep the"
+                " offset.",
+                "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
+            ),
+        ),
+        Advice(
+            "The calibration's offset names '{part}', which this rig does not have: calibrate"
+            " again, or remove the offset.",
+            "The part was deleted or renamed since.",
+            "その部品は、その後で削除されたか、名前が変わりました。",
         ),
     ),
 )
@@ -470,15 +776,6 @@ CALIBRATION = Section(
 FILES = Section(
     "Files and memory",
     "ファイルとメモリ",
-    (
-        "core/disk.py",
-        "core/free_memory.py",
-        "core/image_io.py",
-        "core/blender/paths.py",
-        "core/blender/preview.py",
-        "operators/export.py",
-        "operators/command_line.py",
-    ),
     (
         Advice(
             "The path '{path}' is relative to this file, which was never saved: save it or choose"
@@ -588,7 +885,122 @@ FILES = Section(
             "Blender says nothing when it does not find the file: look at its path.",
             "Blender は、ファイルが見つからなくても何も言いません。パスを確かめます。",
         ),
+        Advice(
+            "The file '{path}' is there already: choose another or set Overwrite.",
+            "Overwrite is at the right of the file browser; headless it is --overwrite.",
+            "上書きはファイルブラウザーの右側にあります。コマンドでは --overwrite です。",
+            alike=("The folder '{folder}' has {files} already: choose another or {remedy}.",),
+        ),
+        Advice(
+            "{button} has no path: choose a file.",
+            "The field of the name is empty.",
+            "名前の欄が空です。",
+            alike=(
+                "The maps have no folder: choose one.",
+                "The report has no folder: choose one.",
+            ),
+        ),
+        Advice(
+            "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
+            " {remedy}.",
+            "Blenders of some distributions lack it; those of blender.org have it.",
+            "blender.org の Blender にはあります。ほかの配布元のものには、ない場合があります。",
+        ),
+        Advice(
+            "The file '{path}' of earlier maps cannot be removed ({why}): remove it yourself.",
+            "Another program has it open, or its folder is read-only.",
+            "ほかのプログラムが開いているか、フォルダーが読み取り専用です。",
+        ),
+        Advice(
+            "No format is chosen for the maps: choose one or more.",
+            "The formats are at the right of the file browser.",
+            "形式はファイルブラウザーの右側にあります。",
+            alike=(
+                "Overscan is {overscan:g} %: set it from 0 to {most:g}.",
+                "The maps for ffmpeg cannot be {times} times as large as the display: set 1, 2 or"
+                " 4.",
+                "The mesh step is {step:g} display pixels: set 1 or more.",
+            ),
+        ),
+        Advice(
+            "The picture '{picture}' has {width} x {height} pixels, and the maps for ffmpeg,"
+            " {times} x, have room for {most}: set a smaller ffmpeg Size, or other formats.",
+            "OpenEXR has no such bound.",
+            "OpenEXR にはこの制限がありません。",
+        ),
+        Advice(
+            "The preview's border is empty: left has to be less than right, and bottom less than"
+            " top.",
+            "Ctrl B in the camera view draws a new one; Ctrl Alt B removes it.",
+            "カメラビューで Ctrl B を使うと描き直せます。Ctrl Alt B で消えます。",
+        ),
+        Advice(
+            "The preview '{file}' would be neither .png nor .exr: choose one of these.",
+            "The suffix of the name chooses the format.",
+            "拡張子が形式を決めます。",
+        ),
+        Advice(
+            "The preview needs Cycles, but only {engines} is there: enable it.",
+            "Preferences > Add-ons > Cycles Render Engine.",
+            "プリファレンス > アドオン で Cycles Render Engine を有効にします。",
+        ),
+        Advice(
+            "No browser was found: open the file '{page}'.",
+            "The manual is a folder of files: any browser opens it, without a network.",
+            "マニュアルはファイルのフォルダーです。ネットワークがなくても、どのブラウザーでも開けます。",
+        ),
     ),
 )
 
-SECTIONS = RIG, GLASS, PICTURE, RESULT, PLATE, CALIBRATION, FILES
+ANY = Section(
+    "Any button",
+    "どのボタンでも",
+    (
+        Advice(
+            "{work} needs more memory than there is{why}; {state}: lower the resolution of display"
+            " or viewer, or raise the tolerance.",
+            "Close other programs. Half the resolution takes a quarter of the memory.",
+            "ほかのプログラムを閉じます。解像度を半分にすると、メモリは 4 分の 1 になります。",
+        ),
+        Advice(
+            "{work} could not read or write a file ({text}); {state}: check the disk.",
+            "The disk may be full, or a network drive gone.",
+            "ディスクが一杯か、ネットワークドライブが切れています。",
+        ),
+        Advice(
+            "{work} was stopped, for undo or a script removed data that it needs: start it again.",
+            "Nothing is lost but its own work.",
+            "失われたのは、その途中の計算だけです。",
+        ),
+        Advice(
+            "{work} failed ({kind}: {text}); {state}: please report this with the file and the text"
+            " in the console.",
+            "This is a fault of Kiriko's. On Windows, Window > Toggle System Console shows the"
+            " text; else start Blender from a terminal.",
+            "Kiriko の不具合です。コンソールは、Windows では"
+            " ウィンドウ > システムコンソール切り替え で開きます。"
+            "ほかのシステムでは、端末から Blender を起動します。",
+        ),
+    ),
+)
+
+SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ANY
+
+# Only scripts that call core by themselves meet these: Blender's fields take no such values,
+# its meshes have no such faces, and a preview is made of a rig that has a viewer.
+NOT_MET = {
+    "{owner} has faces whose corners are none of its vertices: number them from 0.",
+    "{owner} has an index of refraction that is no Index: give it one such as ConstantIndex(1.49).",
+    "{owner} has an index of refraction that is no number above 0: set one.",
+    "The tolerance is {tolerance:g} display pixels: set one from {least:g} to {most:g}.",
+    "A ray may meet {n} surfaces: allow it 1 or more.",
+    "Effort is {n} rays for a viewer pixel: set a whole number from 1 to {most}.",
+    "Suppress Glare is {suppress_glare:g}: set it from 0 to 1.",
+    "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.",
+    "The rig has no viewer: add a camera and make it the viewer.",
+    # pieces of sentences, and the answer to Ctrl C in a terminal
+    "the scene is as it was",
+    "{thing} stays (Undo takes it back)",
+    "{error} But {thing} stays (Undo takes it back).",
+    "{work} was stopped; {state}.",
+}

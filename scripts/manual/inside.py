@@ -1,6 +1,7 @@
 """Runs inside the real Blender: installs Kiriko from a zip, plays some plays, and closes Blender.
 
-`program.py` starts it, with the zip, the folder for pictures and accounts, and the plays' names.
+`program.py` starts it, with the zip, the folder for pictures and accounts, the language of the
+interface, and the plays' names.
 """
 
 from __future__ import annotations
@@ -17,13 +18,16 @@ from manual.player import Player, StuckError, drive
 from manual.plays import PLAYS
 from manual.steps import Shot
 
+ENGLISH = "en_US"
 
-def play_all(names: list[str], folder: Path) -> Iterator[float]:
+
+def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
     """Each play from Blender's startup file on; its account of clicks goes into a file."""
+    set_preferences(language)  # the splash screen would come before the first play
     for name in names:
         bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=True)
         yield 1.0
-        set_preferences()
+        set_preferences(language)
         player = Player(folder)
         yield 1.0
         try:
@@ -41,7 +45,7 @@ def play_all(names: list[str], folder: Path) -> Iterator[float]:
         print(f"played {name}: {len(player.clicks)} clicks", flush=True)
 
 
-def set_preferences() -> None:
+def set_preferences(language: str) -> None:
     """What a window has to be like for its pictures to be alike on any machine."""
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
@@ -50,11 +54,18 @@ def set_preferences() -> None:
     preferences.view.filebrowser_display_type = "SCREEN"
     preferences.view.render_display_type = "NONE"
     preferences.view.ui_scale = 1.0
+    try:
+        preferences.view.language = language
+    except TypeError:  # a Blender without any translation has no language to choose
+        if language != ENGLISH:
+            raise StuckError(
+                f"This Blender has no language {language}: name another one by --blender, or leave"
+                " the language out of --languages."
+            ) from None
 
 
 def main() -> None:
-    extension, folder, *names = sys.argv[sys.argv.index("--") + 1 :]
-    set_preferences()
+    extension, folder, language, *names = sys.argv[sys.argv.index("--") + 1 :]
     bpy.ops.extensions.package_install_files(
         filepath=extension, repo="user_default", enable_on_install=True, overwrite=True
     )
@@ -65,7 +76,7 @@ def main() -> None:
             (Path(folder) / "error.txt").write_text(text, encoding="utf-8")
         bpy.ops.wm.quit_blender()
 
-    drive(play_all(names, Path(folder)), at_end)
+    drive(play_all(names, Path(folder), language), at_end)
 
 
 main()

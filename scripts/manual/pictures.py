@@ -14,7 +14,7 @@ RADIUS = 15.0  # px
 WIDTH = 3
 
 
-def pack(raw: Path, to: Path) -> None:
+def pack(raw: Path, folder: Path) -> None:
     """Write the wanted part of a grabbed window as a small PNG, with a ring where one is wanted."""
     told = json.loads(raw.with_suffix(".json").read_text(encoding="utf-8"))
     width, height = told["size"]
@@ -34,4 +34,4 @@ def pack(raw: Path, to: Path) -> None:
         place = image.palette.getcolor(RING, image)
         corners = [x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS]
         ImageDraw.Draw(image).ellipse(corners, outline=place, width=WIDTH)
-    image.save(to, optimize=True)
+    image.save(folder / f"{raw.stem}.png", optimize=True)

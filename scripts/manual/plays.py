@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Tab, Unfold, Until, Wait, does
+from manual.troubleshooting import LANGUAGE, translations
+
+
+def named(name: str) -> str:
+    """Pattern of a name that Blender gives in the language of its interface."""
+    others = (translations(locale).get(name, name) for locale in LANGUAGE.values())
+    return f"({'|'.join(map(re.escape, (name, *others)))})"
+
 
 IN_THE_GLASS = does("kiriko.add_rig", "IN_GLASS")
 BEHIND_THE_GLASS = does("kiriko.add_rig", "BEHIND_GLASS")
 LOOK = does("kiriko.look_through")
 SOLVE = does("kiriko.solve")
 EXPORT = does("kiriko.export")
-RESOLUTION = r"^Kiriko Display\.kiriko\.resolution"
+DISPLAY = named("Kiriko Display")
+RESOLUTION = rf"^{DISPLAY}\.kiriko\.resolution"
 CALIBRATE = does("kiriko.calibrate")
 PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
 SIDEBAR = [Key("N"), Tab("Kiriko")]
 OWN_PICTURE = [Press(PICTURE), Open("seaside.png"), TAKE_FILE, Until("has_seaside")]
-DISPLAY_CHOSEN = Press(does("kiriko.select_part", "Kiriko Display"))
+DISPLAY_CHOSEN = Press(f"{does('kiriko.select_part')}{DISPLAY}")
 IPHONE = [
     DISPLAY_CHOSEN,
     Press(RESOLUTION, up=1),

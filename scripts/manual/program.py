@@ -69,25 +69,30 @@ def screen() -> Iterator[dict[str, str]]:
 
 def built_extension() -> Path:
     """The zip for this machine, built anew."""
-    run([set_up(*newest_blender()), ROOT / "scripts" / "package.py"])
+    run([set_up(*newest_blender()), ROOT / "scripts" / "package.py", "--keep-manual"])
     arm = platform.machine().lower() in {"arm64", "aarch64"}
     system = {"linux": "linux", "darwin": "macos", "win32": "windows"}[sys.platform]
     (found,) = (ROOT / "dist").glob(f"kiriko-*-{system}_{'arm64' if arm else 'x64'}.zip")
     return found
 
 
-def play(names: Sequence[str], blender: str | None, extension: Path | None) -> Path:
-    """Play in a new Blender with an empty profile; the folder with pictures and accounts."""
+def play(
+    names: Sequence[str], blender: str | None, extension: Path | None, language: str = "en_US"
+) -> Path:
+    """Play in a new Blender with an empty profile; the folder with pictures and accounts.
+
+    language : that of Blender's interface
+    """
     program = blender_program(blender)
     zipped = extension or built_extension()
-    folder = ROOT / "out" / "plays"
+    folder = ROOT / "out" / "plays" / language
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     command = [
         program, "--factory-startup", "--offline-mode", "--enable-event-simulate",
         "--python-use-system-env", "--window-geometry", "0", "0", *map(str, SIZE),
         "--python", str(ROOT / "scripts" / "manual" / "inside.py"),
-        "--", str(zipped.resolve()), str(folder), *names,
+        "--", str(zipped.resolve()), str(folder), language, *names,
     ]  # fmt: skip
 
     with screen() as variables, tempfile.TemporaryDirectory(prefix="profile-", dir=folder) as home:

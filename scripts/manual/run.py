@@ -1,55 +1,86 @@
-"""Builds the manual's site, strict, into out/manual/. Started by `dev.py manual`.
+"""Builds the manual's site, strict, into manual/, from where it goes into the extension's zips.
 
 A link to nothing, a picture that is missing, a page that is left out of the navigation: each ends
-the build. With `--screenshots` the pictures of all steps are taken anew first, in the real Blender.
+the build. The site needs no network and no server: it is opened as files. With `--screenshots` the
+pictures of all steps are taken anew first, in the real Blender, once in each language.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from environments import ROOT, ToolError, clean_environment
+from environments import ROOT, ToolError, clean_environment, run_in_newest_blender
 from manual import troubleshooting
 from manual.pictures import pack
+from manual.places import lead
 from manual.plays import MANUAL
 from manual.program import HELP_BLENDER, HELP_EXTENSION, play
 
+LANGUAGES = {"en": "en_US", "ja": "ja_JP"}  # Blender's names of them
 PAGES = ROOT / "docs" / "manual"
-PICTURES = PAGES / "en" / "pictures"
-GATHERED = ROOT / "out" / "manual-pages"
+OUT = ROOT / "out"
+TOLD = OUT / "manual-reference"  # by the code
+GATHERED = OUT / "manual-pages"
+SITE = ROOT / "manual"
 CONFIG = Path(__file__).with_name("mkdocs.yml")
+# for search and servers, or with the day of the build in it
+NOT_NEEDED = (
+    "404.html", "sitemap.xml", "sitemap.xml.gz", "assets/javascripts/lunr",
+    "assets/javascripts/workers", "assets/**/*.map",
+)  # fmt: skip
 
 
-def take_pictures(names: list[str], blender: str | None, extension: Path | None) -> None:
+def take_pictures(
+    languages: Sequence[str], names: Sequence[str], blender: str | None, extension: Path | None
+) -> None:
     """Play the manual's steps, and put the pictures of all that came of it among its pages."""
-    folder = play(names, blender, extension)
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    for raw in sorted(folder.glob("*.rgb")):
-        pack(raw, PICTURES / f"{raw.stem}.png")
+    for language in languages:
+        folder = play(names, blender, extension, LANGUAGES[language])
+        pictures = PAGES / language / "pictures"
+        pictures.mkdir(parents=True, exist_ok=True)
+        for raw in sorted(folder.glob("*.rgb")):
+            pack(raw, pictures)
 
 
 def gather() -> None:
     """Put all pages into one folder: those of docs/, the glossary, and the made sections."""
+    if run_in_newest_blender("manual.reference", TOLD):
+        raise ToolError("The manual's page of buttons and settings failed, for the reason above.")
+
     shutil.rmtree(GATHERED, ignore_errors=True)
     shutil.copytree(PAGES, GATHERED)
     shutil.copy(ROOT / "docs" / "glossary.md", GATHERED / "en" / "glossary.md")
-    for language in ("en", "ja"):
-        page = GATHERED / language / "troubleshooting.md"
-        text = page.read_text(encoding="utf-8")
-        page.write_text(f"{text}\n{troubleshooting.sections(language)}", encoding="utf-8")
+    for language in LANGUAGES:
+        made = {
+            "troubleshooting": troubleshooting.sections(language),
+            "reference": (TOLD / f"{language}.md").read_text(encoding="utf-8"),
+        }
+        for name, text in made.items():
+            page = GATHERED / language / f"{name}.md"
+            page.write_text(f"{page.read_text(encoding='utf-8')}\n{text}", encoding="utf-8")
 
 
-def build() -> int:
-    """Build the site; the exit code of mkdocs."""
+def build() -> None:
+    """Build the site."""
     gather()
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIG]
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "-f", CONFIG]
     # the theme's notice of its successor is no warning about these pages
     variables = clean_environment(NO_MKDOCS_2_WARNING="1")
-    return subprocess.run(command, env=variables).returncode
+    if subprocess.run(command, env=variables).returncode:
+        raise ToolError("The manual was not built, for the reason above.")
+
+    for pattern in NOT_NEEDED:
+        for path in sorted(SITE.glob(pattern)):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    names = json.loads((TOLD / "names.json").read_text(encoding="utf-8"))
+    for language in LANGUAGES:
+        lead(SITE if language == "en" else SITE / language, names)
 
 
 def main() -> None:
@@ -60,18 +91,21 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", choices=MANUAL, metavar="PLAY", help=f"of {', '.join(MANUAL)}"
     )
+    parser.add_argument(
+        "--languages", nargs="+", choices=LANGUAGES, default=list(LANGUAGES), metavar="LANGUAGE",
+        help=f"of {', '.join(LANGUAGES)}",
+    )  # fmt: skip
     parser.add_argument("--blender", metavar="PROGRAM", help=HELP_BLENDER)
     parser.add_argument("--extension", type=Path, metavar="ZIP", help=HELP_EXTENSION)
-    arguments = parser.parse_args()
+    told = parser.parse_args()
     try:
-        if arguments.screenshots:
-            take_pictures(arguments.only or list(MANUAL), arguments.blender, arguments.extension)
+        if told.screenshots:
+            names = told.only or list(MANUAL)
+            take_pictures(told.languages, names, told.blender, told.extension)
+        build()
     except ToolError as error:
         sys.exit(str(error))
-    code = build()
-    if code == 0:
-        print(f"The site is in {(ROOT / 'out' / 'manual').relative_to(ROOT)}: open index.html.")
-    sys.exit(code)
+    print(f"The manual is in {SITE.relative_to(ROOT)}/: open index.html.")
 
 
 if __name__ == "__main__":

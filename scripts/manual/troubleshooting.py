@@ -12,12 +12,15 @@ from messages import ROOT, TEMPLATES, constant, name_of
 
 # the name of a language's texts in languages/
 LANGUAGE = {"ja": "ja_JP"}
+# the file that makes messages of errors which no code of Kiriko's foresaw
+UNFORESEEN = ROOT / "operators" / "telling.py"
 
 
 def told_in(path: Path) -> Iterator[str]:
     """Templates of the errors and remarks of a file of code."""
+    kinds = TEMPLATES if path == UNFORESEEN else TEMPLATES - {"Message"}
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and name_of(node) in TEMPLATES - {"Message"} and node.args:
+        if isinstance(node, ast.Call) and name_of(node) in kinds and node.args:
             text = constant(node.args[0])
             if " " in text:
                 yield text
@@ -64,11 +67,15 @@ def sections(language: str) -> str:
     texts = translations(LANGUAGE.get(language, ""))
     lines = []
     for section in SECTIONS:
-        lines.append(f"## {getattr(section, language)}\n")
-        for advice in section.advice:
-            sentence = texts.get(advice.template) or advice.template
-            lines.append(f"**{readable(sentence)}**")
-            if sentence != advice.template:
-                lines.append(f"{readable(advice.template)}")
-            lines.append(f"{getattr(advice, language)}\n")
-    return "\n\n".join(line.rstrip("\n") for line in lines) + "\n"
+        lines += [f"## {getattr(section, language)}", ""]
+        for advice in section.advice:  # sentences with what to do under them
+            lines += [term(template, texts) for template in advice.templates]
+            lines += [f":   {getattr(advice, language)}", ""]
+    return "\n".join(lines)
+
+
+def term(template: str, texts: dict[str, str]) -> str:
+    """A sentence in a language, and the English one where that is another."""
+    sentence = texts.get(template) or template
+    english = f"<br><small>{readable(template)}</small>" if sentence != template else ""
+    return f"{readable(sentence)}{english}"

@@ -124,11 +124,26 @@ def test_zip_has_the_package_and_nothing_else(
         *(ROOT / "assets" / name for name in ("kiriko_plate.blend", "blender_assets.cats.txt")),
     ]
     assert {path.relative_to(ROOT).as_posix() for path in code} <= names
-    rooms = {*ROOMS, "assets", "wheels"}
+    rooms = {*ROOMS, "assets", "manual", "wheels"}
     files = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
     assert {name for name in names if name.partition("/")[0] not in rooms} <= files
     assert {"LICENSE", "blender_manifest.toml"} <= names
     assert not [name for name in names if "__pycache__" in name or "/." in name]
+
+
+@pytest.mark.parametrize("platform", ZIPS)
+def test_zip_has_the_manual(zips: dict[str, Path], platform: str) -> None:
+    """A zip has the manual's site in each language, and it makes the zip larger by less than
+    a megabyte and a half.
+    """
+    with ZipFile(zips[platform]) as archive:
+        own = [info for info in archive.infolist() if info.filename.startswith("manual/")]
+    names = {info.filename for info in own}
+    pages = [path.stem for path in (ROOT / "docs" / "manual" / "ja").glob("*.md")]
+    for language in ("manual", "manual/ja"):
+        assert {f"{language}/{page}.html" for page in pages} <= names
+    assert sum(info.compress_size for info in own) < 1_500_000
+    assert not [name for name in names if name.endswith((".map", ".md", ".gz"))]
 
 
 def test_another_kernel_is_another_wheel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

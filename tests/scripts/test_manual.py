@@ -8,7 +8,8 @@ import pytest
 
 from environments import ROOT
 from manual import plays, troubleshooting
-from manual.advice import SECTIONS, Section
+from manual.advice import NOT_MET, SECTIONS
+from manual.places import PLACES, REFERENCE, full_name, lead, place_of
 from manual.steps import Do, Shot, Until
 
 MANUAL = ROOT / "docs" / "manual"
@@ -56,16 +57,62 @@ def test_pictures_are_small() -> None:
 def test_each_sentence_of_troubleshooting_is_one_of_the_program() -> None:
     """No sentence of the page has been written anew, or left, in the code."""
     told = troubleshooting.all_told()
-    page = {advice.template for section in SECTIONS for advice in section.advice}
-    assert page - told == set()
+    assert on_the_page() - told == set()
+    assert NOT_MET - told == set()
 
 
-@pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.en)
-def test_troubleshooting_has_each_error_that_matters(section: Section) -> None:
-    """The errors and remarks of a section's files are all on the page."""
-    page = {advice.template for one in SECTIONS for advice in one.advice}
-    told = {text for name in section.files for text in troubleshooting.told_in(ROOT / name)}
-    assert told - page == set()
+def test_troubleshooting_has_each_sentence_that_artists_meet() -> None:
+    """All errors and remarks of the code are on the page, but those that scripts alone meet."""
+    assert troubleshooting.all_told() - on_the_page() - NOT_MET == set()
+
+
+def on_the_page() -> set[str]:
+    """Sentences of the page, each of which is there once."""
+    every = [
+        template
+        for section in SECTIONS
+        for advice in section.advice
+        for template in advice.templates
+    ]
+    assert len(every) == len(set(every))
+    return set(every)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_places_are_headings(language: str) -> None:
+    """Each place that F1 leads to is a heading with that anchor, whatever the language."""
+    for place in PLACES:
+        page, _, anchor = place.partition("#")
+        text = (MANUAL / language / page).read_text(encoding="utf-8")
+        assert len(re.findall(rf"^#+ .* {{ #{anchor} }}$", text, re.MULTILINE)) == 1, place
+
+
+def test_no_button_has_two_places() -> None:
+    """What is told of in two places has no page of its own."""
+    names = [name for own in PLACES.values() for name in own]
+    assert len(names) == len(set(names))
+
+
+def test_a_page_leads_to_each_place(tmp_path: Path) -> None:
+    """A button's page leads to its heading, another one's to the page that has all."""
+    own = full_name("kiriko.solve"), full_name("KirikoScene.tolerance")
+    assert own == ("bpy.ops.kiriko.solve", "bpy.types.kirikoscene.tolerance")
+    assert place_of(own[1]) == f"{REFERENCE}#{own[1]}"
+    lead(tmp_path, list(own))
+    urls = [
+        re.search(r'url=([^"]+)"', (tmp_path / "at" / f"{name}.html").read_text())[1]
+        for name in own
+    ]
+    assert urls == ["../goblet.html#solve", f"../reference.html#{own[1]}"]
+
+
+def test_navigation_has_each_page_in_both_languages() -> None:
+    """Each page stands in the navigation, with a title in Japanese."""
+    config = (ROOT / "scripts" / "manual" / "mkdocs.yml").read_text(encoding="utf-8")
+    nav = dict(re.findall(r"^  - ([^:\n]+): (\w+\.md)$", config, re.MULTILINE))
+    assert set(nav.values()) == {path.name for path in PAGES["ja"]}
+    for title in nav:
+        assert f"            {title}: " in config
 
 
 def test_values_stand_as_dots() -> None:

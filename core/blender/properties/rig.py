@@ -28,6 +28,7 @@ class KirikoRig(bpy.types.PropertyGroup):
         name="Viewer Before",
         description="The viewer that the scene had before",
         type=bpy.types.Object,
+        options={"HIDDEN"},
     )
 
 

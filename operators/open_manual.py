@@ -1,0 +1,70 @@
+"""Manual: opens the pages that came with Kiriko in the browser; F1 over a button or a setting, and
+Online Manual in its menu, open the place that tells of it. Nothing is asked of the network.
+"""
+
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import KirikoError
+from ..core.messages import Message
+from . import needed, telling
+
+# `dev.py build` makes it from docs/manual: each language but English in a folder of its own
+FOLDER = Path(__file__).resolve().parent.parent / "manual"
+PLACES = "at"  # the folder with a small page for each button and setting, which leads on
+NOT_BUILT = Message("This Kiriko was not installed from its zip, which holds the manual")
+
+
+def language() -> str:
+    """The language of the interface, without its country."""
+    return bpy.app.translations.locale.partition("_")[0]
+
+
+def pages() -> Path:
+    """The manual's folder in the language of the interface, in English where it has none."""
+    own = FOLDER / language()
+    return own if own.joinpath("index.html").is_file() else FOLDER
+
+
+def places() -> tuple[str, list[tuple[str, str]]]:
+    """For Blender's own lookup: a beginning of URLs, and Blender's name of each button and setting
+    with the rest of its URL.
+
+    Each has a page of its own, since Windows and macOS leave out the part of a file's URL that
+    tells the place in a page.
+    """
+    folder = pages() / PLACES
+    return f"{folder.as_uri()}/", [(path.stem, path.name) for path in folder.glob("*.html")]
+
+
+class KIRIKO_OT_open_manual(bpy.types.Operator):
+    """Open Kiriko's manual in the browser; F1 over a button or a setting opens its place there"""
+
+    bl_idname = "kiriko.open_manual"
+    bl_label = "Manual"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if FOLDER.is_dir() else [NOT_BUILT])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        import webbrowser
+
+        page = pages() / "index.html"
+        with telling.told(self):
+            if not webbrowser.open(page.as_uri()):
+                raise KirikoError("No browser was found: open the file '{page}'.", page=page)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+def register() -> None:
+    """Have Blender look here for buttons and settings."""
+    bpy.utils.register_manual_map(places)
+
+
+def unregister() -> None:
+    """Have it look no more."""
+    bpy.utils.unregister_manual_map(places)

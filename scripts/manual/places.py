@@ -1,0 +1,82 @@
+"""Where the manual tells of a button or a setting, for F1 over it.
+
+A place is a heading of a page that has the same anchor in each language, as in `## Export it
+{ #export }`. What stands nowhere here is explained by *Buttons and settings*, which has all of
+them. A new page adds its headings.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+REFERENCE = "reference.md"
+FOLDER = "at"  # of pages that lead on, one for each button and setting: operators/open_manual.py
+# names as Blender has them, without bpy.ops or bpy.types
+PLACES = {
+    "index.md#add": ("kiriko.add_rig",),
+    "index.md#picture": ("kiriko.open_picture", "kiriko.choose_picture"),
+    "index.md#see": ("kiriko.look_through", "kiriko.live"),
+    "index.md#export": ("kiriko.export",),
+    "goblet.md#glass": ("kiriko.make_glass", "kiriko.thicken"),
+    "goblet.md#solve": (
+        "kiriko.solve",
+        "kiriko.fit_picture_size",
+        "kiriko.fit_display",
+        "kiriko.fit_plate",
+        "kiriko.best_place",
+        "kiriko.turn_back",
+        "kiriko.take_proposal",
+        "kiriko.drop_proposal",
+    ),
+    "goblet.md#see": ("kiriko.before_after", "kiriko.save_comparison"),
+    "bench.md#measure": (
+        "kiriko.rescale_scene",
+        "kiriko.select_part",
+        "kiriko.show_part",
+        "kiriko.display_preset",
+        "kiriko.plate_preset",
+        "kiriko.glass_preset",
+    ),
+    "bench.md#several": ("kiriko.choose_rig",),
+    "bench.md#drawing": ("kiriko.bench_drawing",),
+    "bench.md#plate": ("kiriko.simulate", "kiriko.visible_range", "kiriko.remove_visible_range"),
+    "calibration.md#lattice": ("kiriko.lattice_picture",),
+    "calibration.md#calibrate": (
+        "kiriko.calibrate",
+        "kiriko.apply_calibration",
+        "kiriko.remove_calibration",
+    ),
+    "formats.md#source": ("KirikoScene.export_format",),
+    "formats.md#files": ("kiriko.export_maps", "kiriko.report"),
+}
+LEADING = """<!doctype html>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0; url={url}">
+<title>Kiriko</title>
+<a href="{url}">{name}</a>
+"""
+
+
+def full_name(name: str) -> str:
+    """A name as Blender looks it up: in small letters."""
+    return f"bpy.{'ops' if name.startswith('kiriko.') else 'types'}.{name.lower()}"
+
+
+def place_of(name: str) -> str:
+    """The page, and the anchor in it, that tell of what Blender calls by this full name."""
+    for place, names in PLACES.items():
+        if name in map(full_name, names):
+            return place
+    return f"{REFERENCE}#{name}"
+
+
+def lead(site: Path, names: list[str]) -> None:
+    """Give a built site, of one language, a page for each name, which leads to its place."""
+    folder = site / FOLDER
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name in names:
+        page, _, anchor = place_of(name).partition("#")
+        url = f"../{Path(page).stem}.html#{anchor}"
+        (folder / f"{name}.html").write_text(LEADING.format(url=url, name=name), encoding="utf-8")

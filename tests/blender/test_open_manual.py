@@ -1,0 +1,48 @@
+"""The manual's button in a checkout; tests/package has it in an installed zip."""
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import pytest
+
+
+@pytest.fixture
+def opening(kiriko: ModuleType) -> ModuleType:
+    """The module of the button."""
+    return importlib.import_module(f"{kiriko.__name__}.operators.open_manual")
+
+
+def test_without_a_manual_the_button_is_grey(
+    opening: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It says why, and F1 finds no place of ours."""
+    monkeypatch.setattr(opening, "FOLDER", tmp_path / "manual")
+    with pytest.raises(RuntimeError, match="not installed from its zip, which holds the manual"):
+        bpy.ops.kiriko.open_manual()
+    prefix, places = opening.places()
+    assert prefix.startswith("file://")
+    assert places == []
+
+
+def test_names_of_folders_may_have_any_letter(
+    opening: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Spaces, signs of URLs and other scripts are written as URLs write them."""
+    folder = tmp_path / "ガラス 50 % #1" / "manual"
+    (folder / "at").mkdir(parents=True)
+    (folder / "at" / "bpy.ops.kiriko.solve.html").touch()
+    monkeypatch.setattr(opening, "FOLDER", folder)
+    prefix, places = opening.places()
+    assert prefix.endswith("50%20%25%20%231/manual/at/")
+    assert places == [("bpy.ops.kiriko.solve", "bpy.ops.kiriko.solve.html")]
+
+
+def test_disabling_takes_the_lookup_back(opening: ModuleType) -> None:
+    """Blender does not ask an extension that is gone."""
+    hooks = bpy.utils._manual_map
+    assert hooks.count(opening.places) == 1
+    opening.unregister()
+    assert opening.places not in hooks
+    opening.register()
