@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +150,47 @@ def write_bytes(path: Path, data: bytes) -> None:
             (new / path.name).write_bytes(data)
         except OSError as reason:
             raise _unwritable(path, reason) from None
+
+
+def append_line(path: Path, text: str) -> None:
+    """Add a line to a text file, whole or not at all, also where others add to it meanwhile.
+
+    ImageError when it cannot be written.
+    """
+    line = f"{text}\n".encode()
+    try:
+        # opened so, all of one call goes to the end of the file, wherever that is by then
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+        try:
+            n = os.write(file, line)
+            if n < len(line):  # the disk is full
+                os.ftruncate(file, os.fstat(file).st_size - n)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        finally:
+            os.close(file)
+    except OSError as reason:
+        raise _unwritable(path, reason) from None
+
+
+def claim(path: Path) -> bool:
+    """Make an empty file, which holds a place for one that is being made; was there none yet?
+
+    Of several processes one alone is told so.
+    """
+    try:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    except FileExistsError:
+        return False
+    except OSError as reason:
+        raise _unwritable(path, reason) from None
+    return True
+
+
+def give_up(path: Path) -> None:
+    """Remove a file that only holds a place."""
+    with suppress(OSError):
+        if path.stat().st_size == 0:
+            path.unlink()
 
 
 def digest(path: Path | str) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .disk import is_there, together
+from .encoding import quantised
 from .errors import ImageError
 from .messages import Message, joined
 
@@ -96,22 +97,10 @@ def why_not(form: str, without: Container[str] = ()) -> str:
     )
 
 
-def encode(linear: ArrayLike, gamma: float | None = None) -> np.ndarray:
-    """Encoded values 0..1 of linear ones, clipped to 0..1, float64.
-
-    gamma : a display's, whose light is a value to this power; None: sRGB (IEC 61966-2-1)
-    """
-    linear = np.clip(np.nan_to_num(np.asarray(linear, float)), 0.0, 1.0)
-    if gamma is not None:
-        return linear ** (1 / gamma)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
 def _quantised(pixels: np.ndarray, form: Format, gamma: float | None) -> np.ndarray:
     if form.is_linear:
         return np.ascontiguousarray(pixels, np.float32)
-    top = np.iinfo(form.number).max
-    return np.ascontiguousarray(np.rint(encode(pixels, gamma) * top).astype(form.number))
+    return quantised(pixels, form.number, gamma)
 
 
 def _colour_space(form: Format, gamma: float | None) -> tuple[str, str]:
@@ -225,6 +214,7 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
     file is not whole then.
     """
     oiio = openimageio()
+    spec.attribute("DateTime", "")  # else that of today: the same image is to be the same file
     out = oiio.ImageOutput.create(str(path))
     is_written = out is not None and out.open(str(path), spec)
     is_written = is_written and out.write_image(pixels) and out.close()
@@ -236,7 +226,8 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
         )
 
     try:
-        read(path)  # of a disk that is full before the end of a PNG, OpenImageIO says nothing
+        # of a disk that is full before the end of a PNG, OpenImageIO says nothing
+        read(path, is_plain=True)
     except ImageError:
         raise ImageError(
             "The file '{path}' is not whole after writing: check the disk.", path=path
@@ -248,9 +239,11 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
+def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str, Any]]:
     """Numbers of an image file as they stand (h, w, c) float32,
     integers as 0..1, row 0 at the top; and its metadata.
+
+    is_plain : the numbers in the file's own type, which takes less time
 
     Raises
     ------
@@ -268,7 +261,7 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
 
     try:
         spec = source.spec()
-        pixels = source.read_image(format="float")
+        pixels = source.read_image(format=spec.format if is_plain else "float")
         if pixels is None:
             raise ImageError(
                 "The image '{path}' is broken ({why}): choose another file.",
@@ -278,7 +271,8 @@ def read(path: Path | str) -> tuple[np.ndarray, dict[str, Any]]:
     finally:
         source.close()
 
-    return np.asarray(pixels, np.float32), {item.name: item.value for item in spec.extra_attribs}
+    pixels = np.asarray(pixels, None if is_plain else np.float32)
+    return pixels, {item.name: item.value for item in spec.extra_attribs}
 
 
 def read_photograph(path: Path | str) -> np.ndarray:

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
+from ..core.blender.moving import at_frame, number_at
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.picture import check_readable
 from ..core.errors import ImageError, RigError
@@ -57,7 +58,9 @@ class ChoosePicture:
     def choose(self, context: bpy.types.Context, image: bpy.types.Image) -> None:
         """Make an image the picture, and report on plane and material."""
         picture = the_picture(context)
-        check_readable(image, Message("the picture '{picture}'", picture=picture.name))
+        owner = Message("the picture '{picture}'", picture=picture.name)
+        with at_frame(image, number_at(image, None, context.scene.frame_current), owner) as shown:
+            check_readable(shown, owner)
         before = {slot.material for slot in picture.material_slots}
         picture.kiriko.image = image
 
@@ -128,7 +131,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
 
 
 class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
-    """Open an image file as the picture: its plane shows it, in its own shape"""
+    """Open an image file, or a movie, as the picture: its plane shows it, in its own shape"""
 
     bl_idname = "kiriko.open_picture"
     bl_label = "Open Picture"
@@ -141,6 +144,7 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
         options={"SKIP_SAVE", *RELATIVE_PATH},
     )
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -179,5 +183,5 @@ def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
         path = bpy.path.relpath(path)
 
     image = bpy.data.images.load(path, check_existing=True)
-    # the file may be loaded already as the first frame of a sequence, which cannot be read
-    return image if image.source == "FILE" else bpy.data.images.load(path)
+    # the file may be loaded already as the first of a sequence, which is another picture
+    return image if image.source in {"FILE", "MOVIE"} else bpy.data.images.load(path)

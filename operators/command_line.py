@@ -19,7 +19,16 @@ from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
 from ..core.warp.files import SIDECAR
 from ..core.warp.options import FORMATS, TIMES, MapOptions
-from . import bench_drawing, export_maps, folder, report, solve_to_folder, telling, work
+from . import (
+    bench_drawing,
+    export_maps,
+    folder,
+    frames_to_folder,
+    report,
+    solve_to_folder,
+    telling,
+    work,
+)
 from .calibrate import calibrated
 from .choose_rig import choose_by_name
 from .export import use_bundled_modules
@@ -153,7 +162,8 @@ def parser() -> argparse.ArgumentParser:
     solve = verbs.add_parser(
         "solve", parents=[pictures], help="compute the source image and write it to a folder"
     )
-    solve.set_defaults(run=solve_to_folder.solve)
+    frames_to_folder.add_options(solve)
+    solve.set_defaults(run=_solve)
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
@@ -256,6 +266,17 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
         out = arguments.out / of_name
         with folder.made(out):
             yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))
+
+
+def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Solve the scene as it stands, or the frames that are asked for; yields lines of progress."""
+    if arguments.frames is None:
+        return solve_to_folder.solve(arguments)
+    if arguments.preview or arguments.simulate:
+        raise UsageError(
+            "Of frames only source images are written: leave out --preview and --simulate."
+        )
+    return frames_to_folder.solve(arguments)
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:

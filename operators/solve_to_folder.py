@@ -70,10 +70,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     context = bpy.context
     scene = context.scene
-    for given in _with_products(context, arguments):
-        if not given.is_whole:
-            raise RigError("{given}", given=given.text)
-        yield given.text
+    yield from products_given(context, arguments)
     reading = work.read_to_solve(context)
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
     solution = yield from told_in_tenths(work.session().solve(reading.rig, work.settings_of(scene)))
@@ -129,6 +126,16 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
 
     yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
+
+
+def products_given(
+    context: bpy.types.Context, arguments: argparse.Namespace
+) -> Generator[str, None, None]:
+    """Change parts of the open file for the products that are asked for; yields a line on each."""
+    for given in _with_products(context, arguments):
+        if not given.is_whole:
+            raise RigError("{given}", given=given.text)
+        yield given.text
 
 
 def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) -> list[Given]:

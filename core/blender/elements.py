@@ -12,6 +12,7 @@ from ..messages import Message, quoted
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
 from ..vectors import normalise
 from .material import read_refraction
+from .moving import at_frame, ended, number_at
 from .parts import Part
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
 from .rectangle import flat_size
@@ -163,8 +164,8 @@ def read_plate(part: Part) -> Plate:
     )
 
 
-def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
-    """The image that is solved for a picture plane, and notes on it."""
+def shown_image(part: Part) -> tuple[bpy.types.Image, int | None, list[str]]:
+    """The image that is solved for a picture plane, its frame where it moves, and notes on it."""
     name = part.owner.name
     texture = part.texture
     notes = []
@@ -190,7 +191,9 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, list[str]]:
             )
         )
 
-    return image, notes
+    by_node = texture is not None and texture.image == image
+    number = number_at(image, texture.timing if by_node else None, part.frame)
+    return image, number, notes
 
 
 def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
@@ -201,11 +204,11 @@ def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
     name = part.owner.name
-    image, notes = shown_image(part)
+    image, number, notes = shown_image(part)
     tone = tone_of(part.owner.kiriko.picture)
-    pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone)
+    pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone, number)
 
-    if squeezed := squeezed_words(squeeze(flat_size(part.mesh), image)):
+    if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):
         notes.append(
             Message(
                 "The image '{image}' is {squeezed} on the picture '{name}': {remedy}.",
@@ -216,19 +219,24 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
             )
         )
 
-    return place_of(image, part.name, part.mesh).showing(pixels), notes + about(image)
+    place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
+    return place.showing(pixels), notes + about(image, number)
 
 
 def read_picture_image(
-    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept, tone: Tone
+    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept, tone: Tone, frame: int
 ) -> tuple[list[Picture], list[str]]:
-    """The picture in the viewer's own pixels, with a note when it has another shape than they."""
+    """The picture in the viewer's own pixels, with a note when it has another shape than they.
+
+    frame : the scene's
+    """
     if image is None:
         return [], []
 
-    pixels = kept.pixels(image, Message("the scene's picture"), tone)
-    place = place_of(image, image.name)
-    notes = about(image)
+    number = number_at(image, None, frame)
+    pixels = kept.pixels(image, Message("the scene's picture"), tone, number)
+    place = PicturePlace(image.name, *pixels.shape[1::-1])
+    notes = about(image, number)
 
     if viewer is not None:
         off = abs(place.width * viewer.height - place.height * viewer.width)
@@ -248,16 +256,20 @@ def read_picture_image(
     return [place.showing(pixels)], notes
 
 
-def place_of(image: bpy.types.Image, name: str, mesh: Mesh | None = None) -> PicturePlace:
-    """The place of a picture with this image, of which no pixels are read."""
-    width, height = image.size
+def place_of(
+    image: bpy.types.Image, name: str, mesh: Mesh | None = None, number: int | None = None
+) -> PicturePlace:
+    """The place of a picture with this image, of which no pixels are read.
+
+    number : the frame of an image that moves, which is looked up where Blender knows none yet
+    """
+    with at_frame(image, number if min(image.size) < 1 else None, name) as shown:
+        width, height = shown.size
     return PicturePlace(name, width, height, mesh)
 
 
-def about(image: bpy.types.Image) -> list[str]:
-    """Notes on an image of which only a part was read."""
-    return (
-        [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
-        if image.source == "TILED"
-        else []
-    )
+def about(image: bpy.types.Image, number: int | None) -> list[str]:
+    """Notes on an image of which only a part was read, or which has ended."""
+    if image.source == "TILED":
+        return [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
+    return [] if number is None else ended(image, number)

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..encoding import encode
 from ..errors import ImageError
-from ..image_io import encode
 
 # its names through the versions
 LINEAR_SPACES = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")

@@ -12,8 +12,7 @@ from .cuts import cut_polygons
 from .faults import faults_of
 from .kept import Numbers
 from .material import refracts
-from .picture import check_readable
-from .plane import image_of
+from .plane import check_shown, image_of
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 
@@ -89,7 +88,7 @@ def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
     if image is None:
         return Message("'{picture}' shows no image.", picture=picture.name)
     try:
-        check_readable(image, Message("the picture '{picture}'", picture=picture.name))
+        check_shown(picture, scene)
     except ImageError as error:
         return error.message
     return ""

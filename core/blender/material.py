@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..messages import Message
+from .moving import Timing, timing_of
 
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",
@@ -47,12 +48,13 @@ class Refraction:
 @dataclass(frozen=True)
 class Texture:
     """The image on a surface, the UV map that places it
-    ('' for the one used in renders), and remarks.
+    ('' for the one used in renders), remarks, and when it shows which frame where it moves.
     """
 
     image: bpy.types.Image
     uv_map: str
     notes: tuple[str, ...]
+    timing: Timing
 
 
 def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
@@ -280,7 +282,7 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
             )
         )
 
-    return Texture(node.image.original, uv_map, tuple(notes))
+    return Texture(node.image.original, uv_map, tuple(notes), timing_of(node.image_user))
 
 
 def refracts(thing: bpy.types.Object) -> bool:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import bpy
@@ -25,7 +25,8 @@ LeftOut = Callable[[bpy.types.Object], bool]
 class Part:
     """One mesh in the world with the object whose role it has and the one it was drawn as.
 
-    Materials from the most to the least used. matrix (4, 4): where the object stands, m.
+    Materials from the most to the least used. matrix (4, 4): where the object stands, m. frame: the
+    scene's, for images that move.
     """
 
     owner: bpy.types.Object
@@ -36,6 +37,7 @@ class Part:
     texture: Texture | None = None
     n_dropped: int = 0
     matrix: Floats | None = None
+    frame: int = 1
 
     @property
     def role(self) -> str:
@@ -171,7 +173,8 @@ def read_parts(
             )
 
         if instance.object.type == "MESH":
-            parts.append(read_part(instance, owner, part_name(instance, counts), to_metres, kept))
+            part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
+            parts.append(replace(part, frame=scene.frame_current))
 
     kept.end()
     parts = without_hollows(parts, met)

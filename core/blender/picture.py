@@ -35,16 +35,6 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             owner=owner,
         )
 
-    if image.source in {"SEQUENCE", "MOVIE"}:
-        kind = Message("a movie") if image.source == "MOVIE" else Message("an image sequence")
-        raise ImageError(
-            "The image '{image}' of {owner} is {kind}, and moving pictures are not read"
-            " yet: choose one frame's file, with Source: Single Image.",
-            image=image.name,
-            owner=owner,
-            kind=kind,
-        )
-
     if min(image.size) < 1:  # asking for the size loads the file
         place = (
             Message("the file {file}", file=bpy.path.abspath(image.filepath, library=image.library))

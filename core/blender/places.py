@@ -71,6 +71,6 @@ def _viewer(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: floa
 def _read(part: Part, kept: KeptPlaces) -> Any:
     """A part as its role reads it, but of a picture the place alone."""
     if part.role == "PICTURE":
-        image, _ = shown_image(part)
-        return place_of(image, part.name, part.mesh)
+        image, number, _ = shown_image(part)
+        return place_of(image, part.name, part.mesh, number)
     return in_blender(part.role).read(part, kept).part

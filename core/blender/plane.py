@@ -13,6 +13,7 @@ from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
+from .moving import at_frame, number_at, set_timing
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
@@ -81,6 +82,7 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
             if find_texture(material, is_empty=is_empty) is not None:
                 node = _own_node(thing, material, is_empty)
                 old, node.image = node.image, image
+                set_timing(node.image_user, image)
                 _keep(old)
                 return True
 
@@ -144,13 +146,14 @@ def _keep(image: bpy.types.Image | None) -> None:
         keep(image)
 
 
-def squeeze(size: tuple[float, float] | None, image: bpy.types.Image) -> float:
+def squeeze(size: tuple[float, float] | None, image_size: tuple[int, int]) -> float:
     """How wide an image is shown on a plane beside how wide it
     is, of the same height: 1 is as it is, or not known.
 
     size : width and height at which the plane shows the whole image
+    image_size : width and height of the image, px
     """
-    width, height = image.size
+    width, height = image_size
     return (
         1.0 if size is None or not min(width, height, *size) else size[0] / size[1] * height / width
     )
@@ -174,11 +177,11 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     RigError : the reason why it cannot be, a clause for a sentence; everything is as it was
     ImageError : the image has no pixels, a whole sentence
     """
-    image = _readable(thing)
+    image_size = _image_size(thing, context.scene)
     points, axes = laid_out(context, thing, _uv_map(thing))
 
     def factor(matrix: Floats) -> float:
-        return squeeze(sides(axes @ matrix[:3, :3].T), image)
+        return squeeze(sides(axes @ matrix[:3, :3].T), image_size)
 
     before = factor(np.array(thing.matrix_world, float))
     if squeezed_words(before):
@@ -194,8 +197,8 @@ def fit(context: bpy.types.Context, thing: bpy.types.Object) -> float:
 
 def shown_as(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     """How wide a picture's plane shows its image, as by `squeeze`; raises as `fit` does."""
-    image = _readable(thing)
-    return squeeze(plane_size(context, thing), image)
+    image_size = _image_size(thing, context.scene)
+    return squeeze(plane_size(context, thing), image_size)
 
 
 def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[float, float]:
@@ -212,9 +215,28 @@ def _uv_map(thing: bpy.types.Object) -> str:
     return texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
 
 
-def _readable(thing: bpy.types.Object) -> bpy.types.Image:
+def frame_shown(thing: bpy.types.Object, scene: bpy.types.Scene) -> int | None:
+    """The frame of a plane's image at the scene's; None where it stands still, or has no image."""
     image = image_of(thing)
+    texture = own_texture(thing)
     if image is None:
+        return None
+    is_shown = texture is not None and texture.image == image
+    return number_at(image, texture.timing if is_shown else None, scene.frame_current)
+
+
+def check_shown(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
+    """Width and height of the image that a plane shows, px, which has one.
+
+    Raises ImageError where it has no pixels at this frame.
+    """
+    owner = Message("the picture '{name}'", name=thing.name)
+    with at_frame(image_of(thing), frame_shown(thing, scene), owner) as shown:
+        check_readable(shown, owner)
+        return tuple(shown.size)
+
+
+def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
+    if image_of(thing) is None:
         raise RigError("it shows no image")
-    check_readable(image, Message("the picture '{name}'", name=thing.name))
-    return image
+    return check_shown(thing, scene)

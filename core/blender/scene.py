@@ -155,7 +155,9 @@ def _read_image(
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewer's own pixels, with notes, also on planes that are not used."""
     ours = scene.kiriko
-    pictures, notes = read_picture_image(ours.picture_image, viewer, kept, tone_of(ours.picture))
+    pictures, notes = read_picture_image(
+        ours.picture_image, viewer, kept, tone_of(ours.picture), scene.frame_current
+    )
     unused = [
         Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
         for part in planes

@@ -4,6 +4,8 @@ from typing import Any
 
 import bpy
 
+from .moving import set_timing
+
 
 def cleared(material: bpy.types.Material) -> tuple[Any, Any]:
     """Empty node tree of a material, and its new output node."""
@@ -80,6 +82,7 @@ def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
     mix = tree.nodes.new("ShaderNodeMixShader")
     texture = tree.nodes.new("ShaderNodeTexImage")
     texture.image, texture.extension = image, "CLIP"
+    set_timing(texture.image_user, image)
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
     tree.links.new(texture.outputs["Alpha"], mix.inputs[0])
     tree.links.new(clear.outputs[0], mix.inputs[1])

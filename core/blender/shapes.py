@@ -14,6 +14,7 @@ from ..image.tone import Tone
 from ..rig import ROLES, Mesh
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
+from .moving import Reel, at_frame
 from .picture import decoded, stored_pixels
 from .plane import chosen_image
 
@@ -82,6 +83,7 @@ class Kept:
         self._pixels: KeptPixels | None = None
         self._is_stale = True  # the pixels have to be compared
         self._n_kept = 0  # shapes that the last reading asked for
+        self.reel: Reel | None = None  # where one is kept, which its owner has to close
 
     @property
     def is_whole(self) -> bool:
@@ -120,29 +122,38 @@ class Kept:
         return self._met[key]
 
     def pixels(
-        self, image: bpy.types.Image, owner: str, tone: Tone | None = None
+        self,
+        image: bpy.types.Image,
+        owner: str,
+        tone: Tone | None = None,
+        number: int | None = None,
     ) -> NDArray[np.float32]:
         """As by `read_pixels`, as light as a tone has them; the
         same array as before while the image holds the same numbers.
+
+        number : the frame of an image that moves
         """
         tone = tone or Tone()
         space = image.colorspace_settings
+        numbers = (
+            (tuple(image.size), image.is_float) if number is None else (image.filepath, number)
+        )
         settings = (
             image.session_uid,
-            tuple(image.size),
             space.name,
             space.is_data,
             image.alpha_mode,
-            image.is_float,
             tone,
+            *numbers,
         )
         before = self._pixels
         if before is None or before.settings != settings or self._is_stale:
-            stored = stored_pixels(image, owner)
-            content = fingerprint(stored[::-1])  # in the order of memory: else it is copied
-            if before is None or (before.settings, before.stored) != (settings, content):
-                pixels = frozen(tone.of(decoded(image, stored, owner)))
-                self._pixels = KeptPixels(settings, content, pixels)
+            with at_frame(image, number, owner, self.reel) as shown:
+                stored = stored_pixels(shown, owner)
+                content = fingerprint(stored[::-1])  # in the order of memory: else it is copied
+                if before is None or (before.settings, before.stored) != (settings, content):
+                    pixels = frozen(tone.of(decoded(shown, stored, owner)))
+                    self._pixels = KeptPixels(settings, content, pixels)
 
         self._is_stale = False
         return self._pixels.pixels

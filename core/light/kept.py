@@ -17,9 +17,13 @@ class Kept:
     """Results that can be used again from one plan to the next, by fingerprint of their sources.
 
     Those asked for between two calls of `forget` stay; the rest is dropped.
+
+    is_exact : use nothing that was only moved again, so that results are the same bits whatever was
+        solved before
     """
 
-    def __init__(self) -> None:
+    def __init__(self, is_exact: bool = False) -> None:
+        self._is_exact = is_exact
         self._old: dict[str, Any] = {}
         self._now: dict[str, Any] = {}
 
@@ -35,7 +39,7 @@ class Kept:
         """
         key = fingerprint(mesh)
         if key not in self._old and key not in self._now:
-            for other, made in self._old.items():
+            for other, made in () if self._is_exact else self._old.items():
                 motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None
                 if motion is not None:
                     self._now[other] = made

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..image_io import encode
+from ..encoding import encode
 
 PERCENTILE = 99.9
 

@@ -55,8 +55,8 @@ class _Place(NamedTuple):
 class Session:
     """Results that can be used again from one solve to the next."""
 
-    def __init__(self) -> None:
-        self._kept = Kept()
+    def __init__(self, kept: Kept | None = None) -> None:
+        self._kept = kept or Kept()
         self._optics: _Optics | None = None
         self._placed: _Place | None = None
         self._pyramid: Pyramid | None = None

@@ -239,10 +239,10 @@ PICTURE = Section(
             "レンダー結果は、保存するまでピクセルを持ちません。",
         ),
         Advice(
-            "The image '{image}' of {owner} is {kind}, and moving pictures are not read yet: choose"
-            " one frame's file, with Source: Single Image.",
-            "Render > Render Image of the sequence gives such a file.",
-            "1 フレームをレンダリングすれば、そのファイルが得られます。",
+            "The image '{image}' of {owner} cannot be read at its frame {number} from {file}: the"
+            " file is missing or broken; find it again, or mend the frames in the image's texture.",
+            "Frames, Start Frame and Offset stand at the Image Texture node, as for renders.",
+            "フレーム、開始フレーム、オフセットは、レンダリングのときと同じく画像テクスチャノードにあります。",
         ),
         Advice(
             "The image '{image}' of {owner} cannot be read from {place}: the file is missing or"
@@ -874,6 +874,11 @@ FILES = Section(
             "A photograph is of one rig: name it by --rig.",
             "The rigs' names are those of their collections in the outliner.",
             "リグの名前は、アウトライナーのコレクションの名前です。",
+        ),
+        Advice(
+            "Of frames only source images are written: leave out --preview and --simulate.",
+            "Without --frames the frame that the file shows is solved, with all images.",
+            "--frames がなければ、現在のフレームのすべての画像が書き出されます。",
         ),
         Advice(
             "The scene has no rig that Add Rig made: leave out --rig.",

@@ -518,29 +518,6 @@ def test_pictures_without_pixels(
         read()
 
 
-@pytest.mark.parametrize(
-    ("source", "kind"), [("SEQUENCE", "an image sequence"), ("MOVIE", "a movie")]
-)
-def test_moving_pictures_are_refused(
-    read: Callable[[], Any], errors: ModuleType, tmp_path: Path, source: str, kind: str
-) -> None:
-    """A sequence or movie whose file is there is not called missing: one frame's file is
-    asked for.
-    """
-    write(random_pixels(), tmp_path / "art001.png")
-    image = bpy.data.images.load(str(tmp_path / "art001.png"))
-    image.source = source
-    add_plane(texture_material(image))
-    words = (
-        f"'art001.png' of the picture 'poster' is {kind}, and moving pictures are not read yet:"
-        f" choose one frame's"
-    )
-    with pytest.raises(errors.ImageError, match=words):
-        read()
-    image.source = "FILE"
-    assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
-
-
 def test_a_picture_that_would_not_fit_is_refused(
     read: Callable[[], Any], kiriko: ModuleType, errors: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

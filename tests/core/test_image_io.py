@@ -2,6 +2,7 @@
 
 import errno
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -207,3 +208,43 @@ def test_a_name_gets_the_suffix_of_its_format(given: str, form: str, name: str) 
 def test_a_suffix_asks_for_a_format(given: str, form: str, meant: str) -> None:
     """The one that is chosen where it fits, else the plainest."""
     assert image_io.format_for(given, form) == meant
+
+
+@pytest.mark.parametrize("form", image_io.FORMATS)
+def test_the_same_image_is_the_same_file(tmp_path: Path, form: str) -> None:
+    """No date is written, which OpenImageIO puts into OpenEXR and TIFF where it is given none."""
+    pixels = np.random.default_rng(2).random((20, 30, 3)).astype(np.float32)
+    one = image_io.write(tmp_path / "a", pixels, form, size=(0.3, 0.2))
+    time.sleep(1.1)  # dates are in whole seconds
+    other = image_io.write(tmp_path / "b", pixels, form, size=(0.3, 0.2))
+    assert one.read_bytes() == other.read_bytes()
+    about = image_io.read(one)[1]
+    assert not any(value for name, value in about.items() if "date" in name.lower())
+
+
+def test_lines_are_added_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the disk takes a part of one."""
+    path = tmp_path / "log"
+    disk.append_line(path, "one")
+    disk.append_line(path, "two ü")
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, data[:2]))
+    with pytest.raises(ImageError, match=r"log' cannot be written \(No space left"):
+        disk.append_line(path, "three")
+    assert path.read_text(encoding="utf-8") == "one\ntwo ü\n"
+
+
+def test_one_of_many_is_given_a_place(tmp_path: Path) -> None:
+    """An empty file holds it, which goes again; one with content stays."""
+    path = tmp_path / "frame.png"
+    assert disk.claim(path)
+    assert not disk.claim(path)
+    disk.give_up(path)
+    assert not path.exists()
+    path.write_text("whole")
+    disk.give_up(path)
+    assert path.read_text() == "whole"
+    with pytest.raises(ImageError, match="cannot be written"):
+        disk.claim(tmp_path / "no folder" / "frame.png")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.encoding import encode
 from kiriko.core.errors import RigError
 from kiriko.core.image.tone import Tone
-from kiriko.core.image_io import encode
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish

@@ -1,0 +1,180 @@
+"""Pictures that move: movies and image sequences, at the frame that their image user asks for.
+
+An image datablock gives its pixels at one frame only, whichever was looked up last. Without a
+window a frame is read from a copy of it: of a sequence the copy has that frame's file, of a movie
+it is scaled to the size that it has, which Blender does at any frame.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from ..errors import ImageError
+from ..frame_list import MOST
+from ..messages import Message
+
+MOVING = {"SEQUENCE", "MOVIE"}
+SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
+KEPT = 1 << 28  # bytes of a movie's frames that a copy may gather before another takes its place
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When a moving image shows which of its frames: settings of an image user, by their names.
+
+    As in Cycles, it follows the scene whether Auto Refresh is on, which is about viewports, or off.
+    """
+
+    frame_duration: int
+    frame_start: int = 1
+    frame_offset: int = 0
+    use_cyclic: bool = False
+
+    def number(self, now: int) -> int:
+        """The image's frame at a frame of the scene: Blender's rule, which holds the last one."""
+        n = self.frame_duration
+        passed = now - self.frame_start + 1
+        if self.use_cyclic and n:
+            passed = (passed - 1) % n + 1
+        return min(max(passed, 0), n) + self.frame_offset if n else 0
+
+
+def is_moving(image: bpy.types.Image) -> bool:
+    """Is it a movie or an image sequence?"""
+    return image.source in MOVING
+
+
+def timing_of(user: bpy.types.ImageUser) -> Timing:
+    """The settings of an image user."""
+    return Timing(**{name: getattr(user, name) for name in SETTINGS})
+
+
+def whole(image: bpy.types.Image) -> Timing:
+    """All of a moving image from the scene's frame 1 on: of one that no node shows."""
+    return Timing(MOST if image.source == "SEQUENCE" else max(image.frame_duration, 1))
+
+
+def set_timing(user: bpy.types.ImageUser, image: bpy.types.Image) -> None:
+    """Have a node show all of a moving image from the scene's frame 1 on, in viewports, too."""
+    if is_moving(image):
+        timing = whole(image)
+        for name in SETTINGS:
+            setattr(user, name, getattr(timing, name))
+        user.use_auto_refresh = True
+
+
+def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | None:
+    """The frame of a moving image at a frame of the scene; None for an image that stands still.
+
+    timing : of the node that shows it; None where none does
+    """
+    return (timing or whole(image)).number(now) if is_moving(image) else None
+
+
+def file_of(image: bpy.types.Image, number: int) -> Path:
+    """The file of a frame of a sequence: the last digits in the image's name are its number."""
+    path = Path(_absolute(image))
+    before, digits, after = re.fullmatch(r"(.*?)(\d*)(\D*)", path.stem).groups()
+    return path.with_name(f"{before}{max(number, 0):0{len(digits)}}{after}{path.suffix}")
+
+
+def _absolute(image: bpy.types.Image) -> str:
+    return bpy.path.abspath(image.filepath, library=image.library)
+
+
+class Reel:
+    """Copies of images, from which frames are read. A movie's stays open from frame to frame, which
+    saves the search for each; so whoever has a reel has to close it before undo or another file.
+    """
+
+    def __init__(self) -> None:
+        self._copy: bpy.types.Image | None = None
+        self._of = 0  # session uid of the image
+        self._n_read = 0
+
+    def at(self, image: bpy.types.Image, number: int, owner: str) -> bpy.types.Image:
+        """A copy of a moving image with the pixels of a frame, until the next is asked for.
+
+        number : from 1 in a movie, as in the files' names in a sequence
+
+        Raises
+        ------
+        ImageError
+            There is no such file, or none that Blender can read.
+        """
+        is_movie = image.source == "MOVIE"
+        if not (is_movie and self._of == image.session_uid and self._n_read):
+            self.close()
+            self._copy, self._of = image.copy(), image.session_uid
+
+        copy = self._copy
+        if is_movie:
+            copy.filepath_raw = _absolute(image)
+            with suppress(RuntimeError):  # no such frame
+                copy.scale(*copy.size, frame=number)
+        else:
+            copy.source, copy.filepath_raw = "FILE", str(file_of(image, number))
+
+        width, height = copy.size
+        if min(width, height) < 1:
+            file = copy.filepath_raw
+            self.close()
+            raise ImageError(
+                "The image '{image}' of {owner} cannot be read at its frame {number} from {file}:"
+                " the file is missing or broken; find it again, or mend the frames in the image's"
+                " texture.",
+                number=number,
+                image=image.name,
+                owner=owner,
+                file=file,
+            )
+
+        self._n_read += 1
+        if self._n_read * 4 * width * height > KEPT:
+            self._n_read = 0
+        return copy
+
+    def close(self) -> None:
+        """Remove the copy."""
+        if self._copy is not None:
+            with suppress(ReferenceError):
+                bpy.data.images.remove(self._copy)
+        self._copy, self._of, self._n_read = None, 0, 0
+
+
+@contextmanager
+def at_frame(
+    image: bpy.types.Image, number: int | None, owner: str, reel: Reel | None = None
+) -> Iterator[bpy.types.Image]:
+    """An image that has the pixels of a frame: the very image where it stands still.
+
+    reel : that stays open; None: one for this time
+    """
+    if number is None:
+        yield image
+        return
+    own = reel or Reel()
+    try:
+        yield own.at(image, number, owner)
+    finally:
+        if reel is None:
+            own.close()
+
+
+def ended(image: bpy.types.Image, number: int) -> list[str]:
+    """A note on a movie that has no such frame any more, and shows its last one."""
+    if image.source != "MOVIE" or number <= image.frame_duration:
+        return []
+    return [
+        Message(
+            "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
+            " last one is held.",
+            image=image.name,
+            n=image.frame_duration,
+            number=number,
+        )
+    ]

@@ -1,0 +1,85 @@
+"""From linear light to the numbers that a file of a display's image holds."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .arrays import Floats
+
+VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
+ONE = 0x3F800000  # bits of the float32 number 1
+SHIFTS = range(16, 11, -1)  # bits that numbers of one entry of a table may differ in
+
+
+def encode(linear: ArrayLike, gamma: float | None = None) -> Floats:
+    """Encoded values 0..1 of linear ones, clipped to 0..1, float64.
+
+    gamma : a display's, whose light is a value to this power; None: sRGB (IEC 61966-2-1)
+    """
+    linear = np.clip(np.nan_to_num(np.asarray(linear, float)), 0.0, 1.0)
+    if gamma is not None:
+        return linear ** (1 / gamma)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+class _Table(NamedTuple):
+    """The 8-bit number of a float32 number in 0..1, by its bits: that of the entry `bits >> shift`,
+    and one more from `bits` = `more` on.
+    """
+
+    shift: int
+    number: NDArray[np.uint8]
+    more: NDArray[np.uint32]
+
+
+def quantised(
+    linear: NDArray[np.floating], kind: str, gamma: float | None = None
+) -> NDArray[np.integer]:
+    """Encoded values as whole numbers: `encode`, times the greatest number, rounded.
+
+    A table takes the place of powers where there is one; its numbers are the same.
+
+    kind : "uint8" or "uint16"
+    """
+    top = np.iinfo(kind).max
+    table = _table(gamma) if kind == "uint8" and linear.dtype == np.float32 else None
+    if table is None:
+        return np.ascontiguousarray(np.rint(encode(linear, gamma) * top).astype(kind))
+
+    numbers = np.empty(linear.shape, np.uint8)
+    out = numbers.reshape(-1)
+    values = np.ascontiguousarray(linear).reshape(-1)
+    for first in range(0, len(values), VALUES_AT_ONCE):
+        some = np.fmax(values[first : first + VALUES_AT_ONCE], np.float32(0))  # 0 for no number
+        np.fmin(some, np.float32(1), out=some)
+        bits = np.abs(some, out=some).view(np.uint32)  # 0 may be a negative one
+        entry = (bits >> table.shift).astype(np.intp)
+        is_more = bits >= table.more.take(entry)
+        np.add(table.number.take(entry), is_more, out=out[first : first + VALUES_AT_ONCE])
+    return numbers
+
+
+@cache
+def _table(gamma: float | None) -> _Table | None:
+    """The table of an encoding; None for one so steep that numbers of one entry are too unlike."""
+    numbers = np.arange(1, 256)
+
+    # the least float32 number that becomes each number, by halving; its bits grow with it
+    low, high = np.zeros(255, np.uint32), np.full(255, ONE, np.uint32)
+    while (low < high).any():
+        middle = (low + high) // 2
+        is_there = np.rint(encode(middle.view(np.float32), gamma) * 255) >= numbers
+        high = np.where(is_there, middle, high)
+        low = np.where(is_there, low, middle + 1)
+    least = low.astype(np.uint32)
+
+    for shift in SHIFTS:
+        first = np.arange((ONE >> shift) + 1, dtype=np.uint32) << np.uint32(shift)
+        last = np.minimum(first + np.uint32((1 << shift) - 1), np.uint32(ONE))
+        number = np.searchsorted(least, first, side="right")
+        if (np.searchsorted(least, last, side="right") <= number + 1).all():
+            more = np.append(least, np.uint32(ONE + 1))[number]
+            return _Table(shift, number.astype(np.uint8), more)
+    return None

@@ -1,0 +1,229 @@
+"""Frame by frame: the source images of an animation, each a file of its own.
+
+A session of its own keeps from frame to frame all that has not changed: of a rig that stands still
+and a picture that moves, nothing is traced after the first frame. A frame is the same bits
+whichever were solved before, so that several machines can share them. None is kept in the scene,
+whose result stays as it is.
+"""
+
+import json
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import bpy
+
+from ..core import disk, image_io
+from ..core.blender.frames import frame_kept
+from ..core.blender.image import save_png
+from ..core.blender.moving import Reel
+from ..core.blender.shapes import Kept
+from ..core.errors import ImageError, KirikoError
+from ..core.light.kept import Kept as KeptGlass
+from ..core.messages import Message, joined
+from ..core.solve.session import Session
+from ..core.solve.solution import Solution
+from ..core.steps import within
+from . import work
+from .export import gamma_of
+
+LOG = "frames.jsonl"  # beside the files: a line for each frame that was solved
+
+
+@dataclass(frozen=True)
+class Run:
+    """Frames that are wanted, and how.
+
+    files : by frame
+    form : a key of image_io.FORMATS
+    overwrite : replace files that are there already; else these frames are left out
+    placeholders : an empty file stands for each frame while it is solved, so that other processes
+        leave it out
+    """
+
+    files: dict[int, Path]
+    form: str
+    overwrite: bool = False
+    placeholders: bool = False
+
+
+@dataclass
+class Tally:
+    """What became of the frames of a run.
+
+    written, there : number of files that were written, and of those that were there already
+    others : number of frames that other processes have at work
+    traced : number of frames for which light was traced
+    failed : frames that could not be solved, and why
+    """
+
+    written: int = 0
+    there: int = 0
+    others: int = 0
+    traced: int = 0
+    failed: list[tuple[int, str]] = field(default_factory=list)
+
+    def told(self, folder: Path) -> Message:
+        """In one or more sentences."""
+        parts = [
+            Message(
+                "Wrote {n} frames to '{folder}', {traced} of them traced anew.",
+                n=self.written,
+                folder=folder,
+                traced=self.traced,
+            )
+        ]
+        if self.there:
+            parts.append(Message("{n} were there already.", n=self.there))
+        if self.others:
+            parts.append(
+                Message(
+                    "{n} have a placeholder, as of another process that is at work on them.",
+                    n=self.others,
+                )
+            )
+        if self.failed:
+            frame, why = self.failed[0]
+            parts.append(
+                Message(
+                    "{n} failed, the first of them frame {frame}: {why}",
+                    n=len(self.failed),
+                    frame=frame,
+                    why=why,
+                )
+            )
+        return joined(parts)
+
+
+@dataclass(frozen=True)
+class Keeps:
+    """All that is kept from frame to frame."""
+
+    shapes: Kept = field(default_factory=Kept)
+    session: Session = field(default_factory=lambda: Session(KeptGlass(is_exact=True)))
+
+
+def solved(context: bpy.types.Context, run: Run) -> Generator[float, None, Tally]:
+    """Solve the frames of a run and write their files, each whole or not at all.
+
+    A frame that cannot be solved is noted, and the next is begun. Yields progress 0..1. At the end,
+    also where it is stopped, the scene is at its frame of before.
+
+    Raises
+    ------
+    ImageError
+        A file cannot be written: the files of all frames before are whole.
+    """
+    scene = context.scene
+    tally = Tally()
+    keeps = Keeps()
+    n = len(run.files)
+
+    with frame_kept(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
+        for k, (frame, path) in enumerate(run.files.items()):
+            yield k / n
+            if not _is_wanted(path, run, tally):
+                continue
+            try:
+                yield from within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n)
+            finally:
+                if run.placeholders:
+                    disk.give_up(path)
+
+    return tally
+
+
+def _is_wanted(path: Path, run: Run, tally: Tally) -> bool:
+    """Is a frame still to be solved, and by us?"""
+    is_there = disk.is_there(path)
+    is_empty = is_there and path.stat().st_size == 0
+
+    # an empty file holds a place; without placeholders it was left by a process that was ended
+    if is_there and not run.overwrite and not (is_empty and not run.placeholders):
+        tally.others += is_empty
+        tally.there += not is_empty
+        return False
+    if run.placeholders and not is_there and not disk.claim(path):
+        tally.others += 1
+        return False
+    return True
+
+
+def _one(
+    context: bpy.types.Context, keeps: Keeps, frame: int, run: Run, tally: Tally
+) -> Generator[float, None, None]:
+    """Solve a frame, write its file and its line in the log; yields progress 0..1."""
+    began = perf_counter()
+    scene = context.scene
+    path = run.files[frame]
+    line: dict[str, Any] = {"frame": frame, "file": path.name}
+
+    try:
+        scene.frame_set(frame)
+        reading = work.read(context, keeps.shapes)
+        solution = yield from keeps.session.solve(reading.rig, work.settings_of(scene))
+    except KirikoError as error:
+        tally.failed.append((frame, error.message))
+        _log(path, line, began, error=str(error))
+        return
+
+    try:
+        image_io.write(
+            path,
+            solution.source,
+            run.form,
+            size=None if reading.display_size is None else tuple(reading.display_size),
+            gamma=gamma_of(scene),
+            overwrite=True,  # another process may have written the same meanwhile
+            save_png=save_png,
+        )
+        _log(path, line, began, **_done(solution), error=None)
+    except ImageError as error:
+        raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
+
+    tally.written += 1
+    tally.traced += solution.n_rays > 0
+
+
+def _done(solution: Solution) -> dict[str, Any]:
+    """What a frame took, and what it shows."""
+    return {
+        "did": "traced" if solution.n_rays else "painted",
+        "rays": solution.n_rays,
+        "coverage": round(solution.picture_coverage, 6),
+        "notes": [str(note) for note in solution.notes],
+    }
+
+
+def _log(path: Path, line: dict[str, Any], began: float, **rest: object) -> None:
+    """Add a frame's line to the log."""
+    whole = {**line, "seconds": round(perf_counter() - began, 4), **rest}
+    disk.append_line(path.parent / LOG, json.dumps(whole))
+
+
+@contextmanager
+def _open_reel(kept: Kept) -> Iterator[None]:
+    """Have movies stay open meanwhile."""
+    kept.reel = Reel()
+    try:
+        yield
+    finally:
+        kept.reel.close()
+
+
+@contextmanager
+def _news_for(kept: Kept) -> Iterator[None]:
+    """Hand Blender's news of changes on, meanwhile."""
+
+    def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        kept.notice(depsgraph.updates)
+
+    handlers = (("frame_change_post", on_update), ("depsgraph_update_post", on_update))
+    work.listen(handlers)
+    try:
+        yield
+    finally:
+        work.stop_listening(handlers)

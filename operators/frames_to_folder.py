@@ -1,0 +1,58 @@
+"""The command line's way from the frames of a saved file to a folder."""
+
+import argparse
+from collections.abc import Generator
+from pathlib import Path
+
+import bpy
+
+from ..core import image_io
+from ..core.blender.frames import frame_files, frames_of_range
+from ..core.errors import RigError
+from ..core.frame_list import frames_of
+from ..core.messages import Message
+from . import frames, solve_to_folder
+
+NAME = "source_####"
+SCENE = "scene"  # in place of a list: the frames that the scene would render
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of frames."""
+    parser.add_argument(
+        "--frames",
+        metavar="LIST",
+        help="the source images alone of these frames, such as 1-250:2 or 1,5,10-20, or 'scene' for"
+        " the scene's range and step; those that are there stay, unless --overwrite is given",
+    )
+    parser.add_argument(
+        "--name",
+        default=NAME,
+        help=f"of the frames' files, where # are digits of the number ({NAME})",
+    )
+    parser.add_argument(
+        "--placeholders",
+        action="store_true",
+        help="an empty file for each frame while it is solved, which other processes leave out",
+    )
+
+
+def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
+    """The files of the frames that are asked for."""
+    asked = arguments.frames
+    numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
+    return frame_files(arguments.out, arguments.name, arguments.format, numbers)
+
+
+def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Solve frames into the folder; yields lines of progress."""
+    image_io.openimageio()
+    context = bpy.context
+    files = wanted(arguments, context.scene)
+    yield from solve_to_folder.products_given(context, arguments)
+    yield Message("solving {n} frames of '{file}'", n=len(files), file=Path(bpy.data.filepath).name)
+    run = frames.Run(files, arguments.format, arguments.overwrite, arguments.placeholders)
+    tally = yield from solve_to_folder.told_in_tenths(frames.solved(context, run))
+    if tally.failed:
+        raise RigError("{told}", told=tally.told(arguments.out))
+    yield tally.told(arguments.out)

@@ -1,0 +1,317 @@
+"""Animations: each frame is what a solve of it alone is, its file whole or absent."""
+
+import importlib
+import json
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import small_rig
+
+
+@pytest.fixture
+def frames(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.frames")
+
+
+@pytest.fixture
+def work(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.work")
+
+
+@pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    """The function that Blender calls for `--command kiriko`."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+@pytest.fixture
+def parts(scene: bpy.types.Scene, tmp_path: Path) -> dict[str, bpy.types.Object]:
+    """A small rig whose glass turns, saved; the objects by role."""
+    parts = small_rig()
+    turning(parts["GLASS"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    return parts
+
+
+def turning(thing: bpy.types.Object) -> None:
+    for frame, turn in ((1, 0.0), (9, 0.4)):
+        thing.rotation_euler.z = turn
+        thing.keyframe_insert("rotation_euler", frame=frame)
+
+
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "out"
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in place.iterdir() if path.suffix != ".jsonl"}
+
+
+def log(place: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (place / "frames.jsonl").read_text().splitlines()]
+
+
+def keyed(owner: Any, path: str, values: tuple[Any, Any]) -> None:
+    """Have a property go from one value at frame 1 to another at frame 3."""
+    before, _, name = path.rpartition(".")
+    thing = owner.path_resolve(before) if before else owner
+    for frame, value in zip((1, 3), values, strict=True):
+        setattr(thing, name, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def bent(glass: bpy.types.Object) -> None:
+    glass.shape_key_add(name="Basis")
+    key = glass.shape_key_add(name="bent")
+    for point in key.data:
+        point.co.y *= 1.0 + 6.0 * point.co.x
+    keyed(key, "value", (0.3, 1.0))
+
+
+def tapered(glass: bpy.types.Object) -> None:
+    taper = glass.modifiers.new("taper", "SIMPLE_DEFORM")
+    taper.deform_method = "TAPER"
+    keyed(glass, 'modifiers["taper"].factor', (0.05, 0.15))
+
+
+MOVES = {
+    "glass": lambda parts: turning(parts["GLASS"]),
+    "camera": lambda parts: keyed(
+        bpy.data.objects["Kiriko Viewer"], "location", ((0, -1, 0), (0.004, -1, 0))
+    ),
+    "shape": lambda parts: bent(parts["GLASS"]),
+    "modifier": lambda parts: tapered(parts["GLASS"]),
+    "ior": lambda parts: keyed(parts["GLASS"], "kiriko.ior", (1.42, 1.46)),
+    "picture": lambda parts: keyed(parts["PICTURE"], "kiriko.picture.brightness", (0.3, 1.0)),
+}
+
+
+@pytest.mark.parametrize("kind", MOVES)
+def test_each_frame_is_that_of_a_solve_by_itself(
+    kind: str, scene: bpy.types.Scene, run: Callable[..., int], work: ModuleType, tmp_path: Path
+) -> None:
+    """Bit for bit, whatever moves; frames differ; of a picture alone nothing is traced again."""
+    MOVES[kind](small_rig())
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert run("solve", "--out", folder(tmp_path), "--frames", "1-3", "--format", "EXR_FLOAT") == 0
+
+    core = work.__name__.partition(".operators")[0]
+    image_io = importlib.import_module(f"{core}.core.image_io")
+    steps = importlib.import_module(f"{core}.core.steps")
+    session = importlib.import_module(f"{core}.core.solve.session")
+    images = []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        reading = work.read(bpy.context)
+        alone = steps.finish(session.Session().solve(reading.rig, work.settings_of(scene)))
+        pixels, _ = image_io.read(folder(tmp_path) / f"source_{frame:04}.exr")
+        assert np.array_equal(pixels, alone.source)
+        images.append(pixels)
+
+    assert not any(np.array_equal(a, b) for a, b in pairwise(images))
+    did = [line["did"] for line in log(folder(tmp_path))]
+    assert did == (["traced", "painted", "painted"] if kind == "picture" else ["traced"] * 3)
+
+
+def test_files_are_named_as_blender_names_renders(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """By what Blender itself makes of the same path, with our suffix."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    for name in ("####", "a_##_b", "plain", "##.png", "a.b_###", "x#y##"):
+        found = module.frame_files(tmp_path, name, "PNG8", (1, 117, 12345, -3))
+        scene.render.filepath = str(tmp_path / name.removesuffix(".png"))
+        scene.render.image_settings.file_format = "PNG"
+        for frame, path in found.items():
+            assert str(path) == scene.render.frame_path(frame=frame)
+    assert [s.name for s in bpy.data.scenes] == [scene.name]
+
+
+def test_frames_that_are_there_stay_and_missing_ones_are_made(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """A run goes on where it was stopped; --overwrite makes all anew, the same bits; the scene is
+    at its frame of before, and its result as it was.
+    """
+    scene = bpy.context.scene
+    scene.frame_set(4, subframe=0.25)
+    out = folder(tmp_path)
+    assert run("solve", "--out", out, "--frames", "1-5:2", "--name", "f##") == 0
+    made = contents(out)
+    assert sorted(made) == ["f01.png", "f03.png", "f05.png"]
+    lines = log(out)
+    assert [(line["frame"], line["file"], line["error"]) for line in lines] == [
+        (1, "f01.png", None),
+        (3, "f03.png", None),
+        (5, "f05.png", None),
+    ]
+    assert all(line["seconds"] > 0 and line["coverage"] > 0.5 for line in lines)
+    assert "Wrote 3 frames" in capsys.readouterr().out
+    assert (scene.frame_current, scene.frame_subframe) == (4, 0.25)
+    assert scene.kiriko.result.source is None
+
+    (out / "f03.png").unlink()
+    (out / "f05.png").write_bytes(b"mine")
+    assert run("solve", "--out", out, "--frames", "1,3,5", "--name", "f##") == 0
+    assert "Wrote 1 frames" in (told := capsys.readouterr().out)
+    assert "2 were there already" in told
+    assert contents(out) == {**made, "f05.png": b"mine"}
+    assert run("solve", "--out", out, "--frames", "5", "--name", "f##", "--overwrite") == 0
+    assert contents(out) == made
+
+
+def test_the_scene_gives_range_and_step(
+    run: Callable[..., int], parts: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end, scene.frame_step = 2, 8, 3
+    assert run("solve", "--out", folder(tmp_path), "--frames", "scene") == 0
+    assert sorted(contents(folder(tmp_path))) == [f"source_{n:04}.png" for n in (2, 5, 8)]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words", "code"),
+    [
+        (("--frames", "1-"), "is no list of frames", 1),
+        (("--frames", "9-1"), "are no range", 1),
+        (("--frames", "1", "--preview"), "leave out --preview", 2),
+    ],
+)
+def test_frames_that_cannot_be_meant_are_refused_before_any_work(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    asked: tuple[str, ...],
+    words: str,
+    code: int,
+) -> None:
+    assert run("solve", "--out", folder(tmp_path), *asked) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert line.endswith(".")
+    assert not folder(tmp_path).exists()
+
+
+def test_a_frame_that_cannot_be_solved_is_told_and_the_others_are_made(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Where all glass is hidden in one frame: its line has the error, and so has the command."""
+    glass = parts["GLASS"]
+    for frame in (1, 2, 3):
+        glass.hide_viewport = glass.hide_render = frame == 2
+        glass.keyframe_insert("hide_viewport", frame=frame)
+        glass.keyframe_insert("hide_render", frame=frame)
+    assert run("solve", "--out", folder(tmp_path), "--frames", "1-3") == 1
+    told = capsys.readouterr().err
+    assert "1 failed, the first of them frame 2: " in told
+    assert sorted(contents(folder(tmp_path))) == ["source_0001.png", "source_0003.png"]
+    errors = [line["error"] for line in log(folder(tmp_path))]
+    assert errors[0] is errors[2] is None
+    assert errors[1].endswith(".")
+
+
+def test_a_disk_that_fills_up_leaves_all_frames_before_whole(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A file of which the disk took half is not there; the sentence tells the frame."""
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    put = image_io.put
+
+    def filling_up(path: Path, spec: object, pixels: np.ndarray) -> None:
+        put(path, spec, pixels)
+        if "0003" in path.name:
+            half = path.read_bytes()
+            path.write_bytes(half[: len(half) // 2])
+            image_io.read(path)
+
+    monkeypatch.setattr(image_io, "put", filling_up)
+    bpy.context.scene.frame_set(2)
+    assert run("solve", "--out", folder(tmp_path), "--frames", "1-5") == 1
+    assert "kiriko: Frame 3: " in capsys.readouterr().err
+    assert sorted(contents(folder(tmp_path))) == ["source_0001.png", "source_0002.png"]
+    assert bpy.context.scene.frame_current == 2
+    monkeypatch.undo()
+    assert run("solve", "--out", folder(tmp_path), "--frames", "1-5") == 0
+    assert len(contents(folder(tmp_path))) == 5
+
+
+def test_two_runs_with_placeholders_share_the_frames(
+    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """Each frame is made once, by one of them; none is half a file."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    files = module.frame_files(tmp_path, "f#", "PNG8", range(1, 5))
+    run = frames.Run(files, "PNG8", placeholders=True)
+    one = frames.solved(bpy.context, run)
+    while not files[1].exists():
+        next(one)
+    assert files[1].stat().st_size == 0
+
+    other = frames.solved(bpy.context, run)
+    told = None
+    try:
+        while True:
+            next(other)
+    except StopIteration as end:
+        told = end.value
+    assert (told.written, told.others, told.there) == (3, 1, 0)
+    try:
+        while True:
+            next(one)
+    except StopIteration as end:
+        told = end.value
+    assert (told.written, told.others, told.there) == (1, 0, 3)
+    assert sorted(line["frame"] for line in log(tmp_path)) == [1, 2, 3, 4]
+    assert all(path.stat().st_size > 100 for path in files.values())
+
+
+def test_a_run_that_is_stopped_takes_its_placeholder_back(
+    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """As by Esc: the frame of before is shown, no handler of ours is left; a placeholder of a
+    process that was ended is no frame for a run without them.
+    """
+    scene = bpy.context.scene
+    scene.frame_set(7)
+    handlers = {
+        name: list(getattr(bpy.app.handlers, name))
+        for name in ("frame_change_post", "depsgraph_update_post")
+    }
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    files = module.frame_files(tmp_path, "f#", "PNG8", (1, 2))
+    steps = frames.solved(bpy.context, frames.Run(files, "PNG8", placeholders=True))
+    for _ in range(3):
+        next(steps)
+    assert files[1].exists()
+    steps.close()
+    assert list(tmp_path.glob("f*")) == []
+    assert scene.frame_current == 7
+    assert handlers == {name: list(getattr(bpy.app.handlers, name)) for name in handlers}
+
+    files[1].touch()
+    steps_of = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    with_them = frames.Run({1: files[1]}, "PNG8", placeholders=True)
+    assert steps_of.finish(frames.solved(bpy.context, with_them)).others == 1
+    assert files[1].stat().st_size == 0
+    assert steps_of.finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 2
+    assert files[1].stat().st_size > 100

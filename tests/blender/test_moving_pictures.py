@@ -1,0 +1,147 @@
+"""Image sequences as pictures: each frame of the scene has its own, by the image user's rule."""
+
+import importlib
+import itertools
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import small_rig
+from test_scene_pictures import SIZE, add_plane, new_material, render, texture_material
+
+FRAMES = 4  # of the sequences here
+
+
+@pytest.fixture
+def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    return lambda: module.read(bpy.context, scene)
+
+
+@pytest.fixture
+def moving(kiriko: ModuleType) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.core.blender.moving")
+
+
+def grey(frame: int) -> int:
+    """Of 255, in all of a frame."""
+    return 40 * frame
+
+
+def sequence(place: Path, first: int = 1) -> bpy.types.Image:
+    """An image sequence; the datablock is that of its second file."""
+    for n in range(FRAMES):
+        image = bpy.data.images.new("frame", *SIZE)
+        pixels = np.full((SIZE[0] * SIZE[1], 4), grey(n + 1) / 255, np.float32)
+        pixels[:, 3] = 1.0
+        image.pixels.foreach_set(pixels.ravel())
+        image.filepath_raw = str(place / f"clip_{first + n:03}.png")
+        image.file_format = "PNG"
+        image.save()
+        bpy.data.images.remove(image)
+    image = bpy.data.images.load(str(place / f"clip_{first + 1:03}.png"))
+    image.source, image.alpha_mode = "SEQUENCE", "NONE"
+    return image
+
+
+def user_of(plane: bpy.types.Object) -> bpy.types.ImageUser:
+    nodes = plane.data.materials[0].node_tree.nodes
+    return next(node for node in nodes if node.type == "TEX_IMAGE").image_user
+
+
+def test_the_rule_is_that_of_blender(
+    scene: bpy.types.Scene, moving: ModuleType, tmp_path: Path
+) -> None:
+    """Frame numbers and files of sequences are those of Blender's evaluated image user."""
+    image = sequence(tmp_path)
+    material, tree, _ = new_material()
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, user = image, node.image_user
+    add_plane(material)
+    user.use_auto_refresh = True
+    choices = itertools.product(
+        (1, 5, 12), (-2, 1, 4), (-1, 0, 3), (False, True), (-4, 0, 1, 3, 40)
+    )
+    for duration, start, offset, is_cyclic, frame in choices:
+        user.frame_duration, user.frame_start = duration, start
+        user.frame_offset, user.use_cyclic = offset, is_cyclic
+        scene.frame_set(frame)
+        shown = material.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        theirs = shown.node_tree.nodes[node.name].image_user
+        number = moving.timing_of(user).number(frame)
+        assert number == theirs.frame_current, (duration, start, offset, is_cyclic, frame)
+        if number >= 0:
+            file = image.filepath_from_user(image_user=theirs)
+            assert moving.file_of(image, number) == Path(file)
+
+
+@pytest.mark.parametrize("is_cyclic", [False, True])
+def test_a_frame_of_the_scene_has_the_picture_that_cycles_shows(
+    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, is_cyclic: bool
+) -> None:
+    """Whether Auto Refresh is on or off; the image of the file stays as it was."""
+    image = sequence(tmp_path)
+    plane = add_plane(texture_material(image))
+    user = user_of(plane)
+    user.frame_duration, user.use_cyclic, user.use_auto_refresh = FRAMES, is_cyclic, is_cyclic
+    for frame in (1, 3, 6):
+        scene.frame_set(frame)
+        pixels = read().rig.picture.image
+        assert np.ptp(pixels[..., :3]) == 0
+        shown = render(scene, tmp_path)
+        assert np.abs(pixels[..., :3] - shown).max() < 1e-5
+        bpy.data.objects.remove(scene.camera)
+    assert not image.is_dirty
+    assert image.source == "SEQUENCE"
+    assert [i.name for i in bpy.data.images if i.name.startswith("clip")] == [image.name]
+
+
+def test_a_frame_without_a_file_is_told_with_its_place(
+    read: Callable[[], Any], scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    add_plane(texture_material(sequence(tmp_path)))
+    scene.frame_set(9)
+    with pytest.raises(errors.ImageError, match=r"at its frame 9 from .*clip_009\.png: .*\.$"):
+        read()
+    scene.frame_set(2)
+    read()
+
+
+def test_a_result_is_stale_at_another_frame_and_not_at_the_same(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    watch = importlib.import_module(f"{kiriko.__name__}.operators.watch")
+    parts = small_rig()
+    parts["PICTURE"].kiriko.image = sequence(tmp_path)
+    scene.frame_set(2)
+    bpy.ops.kiriko.solve()
+    assert not watch.has_changed(bpy.context)
+    scene.frame_set(3)
+    assert watch.has_changed(bpy.context)
+    scene.frame_set(2)
+    assert not watch.has_changed(bpy.context)
+
+
+def test_frames_of_a_sequence_trace_light_once(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    """The rig stands still: frames after the first are painted; each is as light as its picture."""
+    command = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    parts = small_rig()
+    parts["PICTURE"].kiriko.image = sequence(tmp_path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    assert command.run(["solve", "--out", str(out), "--frames", "1-4"]) == 0
+    log = [json.loads(line) for line in (out / "frames.jsonl").read_text().splitlines()]
+    assert [line["did"] for line in log] == ["traced"] + ["painted"] * 3
+    for frame in range(1, 5):
+        pixels, _ = image_io.read(out / f"source_{frame:04}.png")
+        assert np.rint(pixels.max() * 255) == grey(frame)

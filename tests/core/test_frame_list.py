@@ -1,0 +1,47 @@
+"""Lists of frames."""
+
+import pytest
+
+from kiriko.core.errors import RigError
+from kiriko.core.frame_list import MOST, frames_of
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        ("7", (7,)),
+        ("1-5", (1, 2, 3, 4, 5)),
+        ("1-250:2", tuple(range(1, 251, 2))),
+        ("1-10:3", (1, 4, 7, 10)),
+        ("1, 5,10-12", (1, 5, 10, 11, 12)),
+        ("10-12,1,11-13", (10, 11, 12, 1, 13)),
+        ("-3--1", (-3, -2, -1)),
+        ("-1-1", (-1, 0, 1)),
+        ("4-4:9", (4,)),
+    ],
+)
+def test_frames_are_those_of_the_list_in_its_order_each_once(
+    text: str, frames: tuple[int, ...]
+) -> None:
+    assert frames_of(text) == frames
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a", "1-", "1..5", "1,,2", "1-5:", "1-5:-1", "1.5", "1-5:2:3"]
+)
+def test_a_text_that_is_no_list_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(RigError, match=r"is no list of frames: .*\.$") as caught:
+        frames_of(text)
+    assert f"'{text}'" in str(caught.value)
+
+
+@pytest.mark.parametrize("part", ["5-1", "1-5:0"])
+def test_a_range_that_has_no_frame_is_named(part: str) -> None:
+    with pytest.raises(RigError, match=rf"The frames '{part}' are no range: .*\.$"):
+        frames_of(f"1,{part}")
+
+
+def test_no_frame_is_beyond_those_of_blender() -> None:
+    assert frames_of(f"{MOST}") == (MOST,)
+    with pytest.raises(RigError, match="beyond 1048574"):
+        frames_of(f"1-{MOST + 1}")
