@@ -21,6 +21,7 @@ from ..core.warp.files import SIDECAR
 from ..core.warp.options import FORMATS, TIMES, MapOptions
 from . import (
     bench_drawing,
+    export_atlas,
     export_maps,
     folder,
     frames_to_folder,
@@ -130,6 +131,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"display pixels between the nodes of meshes ({MapOptions.mesh_step:g})",
     )
     maps.set_defaults(run=_maps)
+    export_atlas.add_verb(verbs, shared)
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
     pictures.add_argument(
         "--preview", action="store_true", help="render the viewer's image in Cycles, too"

@@ -49,6 +49,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.separator()
         layout.operator("kiriko.export", icon="EXPORT").choose = True
         layout.operator("kiriko.export_maps", icon="UV")
+        layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.report", icon="GRAPH")
         layout.separator()

@@ -230,6 +230,13 @@ def farm(arguments: argparse.Namespace) -> None:
     run_beside("bench.farm", FARM, arguments.rest)
 
 
+def atlas(arguments: argparse.Namespace) -> None:
+    """Compare heads at random places of an atlas with direct solves
+    (further options go to scripts/bench/atlas.py).
+    """
+    run_in_blender("bench.atlas", arguments.rest)
+
+
 def run_beside(script: str, environment: str, rest: list[str]) -> None:
     """Run a module of scripts/ in the newest Blender, told of another environment's Python."""
     answer_help(script, rest)
@@ -337,6 +344,7 @@ def main() -> None:
         marks,
         cycles,
         farm,
+        atlas,
         kernel,
         fuzz,
         paper,

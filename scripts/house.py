@@ -33,6 +33,7 @@ ROOMS = (
     "core/image",
     "core/solve",
     "core/warp",
+    "core/atlas",
     "core/bench/lattice",
     "core/bench/drawing",
     "core/bench",

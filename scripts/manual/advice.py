@@ -989,7 +989,68 @@ ANY = Section(
     ),
 )
 
-SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ANY
+ATLAS = Section(
+    "Atlas",
+    "アトラス",
+    (
+        Advice(
+            "{n} places of the head are too few: with {there} of them {axis}, blending is"
+            " {off:.3g} px off: set a larger tolerance, a smaller box, or more places (where light"
+            " is chaotic no number is enough).",
+            "Look at the glass through the viewer first: where its image breaks up at a small"
+            " movement, no map between two places is right.",
+            "先にビューアーからガラスを見ます。わずかな動きで像が崩れる所では、"
+            "2つの位置の間のマップは正しくなりません。",
+            alike=(
+                "{n} places of the head are too few: the corners of its box are {corners}.",
+                "With {n} places of the head blending is {off:.3g} px off: set a larger tolerance,"
+                " a smaller box, or more than {most} places.",
+                "With {n} places of the head blending is {off:.3g} px off, of {tolerance:g}: make"
+                " it without --plan, or plan it anew with a smaller tolerance.",
+                "The tolerance of the atlas is {tolerance:g} px: set one above 0.",
+            ),
+        ),
+        Advice(
+            "The head does not move: set how far it goes right, up or forward.",
+            "Its box is measured from the viewer's place, along the camera's own axes.",
+            "頭の範囲は、ビューアーの位置から、カメラの軸に沿って測ります。",
+            alike=(
+                "The head moves from {low:g} to {high:g} mm {axis}: set two numbers, the smaller"
+                " one first.",
+                "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at the picture"
+                " '{picture}', or behind it: let it move less far.",
+                "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
+                " Perspective.",
+            ),
+        ),
+        Advice(
+            "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
+            "Anything of the rig that moved since makes it another one.",
+            "リグの何かが動くと、別のリグになります。",
+            alike=(
+                "The rig is not the one that the atlas in '{folder}' was planned for: plan it"
+                " anew.",
+                "The folder '{folder}' has no {index}: plan the atlas first.",
+                "The atlas in '{folder}' lacks {n} of {of} places, the first is {name}: make them"
+                " first.",
+                "The atlas has no folder: choose one.",
+            ),
+        ),
+        Advice(
+            "The file '{path}' is no map of an atlas ({why}): remove it, and write it anew.",
+            "It was changed, or copied in part; the same command makes what is missing.",
+            "変更されたか、途中までしかコピーされていません。同じコマンドが、足りないものを作ります。",
+            alike=(
+                "The file '{path}' is no index of an atlas ({why}): choose another folder, or"
+                " remove it.",
+                "The file '{path}' of an earlier atlas cannot be removed ({why}): remove it"
+                " yourself.",
+            ),
+        ),
+    ),
+)
+
+SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ATLAS, ANY
 
 # Only scripts that call core by themselves meet these: Blender's fields take no such values,
 # its meshes have no such faces, and a preview is made of a rig that has a viewer.

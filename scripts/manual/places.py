@@ -48,7 +48,7 @@ PLACES = {
         "kiriko.remove_calibration",
     ),
     "formats.md#source": ("KirikoScene.export_format",),
-    "formats.md#files": ("kiriko.export_maps", "kiriko.report"),
+    "formats.md#files": ("kiriko.export_maps", "kiriko.export_atlas", "kiriko.report"),
 }
 LEADING = """<!doctype html>
 <meta charset="utf-8">

@@ -24,6 +24,7 @@ ROOMS = (
     "image",
     "solve",
     "warp",
+    "atlas",
     "bench.lattice",
     "bench.drawing",
     "bench",

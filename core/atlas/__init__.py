@@ -1,0 +1,1 @@
+"""Maps for a head that moves: warp maps over a grid of its places."""

@@ -1,0 +1,162 @@
+"""An atlas: a folder of warp maps over a grid of heads, with an index that a reader needs alone."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import disk
+from ..errors import ImageError
+from ..rig import Rig
+from .heads import AXES, HeadBox, HeadGrid, Offset
+from .refine import Refined
+
+INDEX = "index.json"
+FORM = 1  # of the index
+CONVENTION = (
+    "axes: places of the head, m, to the right, up and forward of `origin`, along the rows of"
+    " `frame` (world).",
+    "maps: a file for each place, forward fastest. st: for each display pixel, row 0 at the top,"
+    " the place in the picture that it shows, 0 to 1 from its left and lower edge, NaN for nothing."
+    " coverage: 0 to 1, of the pixel. path: pixels of two maps show the same path of the light"
+    " where these numbers are equal.",
+    "Between places st is blended by the weights of the corners of the cell, among those whose path"
+    " is that of the nearest corner that shows the pixel; coverage is blended among all.",
+)
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """What the index tells.
+
+    rig : fingerprint of the rig, and of the settings, that the maps are of
+    origin, frame : the viewer's own place, (3,) m, and its axes (3, 3)
+    picture_size, display_size : (width, height) px
+    tolerance : px of the picture
+    has_images : is there a source image beside each map?
+    planned : what refining told; checked : what heads at random places told
+    """
+
+    rig: str
+    viewer: str
+    origin: tuple[float, ...]
+    frame: tuple[tuple[float, ...], ...]
+    picture_size: tuple[int, int]
+    display_size: tuple[int, int]
+    tolerance: float
+    has_images: bool
+    grid: HeadGrid
+    planned: dict[str, Any]
+    checked: dict[str, Any] | None = None
+
+    @property
+    def maps(self) -> list[str]:
+        """The files of the maps, a place after the other."""
+        return [f"map_{_in_name(offset)}.npz" for offset in self.grid.offsets()]
+
+    @property
+    def images(self) -> list[str]:
+        """The files of the source images, likewise."""
+        if not self.has_images:
+            return []
+        return [f"source_{_in_name(offset)}.png" for offset in self.grid.offsets()]
+
+    def is_of(self, other: "Atlas") -> bool:
+        """May maps of the other one be kept? Grids may differ: maps are called by their places."""
+        return (self.rig, self.has_images) == (other.rig, other.has_images)
+
+
+def new(rig: Rig, key: str, refined: Refined, tolerance: float, has_images: bool) -> Atlas:
+    """The atlas of a rig with a grid that is fine enough; key: the rig's fingerprint."""
+    viewer, place, display = rig.viewer, rig.picture_place, rig.display
+    return Atlas(
+        rig=key,
+        viewer=viewer.name,
+        origin=tuple(viewer.position.tolist()),
+        frame=tuple(map(tuple, viewer.axes.tolist())),
+        picture_size=(place.width, place.height),
+        display_size=(display.width, display.height),
+        tolerance=tolerance,
+        has_images=has_images,
+        grid=refined.grid,
+        planned={
+            "seconds_a_map": refined.seconds,
+            "bytes_a_map": refined.n_bytes,
+            "off": {axis: asdict(off) for axis, off in refined.off.items()},
+        },
+    )
+
+
+def write(folder: Path, atlas: Atlas) -> None:
+    """Write the index of an atlas, whole or not at all."""
+    told = {
+        "form": FORM,
+        "rig": atlas.rig,
+        "viewer": atlas.viewer,
+        "origin": atlas.origin,
+        "frame": atlas.frame,
+        "picture_size": atlas.picture_size,
+        "display_size": atlas.display_size,
+        "tolerance_px": atlas.tolerance,
+        "axes": {name: nodes.tolist() for name, nodes in zip(AXES, atlas.grid.nodes, strict=True)},
+        "halvings": atlas.grid.halvings,
+        "maps": atlas.maps,
+        "images": atlas.images,
+        "planned": atlas.planned,
+        "checked": atlas.checked,
+        "convention": CONVENTION,
+    }
+    disk.write_text(folder / INDEX, json.dumps(told, indent=2) + "\n")
+
+
+def read(folder: Path) -> Atlas | None:
+    """The atlas in a folder; None where there is none.
+
+    Raises
+    ------
+    ImageError : its index cannot be understood
+    """
+    path = folder / INDEX
+    if not disk.is_there(path):
+        return None
+
+    try:
+        told = json.loads(disk.read_bytes(path).decode())
+        if told["form"] != FORM:
+            raise ValueError(f"form {told['form']}")
+        nodes = [told["axes"][axis] for axis in AXES]
+        low, high = (tuple(float(along[k]) for along in nodes) for k in (0, -1))
+        return Atlas(
+            rig=told["rig"],
+            viewer=told["viewer"],
+            origin=tuple(told["origin"]),
+            frame=tuple(map(tuple, told["frame"])),
+            picture_size=tuple(told["picture_size"]),
+            display_size=tuple(told["display_size"]),
+            tolerance=float(told["tolerance_px"]),
+            has_images=bool(told["images"]),
+            grid=HeadGrid(HeadBox(low, high), tuple(map(int, told["halvings"]))),
+            planned=told["planned"],
+            checked=told["checked"],
+        )
+    except (ValueError, LookupError, TypeError) as reason:
+        raise ImageError(
+            "The file '{path}' is no index of an atlas ({why}): choose another folder, or remove"
+            " it.",
+            path=path,
+            why=reason,
+        ) from None
+
+
+def random_heads(grid: HeadGrid, n: int, seed: int = 0) -> list[Offset]:
+    """Places in the box of a grid, the same whenever it is asked."""
+    within = np.random.default_rng(seed).random((n, 3))
+    low, high = np.array(grid.box.low), np.array(grid.box.high)
+    return [tuple(offset) for offset in (low + within * (high - low)).tolist()]
+
+
+def _in_name(offset: Offset) -> str:
+    """A place as it stands in names of files, mm; a grid of more places keeps the names."""
+    return "_".join(f"{1e3 * x + 0.0:+.4f}" for x in offset)

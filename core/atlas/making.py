@@ -1,0 +1,262 @@
+"""An atlas is made: planned, then written place by place, then checked at heads between them.
+
+Places do not know of each other, so that many machines may share them. A place whose files are
+there is not made again, so that work that was stopped goes on where it was.
+"""
+
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import disk
+from ..errors import ImageError, RigError
+from ..fingerprint import fingerprint
+from ..messages import Message
+from ..rig import Rig
+from ..settings import Settings
+from ..solve.session import Session
+from ..steps import within
+from . import head_map
+from .atlas import INDEX, Atlas, new, random_heads, read, write
+from .heads import AXES, HeadBox, check_viewer
+from .refine import map_at, refine, solved_at
+
+SaveImage = Callable[[Path, NDArray[np.float32]], None]
+CHECKED = 8  # heads
+
+
+@dataclass(frozen=True, eq=False)
+class Making:
+    """What an atlas is made of, and where.
+
+    save_image : writes a source image to a new file; None where there are to be none
+    """
+
+    session: Session
+    rig: Rig
+    settings: Settings
+    folder: Path
+    save_image: SaveImage | None = None
+
+    @property
+    def key(self) -> str:
+        """Fingerprint of all that the files depend on."""
+        rig = self.rig
+        if self.save_image is None:
+            rig = replace(rig, pictures=(rig.picture_place,))
+        settings = self.settings.of_optics if self.save_image is None else self.settings
+        return fingerprint(rig, settings)
+
+
+def planned(
+    making: Making, box: HeadBox, tolerance: float, most: int, overwrite: bool, remedy: str
+) -> Generator[float, None, Atlas]:
+    """Find how fine the grid has to be, and write the index; yields progress 0..1.
+
+    Maps in the folder that are of the same rig stay, others go where they may.
+
+    Raises
+    ------
+    RigError, MeshError : the rig cannot be solved somewhere in the box, or not finely enough
+    ImageError : another atlas is there, and `overwrite` is not set; `remedy` ends the sentence
+    """
+    rig = making.rig
+    rig.check()
+    check_viewer(rig)
+    if not tolerance > 0:
+        raise RigError(
+            "The tolerance of the atlas is {tolerance:g} px: set one above 0.", tolerance=tolerance
+        )
+
+    box.check()
+    before = read(making.folder)
+    if before is not None and _is_for(before, making, box, tolerance):
+        return before
+    if before is not None and before.rig != making.key and not overwrite:
+        raise ImageError(
+            "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
+            folder=making.folder,
+            remedy=remedy,
+        )
+
+    at = partial(map_at, making.session, rig, making.settings)
+    refined = yield from refine(at, box, rig.picture_place, tolerance, most)
+    atlas = new(rig, making.key, refined, tolerance, making.save_image is not None)
+    write(making.folder, atlas)
+    if before is not None:
+        kept = {*atlas.maps, *atlas.images} if before.rig == atlas.rig else set()
+        _remove(making.folder, {*before.maps, *before.images} - kept)
+    return atlas
+
+
+def _is_for(atlas: Atlas, making: Making, box: HeadBox, tolerance: float) -> bool:
+    """Is an atlas what was asked for, though it may not be whole?"""
+    wanted = making.key, box, tolerance
+    return (atlas.rig, atlas.grid.box, atlas.tolerance) == wanted
+
+
+def _remove(folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as reason:
+            raise ImageError(
+                "The file '{path}' of an earlier atlas cannot be removed ({why}): remove it"
+                " yourself.",
+                path=folder / name,
+                why=reason.strerror,
+            ) from None
+
+
+def planned_before(making: Making) -> Atlas:
+    """The atlas whose index is in the folder; RigError where it is of another rig."""
+    atlas = read(making.folder)
+    if atlas is None:
+        raise ImageError(
+            "The folder '{folder}' has no {index}: plan the atlas first.",
+            folder=making.folder,
+            index=INDEX,
+        )
+    if atlas.rig != making.key:
+        raise RigError(
+            "The rig is not the one that the atlas in '{folder}' was planned for: plan it anew.",
+            folder=making.folder,
+        )
+    return atlas
+
+
+def missing(folder: Path, atlas: Atlas) -> list[int]:
+    """The numbers of the places whose files are not there, whole files as they all are."""
+    names = zip(atlas.maps, atlas.images or atlas.maps, strict=True)
+    return [k for k, files in enumerate(names) if not all((folder / f).exists() for f in files)]
+
+
+def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[float, None, int]:
+    """Write the files of places, by their numbers; yields progress 0..1, returns how many were
+    missing.
+    """
+    wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
+    offsets = atlas.grid.offsets()
+    for k, number in enumerate(wanted):
+        steps = solved_at(making.session, making.rig, making.settings, offsets[number])
+        found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
+        with disk.together(making.folder) as new_files:
+            head_map.write(new_files / atlas.maps[number], found)
+            if making.save_image is not None:
+                making.save_image(new_files / atlas.images[number], source)
+    return len(wanted)
+
+
+def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, None, Atlas]:
+    """Compare heads at random places, blended and traced; yields progress 0..1, returns the atlas
+    with what was found, which its index tells from now on.
+
+    Raises
+    ------
+    ImageError : files are missing
+    """
+    lacking = missing(making.folder, atlas)
+    if lacking:
+        raise ImageError(
+            "The atlas in '{folder}' lacks {n} of {of} places, the first is {name}: make them"
+            " first.",
+            folder=making.folder,
+            n=len(lacking),
+            of=len(atlas.grid),
+            name=atlas.maps[lacking[0]],
+        )
+
+    offs = []
+    for k, offset in enumerate(random_heads(atlas.grid, n)):
+        steps = map_at(making.session, making.rig, making.settings, offset)
+        true = yield from within(steps, k / n, (k + 1) / n)
+        numbers, weights = atlas.grid.around(offset)
+        maps = [head_map.read(making.folder / atlas.maps[i]) for i in numbers]
+        offs.append(head_map.off(head_map.between(maps, weights), true, atlas.picture_size))
+
+    told = {
+        "heads": n,
+        "median_px": float(np.median([off.median for off in offs])),
+        "most_px": max(off.most for off in offs),
+        "at_borders": float(np.mean([off.at_borders for off in offs])),
+    }
+    atlas = replace(atlas, checked=told)
+    write(making.folder, atlas)
+    return atlas
+
+
+def is_fine(atlas: Atlas) -> bool:
+    """Does an atlas that was checked keep its tolerance?"""
+    return atlas.checked["most_px"] <= atlas.tolerance
+
+
+def refuse_too_coarse(atlas: Atlas) -> None:
+    """Raise RigError where it does not."""
+    if not is_fine(atlas):
+        raise RigError(
+            "With {n} places of the head blending is {off:.3g} px off, of {tolerance:g}: make it"
+            " without --plan, or plan it anew with a smaller tolerance.",
+            n=len(atlas.grid),
+            off=atlas.checked["most_px"],
+            tolerance=atlas.tolerance,
+        )
+
+
+def finer(atlas: Atlas, most: int) -> Atlas:
+    """The atlas with its worst axis halved; RigError where it would have more than `most` places.
+
+    Lines through the middle of the box told less than its corners have.
+    """
+    off = atlas.planned["off"]
+    axis = max(off, key=lambda name: off[name]["most"])
+    grid = atlas.grid.halved(AXES.index(axis))
+    if len(grid) > most:
+        raise RigError(
+            "With {n} places of the head blending is {off:.3g} px off: set a larger tolerance, a"
+            " smaller box, or more than {most} places.",
+            n=len(atlas.grid),
+            off=atlas.checked["most_px"],
+            most=most,
+        )
+
+    # to a quarter with each halving, where the map is smooth
+    less = {**off, axis: {**off[axis], "most": off[axis]["most"] / 4}}
+    return replace(atlas, grid=grid, planned={**atlas.planned, "off": less}, checked=None)
+
+
+def whole(
+    making: Making, atlas: Atlas, most: int, n: int = CHECKED
+) -> Generator[float, None, Atlas]:
+    """Make all places of a planned atlas and check it, halved until it keeps its tolerance; yields
+    progress 0..1.
+    """
+    done = 0.0
+    while True:
+        to_do = len(missing(making.folder, atlas))
+        end = done + (1 - done) * to_do / (to_do + n)
+        yield from within(made(making, atlas, range(len(atlas.grid))), done, end)
+        checked_at = (end + 1) / 2  # it may have to be finer
+        atlas = yield from within(checked(making, atlas, n), end, checked_at)
+        if is_fine(atlas):
+            yield 1.0
+            return atlas
+        done = checked_at
+        atlas = finer(atlas, most)
+        write(making.folder, atlas)
+
+
+def told(atlas: Atlas) -> Message:
+    """How many places, how long they take and how large they are, before they are made."""
+    n = len(atlas.grid)
+    return Message(
+        "{n} places of the head ({right} right, {up} up, {forward} forward): about"
+        " {minutes:.1f} min and {mb:.0f} MB",
+        n=n,
+        **dict(zip(AXES, map(len, atlas.grid.nodes), strict=True)),
+        minutes=n * atlas.planned["seconds_a_map"] / 60,
+        mb=n * atlas.planned["bytes_a_map"] / 1e6,
+    )

@@ -1,0 +1,294 @@
+"""Export an atlas: warp maps for a head that moves."""
+
+import argparse
+from collections.abc import Generator
+from functools import partial
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import image_io
+from ..core.atlas import making as atlases
+from ..core.atlas.atlas import Atlas
+from ..core.atlas.heads import HeadBox
+from ..core.atlas.making import Making
+from ..core.blender.image import save_png
+from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.units import length_of_unit
+from ..core.errors import ImageError
+from ..core.messages import Message
+from ..core.steps import within
+from ..core.words import percent
+from . import folder, long_work, needed, solve_to_folder, telling, work
+from .export import gamma_of, use_bundled_modules
+
+TOLERANCE = 1.0  # px of the picture
+MOST = 500  # places of the head
+PLANNED = 0.2  # progress, about
+MM = 1e-3  # m
+ASIDE = 0.03  # m to each side, at first: from eye to eye
+
+
+def making_of(context: bpy.types.Context, target: Path, has_images: bool) -> Making:
+    """All that an atlas of the scene's rig is made of."""
+    use_bundled_modules()
+    scene = context.scene
+    reading = work.read(context)
+    size = tuple(reading.display_size) if reading.display_size is not None else None
+    save = partial(_save_image, size=size, gamma=gamma_of(scene))
+    return Making(
+        session=work.session(),
+        rig=reading.rig,
+        settings=work.settings_of(scene),
+        folder=target,
+        save_image=save if has_images else None,
+    )
+
+
+def _save_image(
+    path: Path,
+    pixels: NDArray[np.float32],
+    size: tuple[float, float] | None,
+    gamma: float | None,
+) -> None:
+    image_io.write(path, pixels, "PNG8", size=size, gamma=gamma, save_png=save_png)
+
+
+def told(atlas: Atlas, target: Path) -> Message:
+    """The sentence at the end of an atlas that was checked."""
+    found = atlas.checked
+    return Message(
+        "Wrote {n} maps to '{folder}': heads between them are {off:.2g} px off at most, {share}"
+        " of the pixels are at borders.",
+        n=len(atlas.grid),
+        folder=target,
+        off=found["most_px"],
+        share=percent(found["at_borders"]),
+    )
+
+
+def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
+    """Add `atlas` to the command line."""
+    atlas = verbs.add_parser(
+        "atlas",
+        parents=[shared],
+        help="write warp maps for a head that moves, over a grid of places",
+    )
+    for axis in ("right", "up", "forward"):
+        atlas.add_argument(
+            f"--{axis}",
+            nargs=2,
+            type=float,
+            default=(0.0, 0.0),
+            metavar=("FROM", "TO"),
+            help=f"mm {axis} of the viewer's place, along its own axes (0 0)",
+        )
+    atlas.add_argument(
+        "--tolerance",
+        type=float,
+        default=TOLERANCE,
+        metavar="PX",
+        help=f"picture px by which blended maps may be off ({TOLERANCE:g})",
+    )
+    atlas.add_argument(
+        "--most",
+        type=_count,
+        default=MOST,
+        metavar="N",
+        help=f"places of the head, at most ({MOST})",
+    )
+    atlas.add_argument(
+        "--images", action="store_true", help="write the source image of each place, too"
+    )
+    step = atlas.add_mutually_exclusive_group()
+    step.add_argument(
+        "--plan", action="store_true", help="only write index.json, and tell how much it will be"
+    )
+    step.add_argument(
+        "--places",
+        type=_places,
+        metavar="A-B",
+        help="only make these places of an atlas that was planned, from 1",
+    )
+    step.add_argument(
+        "--check",
+        type=_count,
+        metavar="N",
+        help="only compare N heads at random places of a whole atlas",
+    )
+    atlas.set_defaults(run=run)
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError(f"{number} is not 1 or more")
+    return number
+
+
+def _places(text: str) -> range:
+    """Numbers from 0 of "3" or "3-7", which count from 1."""
+    first, _, last = text.partition("-")
+    found = range(int(first) - 1, int(last or first))
+    if found.start < 0 or not found:
+        raise ValueError(f"{text} is no range of places")
+    return found
+
+
+def run(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Make an atlas, or a part of one; yields lines of progress."""
+    making = making_of(bpy.context, arguments.out, arguments.images)
+    in_tenths = solve_to_folder.told_in_tenths
+
+    if arguments.check is not None:
+        atlas = atlases.planned_before(making)
+        atlas = yield from in_tenths(atlases.checked(making, atlas, arguments.check))
+        atlases.refuse_too_coarse(atlas)
+        yield told(atlas, arguments.out)
+        return
+
+    if arguments.places is not None:
+        atlas = atlases.planned_before(making)
+        n = yield from in_tenths(atlases.made(making, atlas, arguments.places))
+        yield Message("wrote {n} maps to '{folder}'", n=n, folder=arguments.out)
+        return
+
+    edges = zip(arguments.right, arguments.up, arguments.forward, strict=True)
+    low, high = (tuple(MM * x for x in edge) for edge in edges)
+    yield Message("planning the atlas")
+    atlas = yield from in_tenths(
+        atlases.planned(
+            making,
+            HeadBox(low, high),
+            arguments.tolerance,
+            arguments.most,
+            arguments.overwrite,
+            "add --overwrite",
+        )
+    )
+    yield atlases.told(atlas)
+    if not arguments.plan:
+        atlas = yield from in_tenths(atlases.whole(making, atlas, arguments.most))
+        yield told(atlas, arguments.out)
+
+
+class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
+    """Write warp maps for a head that moves: over a box of its places, as many as are needed"""
+
+    bl_idname = "kiriko.export_atlas"
+    bl_label = "Export Atlas"
+    bl_options = {"REGISTER"}
+
+    directory: bpy.props.StringProperty(
+        name="Folder",
+        description="Where to write",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    low: bpy.props.FloatVectorProperty(
+        name="From",
+        description="How far the head goes to the left, down and back of the viewer's place, along"
+        " the viewer's own axes",
+        subtype="TRANSLATION",
+        unit="LENGTH",
+    )
+    high: bpy.props.FloatVectorProperty(
+        name="To",
+        description="How far it goes to the right, up and forward",
+        subtype="TRANSLATION",
+        unit="LENGTH",
+    )
+    tolerance: bpy.props.FloatProperty(
+        name="Tolerance",
+        description="Pixels of the picture by which a map that is blended between two places may"
+        " be off: less takes more places",
+        subtype="PIXEL",
+        default=TOLERANCE,
+        min=1e-3,
+        soft_max=10.0,
+    )
+    most: bpy.props.IntProperty(
+        name="Most Places",
+        description="More are refused, before any is made",
+        default=MOST,
+        min=2,
+    )
+    images: bpy.props.BoolProperty(
+        name="Source Images",
+        description="Write the source image of each place, too, for programs that show the nearest",
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite",
+        description="Replace the atlas of another rig that is there already",
+        options={"SKIP_SAVE"},
+    )
+    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+
+    is_in_dialogue = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.directory or bpy.app.background or context.window is None:
+            return super().invoke(context, event)
+        self.is_in_dialogue = True
+        for name, x in (("low", -ASIDE), ("high", ASIDE)):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, (x / length_of_unit(context.scene), 0.0, 0.0))
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("low", "high", "tolerance", "most", "images", "overwrite"):
+            layout.prop(self, name)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self.is_in_dialogue:
+            return super().execute(context)
+
+        # an operator of a dialogue cannot go on in steps: another one can
+        with telling.told(self):
+            bpy.ops.kiriko.export_atlas(
+                "INVOKE_DEFAULT",
+                directory=self.directory,
+                low=self.low,
+                high=self.high,
+                tolerance=self.tolerance,
+                most=self.most,
+                images=self.images,
+                overwrite=self.overwrite,
+            )
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        if not self.directory:
+            raise ImageError("The atlas has no folder: choose one.")
+
+        target = absolute(self.directory)
+        unit = length_of_unit(context.scene)
+        low, high = (tuple(unit * x for x in edge) for edge in (self.low, self.high))
+        overwrite = self.overwrite or context.scene.kiriko.export_overwrite
+        with folder.made(target):
+            making = making_of(context, target, self.images)
+            atlas = yield from within(
+                atlases.planned(
+                    making,
+                    HeadBox(low, high),
+                    self.tolerance,
+                    self.most,
+                    overwrite,
+                    Message("set Overwrite"),
+                ),
+                0.0,
+                PLANNED,
+            )
+            atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
+        return told(atlas, target)
