@@ -1,11 +1,11 @@
 """Does an atlas of warp maps hold between its places? `dev.py atlas`.
 
 A head moves in a box before glass. Kiriko plans a grid of its places, halved until blended maps
-keep the tolerance, and writes their maps. Then heads at random places of the box are compared: the map
-that the reader for others (scripts/atlas_reader.py) blends, and the one that is traced there. *off*
-is in picture px, over the display pixels whose path all maps share: at the median head the median,
-and the largest of what 95 % of the pixels keep; *at borders* are the other pixels, of those that
-are lit. *every pixel* is the 95 % of all pixels that both maps show, at borders too.
+keep the tolerance, and writes their maps. Then heads at random places of the box are compared: the
+map that the reader for others (scripts/atlas_reader.py) blends, and the one that is traced there.
+*off* is in picture px, over the display pixels whose path all maps share: at the median head the
+median, and the largest of what 95 % of the pixels keep; *at borders* are the other pixels, of
+those that are lit. *every pixel* is the 95 % of all pixels that both maps show, at borders too.
 
 Exits with 1 where an atlas misses its tolerance.
 """

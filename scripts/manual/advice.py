@@ -891,6 +891,22 @@ FILES = Section(
             "Blender は、ファイルが見つからなくても何も言いません。パスを確かめます。",
         ),
         Advice(
+            "'{text}' is no list of frames: write numbers and ranges with commas between, such as"
+            " 1,5,10-20 or 1-250:2, which is every second one.",
+            "'scene' stands for the scene's own range and step.",
+            "scene と書くと、シーンの範囲とステップになります。",
+            alike=(
+                "The frames '{part}' are no range: begin with the smaller number, with a step of 1"
+                " or more.",
+                "The frames '{part}' are beyond {most}, the last that Blender has.",
+            ),
+        ),
+        Advice(
+            "Frame {frame}: {error}",
+            "The other frames are made; the same command makes those that are missing.",
+            "ほかのフレームは作られています。同じコマンドが、足りないフレームを作ります。",
+        ),
+        Advice(
             "The file '{path}' is there already: choose another or set Overwrite.",
             "Overwrite is at the right of the file browser; headless it is --overwrite.",
             "上書きはファイルブラウザーの右側にあります。コマンドでは --overwrite です。",
