@@ -110,6 +110,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
+            self.end_with(context)
             use_bundled_modules()
             path = self.path()
             may_replace = (

@@ -73,6 +73,7 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
+            self.end_with(context)
             path = self.path()
             rig = work.read(context).rig
             rig.check()

@@ -11,15 +11,18 @@ from ..core.blender.image import or_none
 from ..core.blender.moving import at_frame, number_at
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.picture import check_readable
+from ..core.blender.rigs import elsewhere
 from ..core.errors import ImageError, RigError
 from ..core.messages import Message, joined
 from . import needed, telling
+from .of_rig import OfRig
 
 
 def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
-    """The active object where it is a picture, else the scene's only one."""
+    """The active object where it is a picture, and no other rig's, else the rig's only one."""
     active = context.active_object
-    if active is not None and active.kiriko.role == "PICTURE":
+    is_picture = active is not None and active.kiriko.role == "PICTURE"
+    if is_picture and not elsewhere(context.scene)(active):
         return active
     pictures = list(needed.parts(context.scene).get("PICTURE", ()))
     return pictures[0] if len(pictures) == 1 else None
@@ -130,7 +133,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
         return {"CANCELLED"}
 
 
-class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
+class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
     """Open an image file, or a movie, as the picture: its plane shows it, in its own shape"""
 
     bl_idname = "kiriko.open_picture"
@@ -148,6 +151,7 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.begin_with(context.scene)
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
             self.filepath = str(
@@ -158,6 +162,7 @@ class KIRIKO_OT_open_picture(ChoosePicture, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
+            self.end_with(context)
             known = set(bpy.data.images)
             image = _opened(context, self.filepath)
             if image in known:

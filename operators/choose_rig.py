@@ -6,8 +6,10 @@ back a whole state, which the next look puts right again.
 """
 
 import bpy
+from bpy.app.handlers import persistent
 
-from ..core.blender.active_rig import follow, make_active
+from ..core.blender.active_rig import follow, know_by_name, make_active, remember
+from ..core.blender.newcomers import keep_settings, take_newcomers
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
@@ -24,6 +26,11 @@ def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     live.settle(scene)
     proposal.drop()
     make_active(scene, rig)
+    look_anew(scene)
+
+
+def look_anew(scene: bpy.types.Scene) -> None:
+    """Have all that is drawn be of the rigs as they are now."""
     look_over.look_again(scene)
     sketcher.erase(scene)
     redraw()
@@ -50,6 +57,10 @@ def look() -> None:
 
     shown = {window.scene: window.view_layer for window in reversed(all_windows())}
     for scene, layer in shown.items():
+        if take_newcomers(scene):
+            look_anew(scene)
+        if look_through.is_lost(scene):
+            look_through.leave(scene)
         if scene.is_editable and not scene.kiriko.looking:
             rig = follow(scene, layer.objects.active)
             if rig is not None:
@@ -98,14 +109,31 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
         look_through.leave(scene)
     choose(scene, found[name])
     if context.active_object is not None and len(found) > 1:
-        scene.kiriko.followed = context.active_object.name
+        remember(scene, context.active_object)
+
+
+@persistent
+def on_load(*_: object) -> None:
+    """Numbers of objects are of another session."""
+    for scene in bpy.data.scenes:
+        know_by_name(scene)
+
+
+@persistent
+def before_save(*_: object) -> None:
+    """Rigs that are appended to other files bring their settings."""
+    for scene in bpy.data.scenes:
+        keep_settings(scene)
+
+
+HANDLERS = (("load_post", on_load), ("save_pre", before_save))
 
 
 def register() -> None:
     """Begin to look."""
-    work.follow(tick, TICK, ())
+    work.follow(tick, TICK, HANDLERS)
 
 
 def unregister() -> None:
     """Look no more."""
-    work.stop_following(tick, ())
+    work.stop_following(tick, HANDLERS)

@@ -11,6 +11,7 @@ from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
 from ..core.messages import Message
 from . import needed, telling, watch
+from .of_rig import OfRig
 
 WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
 OLD = Message("Export the old image?")
@@ -56,7 +57,7 @@ def unwritable(form: str) -> list[str]:
     return [why] if why else []
 
 
-class KIRIKO_OT_export(bpy.types.Operator):
+class KIRIKO_OT_export(OfRig, bpy.types.Operator):
     """Write the source image to a file in the display's own pixels, with colour space and size"""
 
     bl_idname = "kiriko.export"
@@ -102,6 +103,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         ours = context.scene.kiriko
+        self.begin_with(context.scene)
         ask = context.window_manager.invoke_confirm
 
         with telling.told(self):
@@ -182,6 +184,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
             return self._ask_where()
 
         with telling.told(self):
+            self.end_with(context)
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
                     "The scene has changed since: solve again, or export the old image with"
@@ -206,7 +209,7 @@ class KIRIKO_OT_export(bpy.types.Operator):
                 save_png=save_png,
             )
 
-            if self.is_in_dialogue:
+            if self.is_in_dialogue and context.scene.is_editable:
                 ours.export_path = str(written)
                 ours.export_format = form
 

@@ -32,6 +32,7 @@ from ..core.warp.files import (
 from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions
 from . import folder, long_work, needed, telling, work
 from .export import use_bundled_modules
+from .of_rig import OfRig
 
 ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
 SOLVED, MAPPED = 0.4, 0.95  # progress, about
@@ -131,7 +132,7 @@ def _about(
     }
 
 
-class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_export_maps(OfRig, long_work.LongWork, bpy.types.Operator):
     """Write warp maps, for other programs"""
 
     bl_description = (
@@ -195,6 +196,7 @@ class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
         if self.directory or bpy.app.background or context.window is None:
             return super().invoke(context, event)
         self.is_in_dialogue = True
+        self.begin_with(context.scene)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -212,6 +214,7 @@ class KIRIKO_OT_export_maps(long_work.LongWork, bpy.types.Operator):
 
         # an operator of a dialogue cannot go on in steps: another one can
         with telling.told(self):
+            self.end_with(context)
             bpy.ops.kiriko.export_maps(
                 "INVOKE_DEFAULT",
                 directory=self.directory,

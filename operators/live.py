@@ -172,7 +172,9 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [] if is_on() else needed.lacking(context.scene))
+        scene = context.scene
+        lacks = [] if is_on() else needed.linked(scene) + needed.lacking(scene)
+        return needed.can_run(cls, lacks)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if is_on():

@@ -12,8 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.blender.on_display import MATERIAL_MARK
 from ..core.blender.result import (
-    MATERIAL_MARK,
     update_solution,
     update_source,
     write_helps,

@@ -10,6 +10,8 @@ from bpy.app.handlers import persistent
 
 from ..core.blender import looking_through
 from ..core.blender.framing import Window
+from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.viewer import viewer_of
 from ..core.messages import Message, joined
 from . import framing, live, make_glass, needed, telling, work
 from .windows import redraw, view_of
@@ -45,6 +47,16 @@ def enter(context: bpy.types.Context) -> None:
     if followed is None or followed.uid != scene.session_uid:
         live.start(scene)
         _live_began.append(scene.session_uid)
+
+
+def is_lost(scene: bpy.types.Scene) -> bool:
+    """Is a scene looked at through the viewer of a rig that was deleted meanwhile?"""
+    if not scene.kiriko.looking:
+        return False
+    viewer = viewer_of(scene)
+    if viewer is None or scene.objects.get(viewer.name) != viewer:
+        return True
+    return active_rig(scene) is None and bool(rigs(scene))
 
 
 def leave(scene: bpy.types.Scene) -> None:

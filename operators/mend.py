@@ -246,10 +246,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(
-            cls,
-            [] if context.scene.is_editable else [Message("The scene is linked from another file")],
-        )
+        return needed.can_run(cls, [])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         units = context.scene.unit_settings

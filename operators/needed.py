@@ -27,6 +27,7 @@ NO_MIRRORS = Message(
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
+LINKED = Message("The scene is linked from another file: open that file, or make the scene local")
 LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
 RESTING = 30.0  # times as long as it took
 _answers: dict[
@@ -148,6 +149,11 @@ def no_plate(scene: bpy.types.Scene) -> list[str]:
     return [NO_MIRRORS]
 
 
+def linked(scene: bpy.types.Scene) -> list[str]:
+    """The reason why a scene cannot be changed, where it is another file's."""
+    return [] if scene.is_editable else [LINKED]
+
+
 def unsolved(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with a source image, where there is none."""
     result = scene.kiriko.result
@@ -159,7 +165,11 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
     """The answer of `poll`: are there no reasons against it?
     The first one is told where the button is grey.
+
+    In a scene of another file no operator works that changes the scene, and so can be undone.
     """
+    if "UNDO" in operator.bl_options:
+        reasons = [*linked(bpy.context.scene), *reasons]
     if reasons:
         operator.poll_message_set(in_words(Message("{reason}.", reason=reasons[0])))
     return not reasons

@@ -9,16 +9,18 @@ from ..core.blender.image import save_png
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
+from ..core.blender.rig_names import name_for
 from ..core.errors import ImageError, RigError
 from ..core.messages import Message, joined
 from . import long_work, needed, telling, watch, work
 from .export import target, use_bundled_modules
+from .of_rig import OfRig
 from .windows import show_image
 
 NAME = "Kiriko Preview"
 
 
-class KIRIKO_OT_preview(bpy.types.Operator):
+class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
     """Render the viewer's image in Cycles, in a scene of its own, as the image Kiriko Preview"""
 
     bl_idname = "kiriko.preview"
@@ -73,8 +75,9 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = needed.unsolved(context.scene) + needed.lacking(context.scene)
-        if not hasattr(context.scene, "cycles"):
+        scene = context.scene
+        reasons = needed.linked(scene) + needed.unsolved(scene) + needed.lacking(scene)
+        if not hasattr(scene, "cycles"):
             reasons.insert(
                 0, Message("The preview needs Cycles: enable the add-on Cycles Render Engine")
             )
@@ -85,7 +88,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self), self._prepare(context) as preview:
             preview.render()
-            self._finish(context, preview)
+            self._finish(preview)
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -114,7 +117,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         try:
             with telling.told(self):
                 if self._preview.is_rendered:
-                    self._finish(context, self._preview)
+                    self._finish(self._preview)
                     return {"FINISHED"}
                 telling.report(self, "INFO", Message("Stopped; the scene is as it was."))
             return {"CANCELLED"}
@@ -130,6 +133,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
 
     def _prepare(self, context: bpy.types.Context) -> Preview:
         scene = context.scene
+        self.begin_with(scene)
         self._file()
         left, right, bottom, top = self.border
         if left >= right or bottom >= top:
@@ -174,7 +178,7 @@ class KIRIKO_OT_preview(bpy.types.Operator):
         disk.check_folder(path.parent)
         return path
 
-    def _finish(self, context: bpy.types.Context, preview: Preview) -> None:
+    def _finish(self, preview: Preview) -> None:
         pixels = preview.pixels()
         if self.filepath:
             use_bundled_modules()
@@ -188,8 +192,10 @@ class KIRIKO_OT_preview(bpy.types.Operator):
                 save_png=save_png,
             )
 
-        result = context.scene.kiriko.result
-        result.preview = image = replace_image(result.preview, NAME, pixels)
+        self.end_with()
+        scene = self.own_scene()
+        result, name = scene.kiriko.result, name_for(scene, NAME)
+        result.preview = image = replace_image(result.preview, name, pixels)
         show_image(image, result)
 
         remarks = self._remarks + preview.notes

@@ -138,7 +138,8 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        scene = context.scene
+        return needed.can_run(cls, needed.linked(scene) + needed.lacking(scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene

@@ -7,9 +7,10 @@ import bpy
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.errors import ImageError
 from ..core.messages import as_message
+from .of_rig import OfRig
 
 
-class ToFile:
+class ToFile(OfRig):
     """Mix-in for an operator that writes a file.
 
     default_name : of the file, whose suffix all have
@@ -38,6 +39,7 @@ class ToFile:
         self.filepath = self.filepath or self.default_name
         self.filter_glob = f"*{Path(self.default_name).suffix}"
         self.is_in_dialogue = True
+        self.begin_with(context.scene)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -74,13 +74,14 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
                 plate=Message(" or the plate") if rig.plates else "",
             )
 
-        grid_object(scene, NAME, found.positions / length_of_unit(scene), is_seen, found.brightness)
+        positions = found.positions / length_of_unit(scene)
+        thing = grid_object(scene, NAME, positions, is_seen, found.brightness)
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(
                 "'{name}' marks the places that see {share} of the picture; the viewer is"
                 " at none of them.",
-                name=NAME,
+                name=thing.name,
                 share=percent(self.share),
             )
 
@@ -92,5 +93,5 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
             right=right,
             down=down,
             up=up,
-            name=NAME,
+            name=thing.name,
         )

@@ -9,6 +9,7 @@ import bpy
 from ..core import kernel
 from ..core.blender import scene as blender_scene
 from ..core.blender import solved_for as blender_solved_for
+from ..core.blender.newcomers import take_newcomers
 from ..core.blender.shapes import Kept
 from ..core.settings import Settings
 from ..core.solve.session import Session
@@ -71,6 +72,7 @@ def is_busy() -> bool:
 
 def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
     """The scene, evaluated as it is now, as blender_scene.Reading."""
+    take_newcomers(context.scene)
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 

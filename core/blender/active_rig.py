@@ -5,11 +5,14 @@ All of it is the scene's own data, so that undo, which puts datablocks back one 
 one rig's settings with another's.
 """
 
+import json
+from typing import Any
+
 import bpy
 
 from .rigs import active_rig, rig_of, rigs
 
-OF_SCENE = {"rig", "followed", "looking"}  # settings that no rig has for itself
+OF_SCENE = {"rig", "followed", "followed_uid", "looking"}  # settings that no rig has for itself
 
 
 def settings_of(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bpy.types.PropertyGroup:
@@ -91,26 +94,50 @@ def begin(scene: bpy.types.Scene, rig: bpy.types.Collection | None) -> None:
 def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
     """The rig that is to be active because another object is; None where it is already.
 
-    The object's name is noted, so that a rig which was chosen
-    by hand stays until another object is selected.
+    The object is noted, so that a rig which was chosen by hand stays until another one is selected.
     """
     found = rigs(scene)
     active = active_rig(scene)
     if active is None and found and scene.kiriko.rig:  # its collection is gone
         return rig_of(scene, thing) or found[-1]
-    if len(found) < 2 or not is_new(scene, thing):
+    if len(found) < 2 or thing is None:
+        return None
+    if not is_new(scene, thing):
+        remember(scene, thing)  # it may have another name by now
         return None
 
     # files of before there were several are left as they are until something is selected
     is_first = not (scene.kiriko.rig or scene.kiriko.followed)
-    scene.kiriko.followed = thing.name
+    remember(scene, thing)
     rig = rig_of(scene, thing)
     return None if is_first or rig == active else rig
 
 
 def is_new(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
-    """Is an object another than the one whose rig was looked up last?"""
-    return thing is not None and thing.name != scene.kiriko.followed
+    """Is an object another than the one whose rig was looked up last?
+
+    It is known by its number, which renaming leaves, but which another session does not know: there
+    it is known by its name.
+    """
+    ours = scene.kiriko
+    if thing is None:
+        return False
+    if ours.followed_uid:
+        return thing.session_uid != ours.followed_uid
+    return thing.name != ours.followed
+
+
+def remember(scene: bpy.types.Scene, thing: bpy.types.Object) -> None:
+    """Keep which object is the one whose rig was looked up last."""
+    ours = scene.kiriko
+    if (ours.followed, ours.followed_uid) != (thing.name, thing.session_uid):
+        ours.followed, ours.followed_uid = thing.name, thing.session_uid
+
+
+def know_by_name(scene: bpy.types.Scene) -> None:
+    """Forget the number of that object, which is of another session."""
+    if scene.is_editable and scene.kiriko.followed_uid:
+        scene.kiriko.property_unset("followed_uid")
 
 
 def copy_settings(source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup) -> None:
@@ -131,6 +158,45 @@ def clear_settings(group: bpy.types.PropertyGroup) -> None:
             clear_settings(value)
         else:
             group.property_unset(name)
+
+
+def settings_text(group: bpy.types.PropertyGroup) -> str:
+    """A group of settings as JSON, those that are set: without its result, and without datablocks,
+    which have no place in a text.
+    """
+    return json.dumps(_values(group))
+
+
+def set_settings(group: bpy.types.PropertyGroup, text: str) -> None:
+    """Give a group of settings the values of such a text; what is not in it gets its default.
+
+    A value that this version does not know is passed by.
+    """
+    clear_settings(group)
+    _set_values(group, json.loads(text or "{}"))
+
+
+def _values(group: bpy.types.PropertyGroup) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in _settings(group):
+        if name == "result" or isinstance(value, bpy.types.ID):
+            continue
+        if isinstance(value, bpy.types.PropertyGroup):
+            found[name] = _values(value)
+        elif group.is_property_set(name) and value is not None:
+            found[name] = value if isinstance(value, str | int | float) else list(value)
+    return found
+
+
+def _set_values(group: bpy.types.PropertyGroup, values: dict[str, Any]) -> None:
+    for name in values.keys() & group.bl_rna.properties.keys():
+        if isinstance(values[name], dict):
+            _set_values(getattr(group, name), values[name])
+            continue
+        try:
+            setattr(group, name, values[name])
+        except (TypeError, ValueError):
+            continue
 
 
 def _settings(group: bpy.types.PropertyGroup) -> list[tuple[str, object]]:

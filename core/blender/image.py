@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from secrets import token_hex
 
 import bpy
 import numpy as np
@@ -11,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..encoding import encode
 from ..errors import ImageError
+
+PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
+_read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
 
 # its names through the versions
 LINEAR_SPACES = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")
@@ -63,6 +67,7 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     rgba[..., :channels] = pixels[::-1]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
+    _read.pop(image.session_uid, None)
 
 
 def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
@@ -103,6 +108,23 @@ def pack(image: bpy.types.Image, name: str) -> None:
         image.pack(data=data, data_len=len(data))
         image.source = "FILE"  # from now on the image is read from the packed file
     image.filepath_raw = f"//{name}.exr"
+    image[PACKED_MARK] = _read[image.session_uid] = token_hex(8)
+
+
+def read_anew(image: bpy.types.Image) -> bool:
+    """Have a packed image be read from its file when its pixels are next asked for, unless those
+    that Blender has are of this very file; are they not?
+
+    Undo puts back what is packed, and leaves what Blender has read of it before.
+    """
+    if image.packed_file is None or image.is_dirty:
+        return False
+    packed = image.get(PACKED_MARK, "")
+    if packed and _read.get(image.session_uid) == packed:
+        return False
+    image.buffers_free()
+    _read[image.session_uid] = packed
+    return True
 
 
 def _compressed(image: bpy.types.Image) -> bytes:

@@ -1,16 +1,18 @@
 """The things that were made for a rig and its results, and those of them that nothing else uses."""
 
-import json
 from typing import Any
 
 import bpy
 
 from .changes import value_of
+from .image import read_anew
 from .kept import Changed
 from .objects import OBJECT_MARK
-from .result import MATERIAL_MARK, SOURCE
+from .on_display import MATERIAL_MARK
+from .result import SOURCE
+from .rig_names import name_for
 from .rig_record import KEPT_MARK
-from .rigs import RIG_MARK, active_rig, rigs_of
+from .rigs import active_rig, mark_of, rigs_of
 
 DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
 RESULT = "kiriko.result."  # path of the panel's numbers in the scene
@@ -18,15 +20,12 @@ IMAGES = ("source", "seen", "preview")  # of a result
 
 
 def read_images_anew(scene: bpy.types.Scene) -> None:
-    """Have the images of a scene's results be read as they are packed.
-
-    Undo puts back what is packed, and leaves what Blender has read of it before.
-    """
+    """Have the images of a scene's results be those that are packed, after undo."""
     for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others)):
         for name in IMAGES:
             image = getattr(settings.result, name)
-            if image is not None and image.packed_file is not None and not image.is_dirty:
-                image.buffers_free()
+            if image is not None:
+                read_anew(image)
 
 
 def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
@@ -42,13 +41,7 @@ def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.
 
 def objects_of(scene: bpy.types.Scene, key: str) -> list[bpy.types.Object]:
     """Objects that Add Rig made, by the rig's key."""
-    return _without_copies([thing for thing in scene.objects if _mark_of(thing)[0] == key])
-
-
-def _mark_of(block: bpy.types.ID) -> tuple[str, str]:
-    """Key of the rig that a datablock was made for, and the name it got; '' if there is none."""
-    key, name = json.loads(block.get(RIG_MARK, '["", ""]'))
-    return key, name
+    return _without_copies([thing for thing in scene.objects if mark_of(thing)[0] == key])
 
 
 def _without_copies(marked: list[Any]) -> list[Any]:
@@ -57,7 +50,7 @@ def _without_copies(marked: list[Any]) -> list[Any]:
     """
     by_name: dict[str, list[Any]] = {}
     for block in marked:
-        by_name.setdefault(_mark_of(block)[1], []).append(block)
+        by_name.setdefault(mark_of(block)[1], []).append(block)
     return [
         next((block for block in blocks if block.name == name), blocks[0])
         for name, blocks in by_name.items()
@@ -72,7 +65,7 @@ def made_data(
         block
         for kind in DATA
         for block in _without_copies(
-            [one for one in getattr(bpy.data, kind) if _mark_of(one)[0] == rig.kiriko.key]
+            [one for one in getattr(bpy.data, kind) if mark_of(one)[0] == rig.kiriko.key]
         )
     ]
     shown = [
@@ -83,12 +76,13 @@ def made_data(
     ]
     meshes = [thing.data for thing in objects if OBJECT_MARK in thing]
     images = [getattr(scene.kiriko.result, name) for name in IMAGES if has_result(scene, rig)]
+    names = {SOURCE, name_for(scene, SOURCE)}
     if rig == active_rig(scene):  # also one that a newer rig, gone by now, has left on the display
         images += [
             node.image
             for material in shown
             for node in material.node_tree.nodes
-            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name == SOURCE
+            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name in names
         ]
     found = [*marked, *shown, *meshes, *images]
     return list(dict.fromkeys(block for block in found if block is not None))

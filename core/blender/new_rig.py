@@ -22,6 +22,7 @@ from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .parts import Part, parts_by_role, read_parts, role_label
+from .rig_names import RIG
 from .rig_record import Record
 from .rigs import rigs_of
 from .roles import in_blender
@@ -203,7 +204,7 @@ def make_rig(
     viewer_resolution : None: the viewer has the pixels of the scene's render
     """
     before = scene.camera
-    made = Workbench(scene, "Kiriko Rig")
+    made = Workbench(scene, RIG)
     record = Record(scene, made.collection)
     own_before = scene.kiriko.viewer
 

@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ..arrays import Bools, Floats
 from .own_words import data_name
+from .rig_names import name_for
 from .rigs import active_rig, elsewhere
 
 OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
@@ -117,6 +118,7 @@ def grid_object(
 
     Parameters
     ----------
+    name : which tells it from others; its own has the number of its rig
     positions : (m, n, 3) world, Blender units
     is_shown : (m, n)
     values : (m, n) kept as the point attribute `brightness`, and
@@ -134,7 +136,8 @@ def grid_object(
     shown = values.ravel()[used].astype(np.float32)
     grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
     grey[:, 3] = 1.0
-    mesh = bpy.data.meshes.new(name)
+    own_name = name_for(scene, name)
+    mesh = bpy.data.meshes.new(own_name)
 
     try:
         mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
@@ -150,7 +153,7 @@ def grid_object(
     # the object of before gets the new mesh
     thing = grid_of(scene, name)
     if thing is None:
-        thing = bpy.data.objects.new(name, mesh)
+        thing = bpy.data.objects.new(own_name, mesh)
         thing[OBJECT_MARK] = name
         # panels/range_view.py draws it translucent
         thing.hide_render, thing.display_type = True, "BOUNDS"
@@ -159,7 +162,7 @@ def grid_object(
         old, thing.data = thing.data, mesh
         if old.users == 0:
             bpy.data.meshes.remove(old)
-        mesh.name = name
+        mesh.name = own_name
 
     thing.matrix_world = Matrix.Translation(centre)
     return thing

@@ -2,6 +2,7 @@
 changed is put back. Things that are used elsewhere by now stay.
 """
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +20,7 @@ from .made_for_rig import (
     objects_of,
     unused_elsewhere,
 )
-from .rigs import RIG_MARK, active_rig, let_go, rig_of, rigs, rigs_of
+from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
 
 
 def rig_to_remove(
@@ -42,7 +43,9 @@ def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
     if has_settings(scene, rig):
         make_active(scene, rig)
     made = made_objects(scene, rig)
-    going = unused_elsewhere(scene, rig, [*made, *made_data(scene, rig, made)])
+    blocks = made_data(scene, rig, made)
+    going = unused_elsewhere(scene, rig, [*made, *blocks])
+    _bequeath(scene, rig, [block for block in blocks if block not in going])
     stay = [thing for thing in made if thing not in going]
 
     _put_back(scene, rig, going)
@@ -56,6 +59,25 @@ def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
     bpy.data.batch_remove([*going, *([] if rig.users > 0 else [rig])])
 
     return names
+
+
+def _bequeath(
+    scene: bpy.types.Scene, rig: bpy.types.Collection, blocks: list[bpy.types.ID]
+) -> None:
+    """Have data of a rig that another one of the scene uses, as its duplicate does, be that one's
+    from now on.
+    """
+    living = {one.kiriko.key for one in rigs(scene)} - {rig.kiriko.key}
+    users = bpy.data.user_map(subset=blocks)
+    left = [block for block in blocks if marked_key(block) == rig.kiriko.key]
+    is_done = False
+    while not is_done:  # an image goes with its material
+        is_done = True
+        for block in left:
+            heirs = {marked_key(user) for user in users[block]} & living
+            if heirs and marked_key(block) not in living:
+                block[RIG_MARK] = json.dumps([min(heirs), block.name])
+                is_done = False
 
 
 def _go_on_with(
@@ -74,15 +96,23 @@ def _go_on_with(
 
     if len(left) < 2:
         scene.kiriko.property_unset("followed")
+        scene.kiriko.property_unset("followed_uid")
     if not left:
         scene.kiriko.property_unset("rig")
         scene.kiriko_others.clear()
 
 
 def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
-    """Raise RigError where another scene, or an instance, shows
-    the rig, too, which would lose its parts and roles.
+    """Raise RigError where the rig is another file's, or where another scene, or an instance, shows
+    it, too, which would lose its parts and roles.
     """
+    if not rig.is_editable:
+        raise RigError(
+            "The rig '{rig}' is linked from another file: unlink its collection, or make it local"
+            " first.",
+            rig=rig.name,
+        )
+
     for other in bpy.data.scenes:
         if other != scene and rig in other.collection.children_recursive:
             raise RigError(
@@ -116,11 +146,12 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
     """Put back whatever Add Rig changed and nobody has changed since."""
     ours = rig.kiriko
     keys = rigs_of(scene)
+    living = {one.kiriko.key for one in rigs(scene)} - {ours.key}
     for owner in (*scene.objects, *bpy.data.materials):
         kept = Changed.read(owner.kiriko.changed) if owner.kiriko.changed else Changed()
         if kept.rig != ours.key or _is_of_another_rig(scene, owner):
             continue
-        heirs = _keys_of(scene, owner, keys) - {ours.key}
+        heirs = _keys_of(scene, owner, keys) & living
         if heirs:
             owner.kiriko.changed = Changed(min(heirs), kept.changes).text()
         else:

@@ -13,21 +13,19 @@ from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
 from ..words import NO_PLATE, summary
-from . import shaders
 from .image import image_from_pixels, or_none, pack, set_pixels
 from .kept import Numbers, Sentences
+from .on_display import is_on_display, put_on_display
 from .result_numbers import numbers_of
-from .rig_record import keep
+from .rig_names import name_for
 from .scene import Reading
 
 SOURCE = "Kiriko Source"
-MATERIAL_MARK = "kiriko_display"  # marks a material that Kiriko made and may write to
-BLACK_LEVEL = "kiriko_black_level"  # of the display that a material of ours was made for
 
 
 def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """A packed float image with these pixels (linear, row 0 at
-    the top) that takes the place and name of an old one.
+    """A packed float image with these pixels (linear, row 0 at the top) that takes the place and
+    name of an old one, but of one that another result has, too.
     """
     return _take_place(_packed(name, pixels), old, name)
 
@@ -41,12 +39,24 @@ def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
 
 
 def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) -> bpy.types.Image:
-    """Give an image the place and name of an old one, which goes."""
-    if old is not None:
+    """Give an image the place and name of an old one, which goes; where another result has the old
+    one, too, as in a full copy of a scene, it stays there.
+    """
+    if old is not None and not _is_shared(old):
         old.user_remap(image)
         bpy.data.images.remove(old)
     image.name = name
     return image
+
+
+def _is_shared(image: bpy.types.Image) -> bool:
+    """Do several results, of other scenes or rigs, have an image?"""
+    results = [
+        settings.result
+        for scene in bpy.data.scenes
+        for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others))
+    ]
+    return sum(image in (one.source, one.seen, one.preview) for one in results) > 1
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
@@ -63,7 +73,8 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     if _has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
-        image = _take_place(image_from_pixels(f"{SOURCE} (new)", pixels), image, SOURCE)
+        name = name_for(scene, SOURCE)
+        image = _take_place(image_from_pixels(f"{name} (new)", pixels), image, name)
         scene.kiriko.result.source = image
 
     scene.kiriko.result.shown = image
@@ -72,110 +83,18 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
 
 
 def _has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
-    """Can an image take these pixels as it is?"""
-    return image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
+    """Can an image, of one result alone, take these pixels as it is?"""
+    fits = image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
+    return fits and not _is_shared(image)
 
 
 def pack_source(scene: bpy.types.Scene) -> None:
     """Save the source image within the file after `update_source`."""
     image = scene.kiriko.result.source
     if image is not None:
-        pack(image, SOURCE)
+        pack(image, image.name)
         # read from the packed file when next asked for, it does not count as unsaved
         image.buffers_free()
-
-
-def is_on_display(display: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Does a display show an image by materials of ours on all its slots, as dark as it can?"""
-    black_level = display.kiriko.display.black_level
-    materials = [slot.material for slot in display.material_slots]
-    return bool(materials) and all(
-        m is not None
-        and m.get(MATERIAL_MARK)
-        and m.get(BLACK_LEVEL, 0.0) == black_level
-        and any(node.type == "TEX_IMAGE" and node.image == image for node in m.node_tree.nodes)
-        for m in materials
-    )
-
-
-def _has_no_place(display: bpy.types.Object) -> str:
-    """Why no material can be put on a display; '' where one can."""
-    if display.data is None or not hasattr(display.data, "materials"):
-        return Message(
-            "The display '{display}' has no material: give the image '{image}' to the"
-            " object that it shows.",
-            display=display.name,
-            image=SOURCE,
-        )
-
-    if not display.is_editable:
-        return Message(
-            "The display '{display}' is linked from another file: give it the image"
-            " '{image}' there.",
-            display=display.name,
-            image=SOURCE,
-        )
-
-    return ""
-
-
-def put_on_display(display: bpy.types.Object, image: bpy.types.Image) -> list[str]:
-    """Make a display emit an image, by a material of its own in place of the user's.
-
-    The material is linked to the object, so that other users of the mesh keep theirs; the user's
-    own material stays in the mesh and in the file. Returns one sentence for each material that gave
-    way.
-    """
-    if why_not := _has_no_place(display):
-        return [why_not]
-
-    old = next(
-        (
-            s.material
-            for s in display.material_slots
-            if s.material and s.material.get(MATERIAL_MARK)
-        ),
-        None,
-    )
-    ours = bpy.data.materials.new(f"{display.name} Source")
-
-    try:
-        ours[MATERIAL_MARK] = True
-        ours[BLACK_LEVEL] = display.kiriko.display.black_level
-        shaders.show_image(ours, image, display.kiriko.display.black_level)
-    except BaseException:
-        bpy.data.materials.remove(ours)
-        raise
-
-    if not display.material_slots:
-        display.data.materials.append(None)
-
-    # the new material takes the place of Kiriko's own from before
-    own = {display, display.data} if display.data.users == 1 else {display}
-    if old is not None and bpy.data.user_map(subset=[old])[old] <= own:  # else others show it, too
-        name = old.name
-        old.user_remap(ours)
-        bpy.data.materials.remove(old)
-        ours.name = name
-
-    notes = []
-    for slot in display.material_slots:
-        theirs = slot.material
-        if theirs is not None and not theirs.get(MATERIAL_MARK):
-            keep(theirs)
-            notes.append(
-                Message(
-                    "The material '{theirs}' of the display '{display}' gave way to '{ours}'.",
-                    theirs=theirs.name,
-                    display=display.name,
-                    ours=ours.name,
-                )
-            )
-
-        slot.link = "OBJECT"
-        slot.material = ours
-
-    return notes
 
 
 def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
@@ -187,7 +106,8 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
     solution : core.solve.solution.Solution
     """
     numbers = numbers_of(scene, reading, solution)
-    remarks = _put_in_place(scene, reading, _packed(SOURCE, solution.source))
+    image = _packed(name_for(scene, SOURCE), solution.source)
+    remarks = _put_in_place(scene, reading, image)
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
@@ -204,9 +124,8 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
         remarks = [] if is_shown else put_on_display(display, image)
         update_source(scene, solution.source)
     else:
-        remarks = _put_in_place(
-            scene, reading, image_from_pixels(f"{SOURCE} (new)", solution.source)
-        )
+        name = f"{name_for(scene, SOURCE)} (new)"
+        remarks = _put_in_place(scene, reading, image_from_pixels(name, solution.source))
 
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
@@ -218,7 +137,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     Returns the reading from which the final result is to be
     written: it knows which materials have given way.
     """
-    remarks = _put_in_place(scene, reading, _packed(SOURCE, pixels))
+    remarks = _put_in_place(scene, reading, _packed(name_for(scene, SOURCE), pixels))
     notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
     reading = replace(reading, notes=notes)
     result = scene.kiriko.result
@@ -236,11 +155,11 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
 
     It goes again where that fails.
     """
-    old = scene.kiriko.result.source
+    old, name = scene.kiriko.result.source, name_for(scene, SOURCE)
     display = bpy.data.objects.get(reading.display_object)
 
     try:
-        remarks = [] if display is None else put_on_display(display, image)
+        remarks = [] if display is None else put_on_display(display, image, name)
     except BaseException:
         if old is not None:
             image.user_remap(old)
@@ -248,7 +167,7 @@ def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Ima
         raise
 
     result = scene.kiriko.result
-    result.source = result.shown = _take_place(image, old, SOURCE)
+    result.source = result.shown = _take_place(image, old, name)
     return remarks
 
 

@@ -2,7 +2,8 @@
 
 A rig is a collection with a key. An object is a part of the rigs whose collections hold it and of
 those that Add Rig took it into as glass. One that is in none is a part of all: of a mirror that
-stands there all the light knows.
+stands there all the light knows. One whose rig lost its collection, as by Delete in the outliner,
+goes on with that rig alone.
 """
 
 import json
@@ -16,12 +17,21 @@ RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the na
 
 
 def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """Collections of a scene's rigs, the newest last. A copy of one is none of its own."""
+    """Collections of a scene's rigs, the newest last.
+
+    A copy of one, which has the same key, is none of its own as long as `newcomers.py` has not made
+    it one. The one that has kept the name is the one that was made, else the first.
+    """
     found: dict[str, bpy.types.Collection] = {}
     for group in scene.collection.children_recursive:  # one may be in two others
-        if group.kiriko.key:
-            found.setdefault(group.kiriko.key, group)
+        key = group.kiriko.key
+        if key and (key not in found or _is_first(group, found[key])):
+            found[key] = group
     return list(found.values())
+
+
+def _is_first(group: bpy.types.Collection, other: bpy.types.Collection) -> bool:
+    return group.name == mark_of(group)[1] and other.name != mark_of(other)[1]
 
 
 def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -44,14 +54,20 @@ def has_roles(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
     return any(marked_key(one) == key for one in scene.objects if one.kiriko.role != "NONE")
 
 
+def mark_of(block: bpy.types.ID) -> tuple[str, str]:
+    """Key of the rig that a datablock was made for, and the name it got; '' if there is none."""
+    key, name = json.loads(block.get(RIG_MARK, '["", ""]'))
+    return key, name
+
+
 def marked_key(block: bpy.types.ID) -> str:
     """Key of the rig that Add Rig made a datablock for, '' if none."""
-    return json.loads(block[RIG_MARK])[0] if RIG_MARK in block else ""
+    return mark_of(block)[0] if RIG_MARK in block else ""
 
 
 def belongs_to(thing: bpy.types.Object, rig: bpy.types.Collection) -> bool:
     """Is an object in a rig's collection, was it made for the rig, or taken into it by Add Rig?"""
-    return rig.kiriko.key in _keys(thing) or thing in set(_held(rig))
+    return rig.kiriko.key in _keys(thing) or thing in set(held_by(rig))
 
 
 def _keys(thing: bpy.types.Object) -> set[str]:
@@ -62,34 +78,41 @@ def _keys(thing: bpy.types.Object) -> set[str]:
     return keys - {""}
 
 
-def _held(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
+def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
     """Objects in a rig's collection and those below it that are no rigs."""
     yield from rig.objects
     for child in rig.children:
         if not child.kiriko.key:
-            yield from _held(child)
+            yield from held_by(child)
 
 
 def rigs_of(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], set[str]]:
-    """A function that tells the keys of the scene's rigs that an object is in."""
+    """A function that tells the keys of the scene's rigs that an object is in; where it is in none
+    of them, those of rigs whose collection is gone.
+    """
     found = rigs(scene)
     known = {rig.kiriko.key for rig in found}
     held: dict[bpy.types.Object, set[str]] = {}
     for rig in found:
-        for thing in _held(rig):
+        for thing in held_by(rig):
             held.setdefault(thing, set()).add(rig.kiriko.key)
-    return lambda thing: (_keys(thing) & known) | held.get(thing, set())
+
+    def keys_of(thing: bpy.types.Object) -> set[str]:
+        keys = _keys(thing)
+        return (keys & known) | held.get(thing, set()) or keys
+
+    return keys_of
 
 
 def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
     """A function that tells whether an object is in other rigs only, and so no part of the
     active one.
     """
-    if len(rigs(scene)) < 2:
-        return lambda thing: False
-
     active = active_rig(scene)
-    here = "" if active is None else active.kiriko.key
+    # a rig whose collection is gone stays the active one as long as there is no other
+    here = scene.kiriko.rig if active is None else active.kiriko.key
+    if not here:
+        return lambda thing: False
     keys = rigs_of(scene)
 
     def is_elsewhere(thing: bpy.types.Object) -> bool:
@@ -121,7 +144,7 @@ def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     The one that has kept the name is the one that was taken, else the first.
     """
     ours = thing.kiriko
-    if not ours.taken_as or any(thing in set(_held(rig)) for rig in rigs(scene)):
+    if not ours.taken_as or any(thing in set(held_by(rig)) for rig in rigs(scene)):
         return False
     mark = (ours.taken_as, ours.rigs)
     same = [one for one in scene.objects if (one.kiriko.taken_as, one.kiriko.rigs) == mark]

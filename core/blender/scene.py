@@ -33,7 +33,8 @@ class Reading:
     rig : with a calibration's result, where that is kept as an offset
     drawn : as the scene shows it, without
     display_size : width and height in m of a flat display, over the whole UV square
-    display_object : name of the object that is the display, or makes it as an instance
+    display_object : name of the object that is the display, or makes it as an instance, and the
+        file that it is linked from, as `bpy.data.objects` takes both
     solved_for : the scene's fingerprint, as text, where it was read to be solved
     """
 
@@ -42,7 +43,7 @@ class Reading:
     materials: tuple[MaterialReading, ...]
     notes: tuple[str, ...]
     display_size: tuple[float, float] | None
-    display_object: str
+    display_object: tuple[str, str | None]
     solved_for: str = ""
 
 
@@ -126,8 +127,12 @@ def read_drawn(
         materials=tuple(dict.fromkeys(materials)),
         notes=tuple(dict.fromkeys(notes)),
         display_size=flat_size(displays[0].mesh) if len(displays) == 1 else None,
-        display_object=next((part.owner.name for part in displays), ""),
+        display_object=next((_place_in_file(part.owner) for part in displays), ("", None)),
     )
+
+
+def _place_in_file(thing: bpy.types.Object) -> tuple[str, str | None]:
+    return thing.name, None if thing.library is None else thing.library.filepath
 
 
 def _read_viewer(

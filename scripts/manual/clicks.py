@@ -2,8 +2,9 @@
 
 Plays the whole way in the real Blender, by events of mouse and keys, and looks at the result: the
 picture is seen when the viewport shows the viewer's sight and the source image is final; it is
-exported when the file is there. Ends with 1 where a way takes more clicks than it may,
-or where a step of it is not possible.
+exported when the file is there. Counted are the events that were sent, without those by which a
+hand that cannot read looks for a place. Ends with 1 where a way takes more clicks than it may,
+where its steps are not as many as its clicks, or where one is not possible.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import sys
 from pathlib import Path
 
 from environments import ToolError
-from manual.plays import WAYS
+from manual.plays import WAYS, Way
 from manual.program import HELP_BLENDER, HELP_EXTENSION, account, play
 
 
@@ -36,13 +37,23 @@ def main() -> None:
     print(f"{'way':<30} {'clicks':>6} {'at most':>8} {'keys':>5} {'scrolls':>8} {'waits s':>9}  of")
     for name, way in ways.items():
         told = accounts[name]
-        clicks = len(told["clicks"])
-        is_more |= clicks > way.at_most
+        clicks = told["n_clicks"]
+        is_more |= is_over(name, way, told)
         print(
             f"{name:<30} {clicks:>6} {way.at_most:>8} {len(told['keys']):>5}"
             f" {told['scrolls']:>8} {told['seconds']:>9.1f}  {', '.join(told['clicks'])}"
         )
     sys.exit(is_more)
+
+
+def is_over(name: str, way: Way, told: dict) -> bool:
+    """Does a way take more clicks than it may, or others than its steps tell of? Says which."""
+    clicks, named = told["n_clicks"], len(told["clicks"])
+    if clicks != named:
+        print(f"{name}: {clicks} clicks were sent, but its steps are {named}.", file=sys.stderr)
+    if clicks > way.at_most:
+        print(f"{name}: {clicks} clicks, and at most {way.at_most}.", file=sys.stderr)
+    return clicks != named or clicks > way.at_most
 
 
 if __name__ == "__main__":

@@ -37,12 +37,13 @@ def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
             raise StuckError(f"{name}: {error}") from error
         account = {
             "clicks": player.clicks,
+            "n_clicks": player.n_clicks,
             "keys": player.keys,
             "scrolls": player.scrolls,
             "seconds": player.seconds,
         }
         (folder / f"{name}.account.json").write_text(json.dumps(account), encoding="utf-8")
-        print(f"played {name}: {len(player.clicks)} clicks", flush=True)
+        print(f"played {name}: {player.n_clicks} clicks", flush=True)
 
 
 def set_preferences(language: str) -> None:

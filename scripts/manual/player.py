@@ -11,7 +11,9 @@ import json
 import os
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -43,6 +45,8 @@ class Player:
         self.folder = folder
         self.clicks: list[str] = []
         self.keys: list[str] = []
+        self.sent: Counter[str] = Counter()  # presses that were put into the window's queue
+        self.searches: Counter[str] = Counter()  # those of them that only looked for a place
         self.scrolls = 0
         self.seconds = 0.0  # that it had to wait for Kiriko
         self.x = self.y = 100
@@ -95,8 +99,26 @@ class Player:
         self.window.event_simulate("MOUSEMOVE", "NOTHING", x=self.x, y=self.y)
         yield MOMENT
 
+    @contextmanager
+    def searching(self) -> Iterator[None]:
+        """Presses within are those of a hand that cannot read, and no part of the way."""
+        before = self.sent.copy()
+        try:
+            yield
+        finally:
+            self.searches += self.sent - before
+
+    @property
+    def n_clicks(self) -> int:
+        """Clicks that were sent and that the way takes; an item of a menu that is taken by the key
+        Return counts as one, since a mouse would click it.
+        """
+        made = self.sent - self.searches
+        return made["LEFTMOUSE"] + made["RET"]
+
     def event(self, kind: str, **more: object) -> None:
         """Press and let go of a key or a button of the mouse, where the mouse is."""
+        self.sent[kind] += 1
         for value in ("PRESS", "RELEASE"):
             self.window.event_simulate(kind, value, x=self.x, y=self.y, **more)
             more.pop("unicode", None)
@@ -138,21 +160,40 @@ class Player:
         yield BREATH
 
     def tab(self, step: Tab) -> Iterator[float]:
-        """Click the tabs from the top down until the wanted one is open.
-
-        That is one click for who can read: Blender does not tell where the tabs are.
+        """Click the tabs from the top down until the wanted one is open, then the first one, and
+        the wanted one once more: that click is the way's. Blender does not tell where tabs are.
         """
         region = self.region("VIEW_3D", "UI")
+        is_open = lambda: region.active_panel_category == step.name  # noqa: E731
+        if is_open():
+            return
+        places = [
+            (region.x + region.width - 10, y)
+            for y in range(region.y + region.height - 20, region.y, -20)
+        ]
+        with self.searching():
+            yield from self.try_places(places, is_open)
+            found = self.x, self.y
+            if not is_open():
+                raise StuckError(f"The sidebar has no tab {step.name}.")
+            yield from self.try_places(places, lambda: not is_open())
         self.clicks.append(f"tab {step.name}")
-        for y in range(region.y + region.height - 20, region.y, -20):
-            if region.active_panel_category == step.name:
-                break
-            yield from self.move(region.x + region.width - 10, y)
-            self.event("LEFTMOUSE")
-            yield 2 * MOMENT
-        if region.active_panel_category != step.name:
-            raise StuckError(f"The sidebar has no tab {step.name}.")
+        yield from self.move(*found)
+        self.event("LEFTMOUSE")
         yield BREATH
+        if not is_open():
+            raise StuckError(f"One click did not open the tab {step.name}.")
+
+    def try_places(
+        self, places: list[tuple[float, float]], is_right: Callable[[], bool]
+    ) -> Iterator[float]:
+        """Click places, one after the other, until one was the right one."""
+        for place in places:
+            yield from self.move(*place)
+            self.event("LEFTMOUSE")
+            yield 3 * MOMENT
+            if is_right():
+                return
 
     def unfold(self, step: Unfold) -> Iterator[float]:
         """Close all panels, whose headers then stand in a row, and open the wanted one."""
@@ -165,7 +206,8 @@ class Player:
         for is_alone in (True, False):  # all others are closed, then this one
             yield from self.move(x, top)
             yield BREATH
-            self.event("LEFTMOUSE", ctrl=is_alone)
+            with self.searching():
+                self.event("LEFTMOUSE", ctrl=is_alone)
             yield 4 * BREATH  # panels glide
 
         place = scenes.panels().index(step.panel)
@@ -210,16 +252,21 @@ class Player:
         params.display_type = "LIST_VERTICAL"
         yield 3 * BREATH
         region = self.region("FILE_BROWSER", "WINDOW")
-        self.clicks.append(step.name)
-        for y in range(region.y + region.height - 12, region.y, -2 * STEP):
-            if params.filename == step.name:
-                break
-            yield from self.move(region.x + 80, y)
-            self.event("LEFTMOUSE")
-            yield 3 * MOMENT
-        if params.filename != step.name:
+        is_chosen = lambda: params.filename == step.name  # noqa: E731
+        places = [
+            (region.x + 80, y) for y in range(region.y + region.height - 12, region.y, -2 * STEP)
+        ]
+        with self.searching():
+            yield from self.try_places(places, is_chosen)
+        if not is_chosen():
             raise StuckError(f"The file browser does not show {step.name}.")
+        params.filename = ""
+        yield BREATH  # or it would be a double click
+        self.clicks.append(step.name)
+        self.event("LEFTMOUSE")
         yield BREATH
+        if not is_chosen():
+            raise StuckError(f"One click did not choose {step.name}.")
 
     def until(self, step: Until) -> Iterator[float]:
         began = time.monotonic()

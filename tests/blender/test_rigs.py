@@ -203,11 +203,11 @@ def test_a_saved_file_has_both(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
     scene = bpy.context.scene
     assert scene.kiriko.result.summary == summary
-    assert scene.kiriko.result.source.name == "Kiriko Source.001"
+    assert scene.kiriko.result.source.name == "Kiriko Source"
     assert scene.kiriko.viewer.name == "Kiriko Viewer"
     choose(bpy.data.collections["Kiriko Rig.001"])
     assert scene.kiriko.tolerance == pytest.approx(0.3)
-    assert scene.kiriko.result.source.name == "Kiriko Source"
+    assert scene.kiriko.result.source.name == "Kiriko Source.001"
     assert pixels(scene.kiriko.result.source).any()
     assert scene.kiriko.viewer.name == "Kiriko Viewer.001"
 

@@ -24,6 +24,12 @@ class KirikoRig(bpy.types.PropertyGroup):
         description="Settings of 3D views that Add Rig changed, by screen, as JSON",
         options={"HIDDEN"},
     )
+    settings: StringProperty(
+        name="Settings",
+        description="The rig's settings when the file was saved, which it brings to other files, as"
+        " JSON",
+        options={"HIDDEN"},
+    )
     viewer_before: PointerProperty(
         name="Viewer Before",
         description="The viewer that the scene had before",

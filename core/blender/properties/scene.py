@@ -70,6 +70,11 @@ class KirikoScene(bpy.types.PropertyGroup):
         description="The active object whose rig was looked up last, by its name",
         options={"HIDDEN"},
     )
+    followed_uid: IntProperty(
+        name="Followed",
+        description="The number that this object has in this session; 0: known by its name",
+        options={"HIDDEN"},
+    )
     looking: StringProperty(
         name="Looking",
         description="Settings that Look Through Viewer changed and will put back, as JSON",

@@ -1,0 +1,152 @@
+"""Rigs that came into a scene otherwise than by Add Rig: as a copy of a rig's collection, or from
+another file. Each is made a rig of its own, with settings of its own, and no result.
+"""
+
+import json
+from collections.abc import Iterable
+from secrets import token_hex
+
+import bpy
+
+from .active_rig import (
+    clear_settings,
+    copy_settings,
+    has_settings,
+    keep_as,
+    make_active,
+    set_settings,
+    settings_of,
+    settings_text,
+)
+from .kept import Changed
+from .rigs import RIG_MARK, active_rig, held_by, mark_of, marked_key, rigs, take_in
+
+NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before
+
+
+def keep_settings(scene: bpy.types.Scene) -> None:
+    """Have the collections of a scene's rigs hold their settings, too, as they are now: by these
+    the rigs are appended to other files.
+    """
+    for rig in rigs(scene):
+        if rig.is_editable and has_settings(scene, rig):
+            rig.kiriko.settings = settings_text(settings_of(scene, rig))
+
+
+def take_newcomers(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """Make rigs that came in since the last call rigs of their own; returns them."""
+    if not scene.is_editable:
+        return []
+    groups = [group for group in scene.collection.children_recursive if group.kiriko.key]
+    groups = list(dict.fromkeys(groups))  # one may be in two others
+    firsts = rigs(scene)
+    brought = []
+    for rig in firsts:
+        if _is_brought(scene, rig):
+            _settle_in(scene, rig)
+            brought.append(rig)
+
+    copies = [group for group in groups if group not in firsts and _has_own(group, firsts)]
+    for copy in copies:
+        _part(scene, next(one for one in firsts if one.kiriko.key == copy.kiriko.key), copy)
+    return [*brought, *copies]
+
+
+def _has_own(copy: bpy.types.Collection, firsts: list[bpy.types.Collection]) -> bool:
+    """Has a copy of a rig's collection, which can be changed, things that the rig has not?"""
+    first = next(one for one in firsts if one.kiriko.key == copy.kiriko.key)
+    is_ours = copy.is_editable and copy.override_library is None
+    return is_ours and not set(held_by(copy)) <= set(held_by(first))
+
+
+def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.Collection) -> None:
+    """Make a copy of a rig's collection a rig of its own, with the settings of the first and, where
+    that stands outside its collection, around the same glass.
+    """
+    active = active_rig(scene)
+    make_active(scene, active)  # names it, where a file of before does not
+    key, new = first.kiriko.key, token_hex(8)
+    own = [thing for thing in held_by(copy) if thing not in set(held_by(first))]
+    viewer = settings_of(scene, first).viewer
+    twin = _twin(viewer, own) if viewer in set(held_by(first)) else viewer
+    around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
+    around = [thing for thing in around if thing not in {*held_by(first), *own}]
+
+    copy.kiriko.key = new
+    copy.kiriko.property_unset("views")  # nothing was changed for it
+    copy.kiriko.changed = Changed(new, NO_RESULT).text()
+    _mark_anew([copy, *own, *_data_of(own)], key, new)
+    for thing in own:
+        _take_over(thing, key, new)
+    for thing in around:
+        take_in(thing, copy)
+
+    kept = scene.kiriko_others.add()
+    kept.key = new
+    copy_settings(settings_of(scene, first), kept.settings)
+    clear_settings(kept.settings.result)
+    kept.settings.is_of_rig, kept.settings.viewer = True, twin
+
+
+def _twin(viewer: bpy.types.Object, things: list[bpy.types.Object]) -> bpy.types.Object | None:
+    """The copy of a viewer among copies of a rig's things."""
+    cameras = [thing for thing in things if thing.type == "CAMERA"]
+    marked = [thing for thing in cameras if mark_of(thing) == mark_of(viewer)]
+    return (marked or cameras or [viewer])[0]
+
+
+def _data_of(things: list[bpy.types.Object]) -> list[bpy.types.ID]:
+    """Data and materials of objects that no other objects have."""
+    found = [thing.data for thing in things if thing.data is not None]
+    found += [slot.material for thing in things for slot in thing.material_slots if slot.material]
+    users = bpy.data.user_map(subset=found)
+    return [block for block in dict.fromkeys(found) if users[block] <= {*things, *found}]
+
+
+def _mark_anew(blocks: Iterable[bpy.types.ID], key: str, new: str) -> None:
+    """Have datablocks that Add Rig made for one rig be those of another."""
+    for block in blocks:
+        if marked_key(block) == key:
+            block[RIG_MARK] = json.dumps([new, block.name])
+
+
+def _take_over(thing: bpy.types.Object, key: str, new: str) -> None:
+    """Have an object that a rig took in, or changed, be that of another."""
+    ours = thing.kiriko
+    if key in ours.rigs.split():
+        ours.rigs = " ".join(new if one == key else one for one in ours.rigs.split())
+        ours.taken_as = thing.name
+    if ours.changed and (kept := Changed.read(ours.changed)).rig == key:
+        ours.changed = Changed(new, kept.changes).text()
+
+
+def _is_brought(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
+    """Has a rig no settings in this scene, since it is from another file?
+
+    Files of before there were several do not name their rig; it is the one that has the viewer.
+    """
+    ours = scene.kiriko
+    if ours.rig:
+        return not has_settings(scene, rig)
+    return ours.viewer is None and ours.result.source is None and not ours.is_of_rig
+
+
+def _settle_in(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
+    """Give a rig settings in a scene: those that it brings, else the defaults, and its viewer.
+
+    The first rig of a scene that brings none takes the scene's, as one of Add Rig does.
+    """
+    settings, text = scene.kiriko, rig.kiriko.settings
+    if settings.rig:
+        kept = scene.kiriko_others.add()
+        kept.key, settings = rig.kiriko.key, kept.settings
+    else:
+        settings.rig = rig.kiriko.key
+        if text:
+            keep_as(scene, "")
+    if text or settings != scene.kiriko:
+        set_settings(settings, text)
+        settings.is_of_rig = True
+    cameras = [thing for thing in held_by(rig) if thing.type == "CAMERA"]
+    viewers = [thing for thing in cameras if marked_key(thing) == rig.kiriko.key] or cameras
+    settings.viewer = next(iter(viewers), None)

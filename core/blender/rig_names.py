@@ -1,0 +1,28 @@
+"""Names of a rig's results, in the outliner and in sentences: with the number of their rig, or its
+name.
+"""
+
+import re
+
+import bpy
+
+from ..messages import Message
+from .own_words import data_name
+from .rigs import active_rig
+
+RIG = Message("Kiriko Rig")
+NUMBER = re.compile(r"\.\d{3,}$")
+
+
+def name_for(scene: bpy.types.Scene, name: str) -> str:
+    """The name of a result of a scene's active rig: with the number of the rig's collection, and
+    with its name where the artist gave it one.
+    """
+    rig = active_rig(scene)
+    if rig is None:
+        return name
+    number = NUMBER.search(rig.name)
+    own = rig.name[: number.start()] if number else rig.name
+    if own in {RIG, data_name(RIG)}:
+        return f"{name}{number.group() if number else ''}"
+    return f"{name} {rig.name}"

@@ -1,0 +1,431 @@
+"""Rigs that artists delete, duplicate, append, link and rename by Blender's own means."""
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import cube, pixels
+from test_remove_rig import differences, snapshot
+from test_rigs import add, choose, gem, two
+
+
+def roles(kiriko: ModuleType) -> dict[str, list[str]]:
+    """Names of the active rig's parts, by their roles."""
+    rig = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read(bpy.context).rig
+    fields = ("glasses", "plates", "displays", "pictures", "viewers")
+    return {name: sorted(part.name for part in getattr(rig, name)) for name in fields}
+
+
+def look(kiriko: ModuleType) -> None:
+    """As the timer does it."""
+    importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look()
+
+
+def delete_alone(rig: bpy.types.Collection) -> list[bpy.types.Object]:
+    """As the outliner's Delete: its things go to where it was."""
+    things = list(rig.objects)
+    for thing in things:
+        bpy.context.scene.collection.objects.link(thing)
+    bpy.data.collections.remove(rig)
+    return things
+
+
+def duplicate(rig: bpy.types.Collection) -> bpy.types.Collection:
+    """As the outliner's Duplicate Collection: its objects and their data are copied, too."""
+    copy = rig.copy()
+    bpy.context.scene.collection.children.link(copy)
+    for thing in rig.objects:
+        twin = thing.copy()
+        twin.data = thing.data.copy()
+        copy.objects.unlink(thing)
+        copy.objects.link(twin)
+    return copy
+
+
+def test_parts_without_a_collection_are_of_their_own_rig_alone(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """The gem's parts stay when its collection is deleted; the cube is solved as before."""
+    first, second = two()
+    choose(first)
+    before = roles(kiriko)
+    delete_alone(second)
+    look(kiriko)
+    assert roles(kiriko) == before
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_a_rig_goes_on_without_its_collection(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """As long as it is the only one; around other glass a new one is made."""
+    first = add(cube())
+    before = roles(kiriko)
+    things = delete_alone(first)
+    look(kiriko)
+    assert roles(kiriko) == before
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+    second = add(gem())
+    look(kiriko)
+    assert roles(kiriko)["glasses"] == ["Gem"]
+    assert roles(kiriko)["displays"] == ["Kiriko Display.001"]
+    for thing in things:  # put into the new one they are parts of it
+        second.objects.link(thing)
+    assert len(roles(kiriko)["displays"]) == 2
+
+
+def test_what_a_dead_rig_changed_is_put_back(scene: bpy.types.Scene) -> None:
+    """A material of two rigs' glass is put back with the last one that is there."""
+    glass = bpy.data.materials.new("Glass")
+    for thing in (cube(), gem()):
+        thing.data.materials.append(glass)
+    add(scene.objects["Cube"])
+    delete_alone(add(scene.objects["Gem"]))
+    bpy.context.view_layer.objects.active = scene.objects["Cube"]
+    bpy.ops.kiriko.remove_rig()
+    assert glass.diffuse_color[3] == 1
+
+
+@pytest.mark.parametrize("is_named_anew", [False, True])
+def test_a_duplicated_collection_is_a_rig_of_its_own(
+    kiriko: ModuleType, scene: bpy.types.Scene, is_named_anew: bool
+) -> None:
+    """Around the same glass, with the same settings and no result; the first one is as it was."""
+    first = add(cube())
+    if is_named_anew:
+        first.name = "Goblet"
+    scene.kiriko.tolerance = 0.3
+    bpy.ops.kiriko.solve()
+    source = pixels(scene.kiriko.result.source)
+    before = roles(kiriko)
+    copy = duplicate(first)
+    look(kiriko)
+
+    assert copy.kiriko.key not in {"", first.kiriko.key}
+    assert roles(kiriko) == before
+    assert np.array_equal(pixels(scene.kiriko.result.source), source)
+    choose(copy)
+    ours = scene.kiriko
+    assert ours.tolerance == pytest.approx(0.3)
+    assert ours.result.source is None
+    assert ours.result.summary == ""
+    assert ours.viewer in set(copy.objects)
+    mine = roles(kiriko)
+    assert mine.pop("glasses") == before["glasses"]
+    assert all(names != before[role] for role, names in mine.items())
+    bpy.ops.kiriko.solve()
+    assert np.array_equal(pixels(ours.result.source), source)
+    choose(first)
+    assert np.array_equal(pixels(scene.kiriko.result.source), source)
+    assert len({settings.result.source for settings in all_settings(scene)}) == 2
+
+
+def all_settings(scene: bpy.types.Scene) -> list[Any]:
+    return [scene.kiriko, *(one.settings for one in scene.kiriko_others)]
+
+
+@pytest.mark.parametrize("is_copy_first", [False, True])
+def test_a_duplicate_and_its_rig_are_removed(
+    kiriko: ModuleType, scene: bpy.types.Scene, is_copy_first: bool
+) -> None:
+    """In either order the scene is as it was before both."""
+    thing = cube()
+    thing.select_set(False)
+    scene.kiriko.tolerance = 0.2
+    before = snapshot()
+    rigs = [add(thing)]
+    bpy.ops.kiriko.solve()
+    rigs.append(duplicate(rigs[0]))
+    look(kiriko)
+    for rig in rigs[:: -1 if is_copy_first else 1]:
+        choose(rig)
+        other = next((one for one in rigs if one != rig), None)
+        bpy.ops.kiriko.remove_rig()
+        rigs.remove(rig)
+        if rigs:
+            assert thing.kiriko.role == "GLASS"
+            assert {one.kiriko.role for one in other.objects} == {
+                "NONE", "PLATE", "PICTURE", "DISPLAY"
+            }  # fmt: skip
+            look(kiriko)
+            assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    thing.select_set(False)
+    bpy.context.view_layer.objects.active = None
+    assert differences(before, snapshot()) == []
+
+
+def test_a_ball_within_the_collection_is_duplicated_with_it(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Glass in the collection has its own copy in the other."""
+    bpy.ops.kiriko.add_rig(
+        viewer_resolution=32, display_resolution=(32, 32), picture_size=0.02, display_size=0.05
+    )
+    first = scene.collection.children[-1]
+    copy = duplicate(first)
+    look(kiriko)
+    choose(copy)
+    assert roles(kiriko)["glasses"] == ["Kiriko Ball.001"]
+    choose(first)
+    assert roles(kiriko)["glasses"] == ["Kiriko Ball"]
+
+
+def test_a_full_copy_of_a_scene_has_images_of_its_own(scene: bpy.types.Scene) -> None:
+    """Solved there, the first scene's result and display are as they were."""
+    rig = add(cube())
+    bpy.ops.kiriko.solve()
+    source = scene.kiriko.result.source
+    before = pixels(source)
+    bpy.ops.scene.new(type="FULL_COPY")
+    copy = bpy.context.scene
+    display = next(thing for thing in copy.objects if thing.kiriko.role == "DISPLAY")
+    bpy.data.objects["Cube"].kiriko.ior = copy.objects["Cube.001"].kiriko.ior = 1.6
+    copy.objects["Cube.001"].kiriko.use_ior = True
+    bpy.ops.kiriko.solve()
+
+    own = copy.kiriko.result.source
+    assert own != source
+    assert scene.kiriko.result.source == source
+    assert np.array_equal(pixels(source), before)
+    assert not np.array_equal(pixels(own), before)
+    first = next(thing for thing in rig.objects if thing.kiriko.role == "DISPLAY")
+    for thing, image in ((first, source), (display, own)):
+        nodes = thing.active_material.node_tree.nodes
+        assert [node.image for node in nodes if node.type == "TEX_IMAGE"] == [image]
+    bpy.ops.kiriko.solve()
+    assert len([one for one in bpy.data.images if "Source" in one.name]) == 2
+
+
+def test_live_in_a_full_copy_writes_its_own_image(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Which takes pixels in place otherwise."""
+    add(cube())
+    bpy.ops.kiriko.solve()
+    before = pixels(scene.kiriko.result.source)
+    bpy.ops.scene.new(type="FULL_COPY")
+    copy = bpy.context.scene
+    live = kiriko.operators.live
+    live.start(copy)
+    try:
+        copy.objects["Cube.001"].kiriko.use_ior, copy.objects["Cube.001"].kiriko.ior = True, 1.6
+        while live.tick() != live.live_follower.IDLE:
+            pass
+    finally:
+        live.stop()
+    assert np.array_equal(pixels(scene.kiriko.result.source), before)
+    assert not np.array_equal(pixels(copy.kiriko.result.source), before)
+
+
+def saved(scene: bpy.types.Scene, path: Path) -> None:
+    """A file with a rig whose glass lies in its collection, with settings."""
+    glass = cube()
+    rig = add(glass)
+    scene.collection.objects.unlink(glass)
+    rig.objects.link(glass)
+    scene.kiriko.tolerance, scene.kiriko.margin, scene.kiriko.ghosts = 0.3, 7, "STRONGEST"
+    scene.kiriko.picture.gamma = 1.5
+    bpy.ops.kiriko.solve()
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def bring(path: Path, is_link: bool) -> bpy.types.Collection:
+    """Append or link the rig's collection, as the file browser does."""
+    with bpy.data.libraries.load(str(path), link=is_link) as (_, wanted):
+        wanted.collections = ["Kiriko Rig"]
+    (rig,) = wanted.collections
+    bpy.context.scene.collection.children.link(rig)
+    return rig
+
+
+@pytest.mark.parametrize("has_another", [False, True])
+@pytest.mark.parametrize("is_link", [False, True])
+def test_a_rig_from_another_file_brings_viewer_and_settings(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, is_link: bool, has_another: bool
+) -> None:
+    """Beside another rig, or alone. A linked display keeps its material, and the notes say so."""
+    saved(scene, tmp_path / "rig.blend")
+    scene = bpy.context.scene
+    scene.kiriko.tolerance = 0.05
+    if has_another:
+        other = add(gem())
+    rig = bring(tmp_path / "rig.blend", is_link)
+    bpy.context.view_layer.update()
+    look(kiriko)
+    assert scene.kiriko.tolerance == pytest.approx(0.05 if has_another else 0.3)
+    choose(rig)
+    ours = scene.kiriko
+    assert ours.viewer in set(rig.objects)
+    assert (ours.tolerance, ours.margin, ours.ghosts) == (pytest.approx(0.3), 7, "STRONGEST")
+    assert ours.picture.gamma == pytest.approx(1.5)
+    assert roles(kiriko)["glasses"] == ["Cube"]
+    assert ours.result.source is None
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    if is_link:
+        assert "is linked from another file: give it the image" in ours.result.notes
+        bpy.context.view_layer.objects.active = None
+        with pytest.raises(RuntimeError, match="'Kiriko Rig' is linked from another file: unlink"):
+            bpy.ops.kiriko.remove_rig()
+        return
+    bpy.context.view_layer.objects.active = None
+    bpy.ops.kiriko.remove_rig()
+    assert rig not in list(scene.collection.children)
+    if has_another:
+        assert list(scene.collection.children) == [other]
+    assert scene.kiriko.tolerance == pytest.approx(0.05)
+
+
+def test_a_rig_that_is_appended_twice_is_two(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Each with its own viewer, and solved beside the other."""
+    saved(scene, tmp_path / "rig.blend")
+    first = bring(tmp_path / "rig.blend", is_link=False)
+    second = bring(tmp_path / "rig.blend", is_link=False)
+    bpy.context.view_layer.update()
+    look(kiriko)
+    for rig, glass in ((first, "Cube"), (second, "Cube.001")):
+        choose(rig)
+        assert bpy.context.scene.kiriko.viewer in set(rig.objects)
+        assert roles(kiriko)["glasses"] == [glass]
+
+
+def test_a_renamed_object_is_no_other(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """A rig that was chosen by hand stays; another object of the old name is another. Also after
+    the file was opened again, where objects have other numbers.
+    """
+    first, second = two()
+    gem_ = scene.objects["Gem"]
+    bpy.context.view_layer.objects.active = gem_
+    look(kiriko)
+    choose(first)
+    gem_.name = "Diamond"
+    look(kiriko)
+    assert scene.kiriko.rig == first.kiriko.key
+    scene.objects["Cube"].name = "Gem"
+    bpy.context.view_layer.objects.active = scene.objects["Gem"]
+    look(kiriko)
+    bpy.context.view_layer.objects.active = gem_
+    look(kiriko)
+    assert scene.kiriko.rig == second.kiriko.key
+    choose(first)
+    gem_.name = "Ruby"
+    look(kiriko)
+
+
+def test_a_choice_outlives_the_session(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """The object is known by its name there, also by one that it got since."""
+    first, _ = two()
+    bpy.context.view_layer.objects.active = scene.objects["Gem"]
+    choose(first)
+    scene.objects["Gem"].name = "Diamond"
+    look(kiriko)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "two.blend"))
+    for _ in range(3):  # numbers go on
+        bpy.data.objects.new("Thing", None)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "two.blend"))
+    scene = bpy.context.scene
+    key = scene.kiriko.rig
+    look(kiriko)
+    assert scene.kiriko.rig == key
+    assert scene.kiriko.followed_uid in {0, scene.objects["Diamond"].session_uid}
+
+
+def test_a_scene_of_another_file_is_left_alone(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Each button that would change it is grey, and says why."""
+    saved(scene, tmp_path / "rig.blend")
+    with bpy.data.libraries.load(str(tmp_path / "rig.blend"), link=True) as (_, wanted):
+        wanted.scenes = ["Scene"]
+    (linked,) = wanted.scenes
+    with bpy.context.temp_override(scene=linked, view_layer=linked.view_layers[0]):
+        look(kiriko)
+        for verb in ("remove_rig", "solve", "add_rig", "preview", "report", "live", "fit_plate",
+                     "choose_rig", "visible_range", "simulate", "rescale_scene"):  # fmt: skip
+            with pytest.raises(RuntimeError, match="The scene is linked from another file: open"):
+                getattr(bpy.ops.kiriko, verb)()
+        assert bpy.ops.kiriko.export.poll()
+
+
+def test_results_have_the_number_of_their_rig(scene: bpy.types.Scene) -> None:
+    """Whichever is solved first; or its name, where the artist gave it one."""
+    rigs = first, second = two()
+    for rig, number in ((second, ".001"), (first, "")):
+        choose(rig)
+        bpy.ops.kiriko.solve()
+        bpy.ops.kiriko.visible_range(share=0.01)
+        assert scene.kiriko.result.source.name == f"Kiriko Source{number}"
+        assert f"Kiriko Visible Range{number}" in rig.objects
+    first.name = "Goblet"
+    for rig in rigs:
+        choose(rig)
+        bpy.ops.kiriko.solve()
+    assert {one.result.source.name for one in all_settings(scene)} == {
+        "Kiriko Source Goblet", "Kiriko Source.001"
+    }  # fmt: skip
+
+
+def test_what_was_hidden_for_a_rig_is_shown_once_that_is_deleted(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Looked through, and deleted by hand meanwhile."""
+    first, second = two()
+    choose(first)
+    bpy.ops.kiriko.look_through()
+    others = [thing for thing in second.objects if thing.type != "CAMERA"]
+    assert all(thing.hide_viewport for thing in others)
+    engine = scene.render.engine
+    for thing in list(first.objects):
+        bpy.data.objects.remove(thing)
+    bpy.data.collections.remove(first)
+    look(kiriko)
+    assert not any(thing.hide_viewport for thing in others)
+    assert not scene.kiriko.looking
+    assert scene.render.engine != engine
+    assert scene.kiriko.rig == second.kiriko.key
+
+
+def test_undo_reads_only_images_that_it_changed(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Solved anew, and taken back: that rig's image is read anew, the other's is not."""
+    image = importlib.import_module(f"{kiriko.__name__}.core.blender.image")
+    made = importlib.import_module(f"{kiriko.__name__}.core.blender.made_for_rig")
+    first, second = two()
+    for rig in (first, second):
+        choose(rig)
+        bpy.ops.kiriko.solve()
+    bpy.ops.ed.undo_push(message="Solved")
+    before = pixels(bpy.context.scene.kiriko.result.source)
+    live = kiriko.operators.live
+    live.start(bpy.context.scene)
+    bpy.context.scene.objects["Gem"].kiriko.ior = 1.5
+    while live.tick() != live.live_follower.IDLE:
+        pass
+    live.stop()
+    bpy.ops.ed.undo_push(message="Live")
+    assert not np.array_equal(pixels(bpy.context.scene.kiriko.result.source), before)
+
+    read = []
+    monkeypatch.setattr(
+        made, "read_anew", lambda one: read.append((one.name, image.read_anew(one)))
+    )
+    for step, is_undo in ((bpy.ops.ed.undo, True), (bpy.ops.ed.redo, False)):
+        read.clear()
+        step()
+        assert dict(read) == {"Kiriko Source": False, "Kiriko Source.001": True}
+        now = pixels(bpy.context.scene.kiriko.result.source)
+        assert np.array_equal(now, before) == is_undo
+    bpy.context.scene.kiriko.margin = 3
+    bpy.ops.ed.undo_push(message="Margin")
+    read.clear()
+    bpy.ops.ed.undo()
+    assert dict(read) == {"Kiriko Source": False, "Kiriko Source.001": False}
