@@ -140,6 +140,27 @@ RIG = Section(
             "アウトライナーのアイコンを右クリックすると、キーフレームを削除できます。",
         ),
         Advice(
+            "'{name}' stays hidden, for the strip '{strip}' of its nonlinear animation hides it in"
+            " frame {frame}: mute the strip, or go to a frame in which it is shown.",
+            "In the Nonlinear Animation editor, select the strip and press H.",
+            "ノンリニアアニメーションのエディターでストリップを選択し、H キーを押します。",
+        ),
+        Advice(
+            "The rig '{rig}' is linked from another file: unlink its collection, or make it local"
+            " first.",
+            "In the outliner, a right click on the collection has Unlink and Make Local.",
+            "アウトライナーでコレクションを右クリックすると、リンク解除とローカル化があります。",
+        ),
+        Advice(
+            "The rig with which {button} began is gone: begin again.",
+            "It was deleted while the dialogue was open. Ctrl Z brings it back.",
+            "ダイアログを開いている間に削除されました。Ctrl Z で元に戻ります。",
+            alike=(
+                "The scene with which {button} began is gone: begin again.",
+                "{button} began in the scene '{scene}', and another one is shown: begin again.",
+            ),
+        ),
+        Advice(
             "'{name}' stays hidden{by}: it is linked from another file, or driven.",
             "Show it in its own file, or make it local: Object > Relations > Make Local.",
             "元のファイルで表示するか、オブジェクト > 関係 > ローカル化 を使います。",
