@@ -16,6 +16,7 @@ from . import (
     display_preset,
     export,
     export_atlas,
+    export_job,
     export_maps,
     fit_display,
     fit_picture,
@@ -38,6 +39,7 @@ from . import (
     proposal,
     remove_rig,
     report,
+    show_window,
     simulate,
     sketcher,
     solve,
@@ -91,6 +93,8 @@ CLASSES = (
     export.KIRIKO_OT_export,
     export_maps.KIRIKO_OT_export_maps,
     export_atlas.KIRIKO_OT_export_atlas,
+    export_job.KIRIKO_OT_export_job,
+    show_window.KIRIKO_OT_show_window,
     report.KIRIKO_OT_report,
     bench_drawing.KIRIKO_OT_bench_drawing,
     lattice_picture.KIRIKO_OT_lattice_picture,
@@ -111,6 +115,7 @@ def register() -> None:
         bpy.utils.register_class(in_own_words(cls))
     live.register()
     look_through.register()
+    show_window.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     choose_rig.register()
     open_manual.register()
@@ -129,6 +134,7 @@ def unregister() -> None:
     watch.unregister()
     open_manual.unregister()
     choose_rig.unregister()
+    show_window.unregister()
     look_through.unregister()
     live.unregister()
     compared.unregister()

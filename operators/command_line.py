@@ -14,7 +14,7 @@ import bpy
 from ..core import disk, image_io
 from ..core.blender.kept import Numbers
 from ..core.blender.rigs import rigs
-from ..core.errors import ImageError, KirikoError, RigError
+from ..core.errors import KirikoError, RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
 from ..core.warp.files import SIDECAR
@@ -23,9 +23,11 @@ from . import (
     bench_drawing,
     export_atlas,
     export_maps,
+    farm_verbs,
     folder,
     frames_to_folder,
     report,
+    set_value,
     solve_to_folder,
     telling,
     work,
@@ -33,8 +35,9 @@ from . import (
 from .calibrate import calibrated
 from .choose_rig import choose_by_name
 from .export import use_bundled_modules
+from .farm_verbs import ALL
+from .save_copy import save_copy
 
-ALL = "all"  # in place of a rig's name
 USAGE_ERROR = 2  # exit code, as other commands have it
 
 
@@ -70,6 +73,15 @@ def parser() -> argparse.ArgumentParser:
     )
     shared.add_argument(
         "--overwrite", action="store_true", help="replace results that are there already"
+    )
+    shared.add_argument(
+        "--set",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("PROPERTY", "VALUE"),
+        help="give a property another value first, such as kiriko.tolerance 0.05 of the scene, or"
+        ' objects["Glass"].kiriko.ior 1.5',
     )
     shared.add_argument(
         "--rig",
@@ -186,6 +198,7 @@ def parser() -> argparse.ArgumentParser:
         help="the result, in the .blend: as an offset, or by moving its objects (offset)",
     )
     calibrate.set_defaults(run=_calibrate)
+    farm_verbs.add_verbs(verbs, shared)
 
     return top
 
@@ -240,6 +253,10 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     with folder.made(arguments.out):
+        yield from set_value.set_values(arguments.set)
+        if arguments.run == farm_verbs.write_job:  # which has tasks for rigs
+            yield from arguments.run(arguments)
+            return
         if arguments.rig == ALL:
             yield from _each_rig(arguments)
             return
@@ -352,14 +369,5 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield from solve_to_folder.solve(arguments)
     disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
 
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(file.absolute()), copy=True)
-    except RuntimeError as reason:
-        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
-        raise ImageError(
-            "The file '{file}' cannot be written ({why}): choose another folder.",
-            file=file,
-            why=why,
-        ) from None
-
+    save_copy(file)
     yield Message("wrote '{details}' and '{file}' there, too", details=details.name, file=file.name)

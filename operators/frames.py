@@ -22,6 +22,7 @@ from ..core.blender.image import save_png
 from ..core.blender.moving import Reel
 from ..core.blender.shapes import Kept
 from ..core.errors import ImageError, KirikoError
+from ..core.farm.join import LOG
 from ..core.light.kept import Kept as KeptGlass
 from ..core.messages import Message, joined
 from ..core.solve.session import Session
@@ -29,8 +30,6 @@ from ..core.solve.solution import Solution
 from ..core.steps import within
 from . import work
 from .export import gamma_of
-
-LOG = "frames.jsonl"  # beside the files: a line for each frame that was solved
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,14 @@ class Run:
     overwrite : replace files that are there already; else these frames are left out
     placeholders : an empty file stands for each frame while it is solved, so that other processes
         leave it out
+    log : name of the file beside them that gets a line for each frame that was solved
     """
 
     files: dict[int, Path]
     form: str
     overwrite: bool = False
     placeholders: bool = False
+    log: str = LOG
 
 
 @dataclass
@@ -167,7 +168,7 @@ def _one(
         solution = yield from keeps.session.solve(reading.rig, work.settings_of(scene))
     except KirikoError as error:
         tally.failed.append((frame, error.message))
-        _log(path, line, began, error=str(error))
+        _log(path.parent / run.log, line, began, error=str(error))
         return
 
     try:
@@ -180,7 +181,7 @@ def _one(
             overwrite=True,  # another process may have written the same meanwhile
             save_png=save_png,
         )
-        _log(path, line, began, **_done(solution), error=None)
+        _log(path.parent / run.log, line, began, **_done(solution), error=None)
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
@@ -201,7 +202,7 @@ def _done(solution: Solution) -> dict[str, Any]:
 def _log(path: Path, line: dict[str, Any], began: float, **rest: object) -> None:
     """Add a frame's line to the log."""
     whole = {**line, "seconds": round(perf_counter() - began, 4), **rest}
-    disk.append_line(path.parent / LOG, json.dumps(whole))
+    disk.append_line(path, json.dumps(whole))
 
 
 @contextmanager

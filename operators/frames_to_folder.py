@@ -9,6 +9,7 @@ import bpy
 from ..core import image_io
 from ..core.blender.frames import frame_files, frames_of_range
 from ..core.errors import RigError
+from ..core.farm.join import LOG, log_of
 from ..core.frame_list import frames_of
 from ..core.messages import Message
 from . import frames, solve_to_folder
@@ -35,6 +36,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="an empty file for each frame while it is solved, which other processes leave out",
     )
+    parser.add_argument(
+        "--log",
+        metavar="PART",
+        help="a log of its own for this process, which 'join' puts together with the others",
+    )
 
 
 def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
@@ -51,7 +57,13 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     files = wanted(arguments, context.scene)
     yield from solve_to_folder.products_given(context, arguments)
     yield Message("solving {n} frames of '{file}'", n=len(files), file=Path(bpy.data.filepath).name)
-    run = frames.Run(files, arguments.format, arguments.overwrite, arguments.placeholders)
+    run = frames.Run(
+        files,
+        arguments.format,
+        arguments.overwrite,
+        arguments.placeholders,
+        LOG if arguments.log is None else log_of(arguments.log),
+    )
     tally = yield from solve_to_folder.told_in_tenths(frames.solved(context, run))
     if tally.failed:
         raise RigError("{told}", told=tally.told(arguments.out))

@@ -9,10 +9,10 @@ def all_windows() -> list[bpy.types.Window]:
 
 
 def redraw() -> None:
-    """Have panels, viewports and image editors drawn again."""
+    """Have panels, viewports, image editors and show windows drawn again."""
     for window in all_windows():
         for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR", "TEXT_EDITOR"}:  # the last: show windows
                 area.tag_redraw()
 
 

@@ -18,7 +18,9 @@ from . import (
     result,
     rig,
     rigs,
+    show,
     shown_images,
+    shown_pixels,
     solve,
     wipe,
 )
@@ -37,6 +39,7 @@ CLASSES = (
     object.OBJECT_PT_kiriko,
     rig.VIEW3D_PT_kiriko_rig,
     export.VIEW3D_PT_kiriko_export,
+    show.VIEW3D_PT_kiriko_show,
     export.VIEW3D_PT_kiriko_report,
     calibration.VIEW3D_PT_kiriko_lattice,
     calibration.VIEW3D_PT_kiriko_calibration,
@@ -60,12 +63,14 @@ def register() -> None:
     shown_images.register()
     overlay.register()
     wipe.register()
+    shown_pixels.register()
     range_view.register()
 
 
 def unregister() -> None:
     """Take them away."""
     range_view.unregister()
+    shown_pixels.unregister()
     wipe.unregister()
     overlay.unregister()
     shown_images.unregister()

@@ -30,6 +30,7 @@ class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
         layout.operator("kiriko.export", icon="EXPORT")
         layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
+        layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
 
 

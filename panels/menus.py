@@ -50,6 +50,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.export", icon="EXPORT").choose = True
         layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
+        layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
+        layout.operator("kiriko.show_window", icon="WINDOW")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.report", icon="GRAPH")
         layout.separator()

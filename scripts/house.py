@@ -34,6 +34,7 @@ ROOMS = (
     "core/solve",
     "core/warp",
     "core/atlas",
+    "core/farm",
     "core/bench/lattice",
     "core/bench/drawing",
     "core/bench",

@@ -994,6 +994,65 @@ FILES = Section(
     ),
 )
 
+FARM = Section(
+    "A farm",
+    "レンダーファーム",
+    (
+        Advice(
+            "{n} of {whole} images are missing in '{folder}' ({names}{more}): run their tasks"
+            " again.",
+            "A task that failed tells its reason in its log; one that is run again leaves alone"
+            " what is there.",
+            "失敗したタスクのログに理由があります。もう一度実行しても、すでにある画像は変わりません。",
+        ),
+        Advice(
+            "The image '{path}' has {width} x {height} pixels, and the first of its job has {first}"
+            " x {second}: remove it and run its task again.",
+            "It may be left of an earlier job with another display.",
+            "別のディスプレイを使った以前のジョブのものかもしれません。",
+        ),
+        Advice(
+            "The job has one task only: give it frames, rigs or values.",
+            "A single image needs no farm: solve does it.",
+            "画像 1 枚にファームは要りません。solve を使います。",
+        ),
+        Advice(
+            "A task of the job has no frames: set 1 or more for each.",
+            "As many frames as take some minutes are a good task.",
+            "数分で終わるフレーム数が適当です。",
+        ),
+        Advice(
+            "The job has {n} values, and a task parameter takes {most}: make several jobs.",
+            "Open Job Description sets this bound.",
+            "Open Job Description の上限です。",
+        ),
+        Advice(
+            "The name '{text}' has two braces, which a job reads as a parameter: rename it.",
+            "Open Job Description has no way to write them otherwise.",
+            "Open Job Description では、ほかの書き方がありません。",
+        ),
+        Advice(
+            "This Kiriko lacks its file '{name}', so that it cannot be packed for the farm: name"
+            " its zip.",
+            "Install Kiriko from its zip, or name the zip by --zip.",
+            "Kiriko を zip からインストールするか、--zip で zip を指定します。",
+            alike=("There is no zip '{path}': name one that is there.",),
+        ),
+        Advice(
+            "The job has no folder: choose one.",
+            "All workers have to see it, or the scheduler copies it.",
+            "すべてのワーカーから見えるフォルダーにするか、スケジューラーがコピーします。",
+        ),
+        Advice(
+            "The file has no property '{path}' that could be set: name it as in"
+            ' objects["Glass"].kiriko.ior, or kiriko.tolerance of the scene.',
+            "Copy Full Data Path, by a right click on the setting, has it behind bpy.data.",
+            "設定を右クリックしてフルデータパスをコピーすると、bpy.data の後ろにあります。",
+            alike=("The property '{path}' cannot be '{text}': give it a value of its kind.",),
+        ),
+    ),
+)
+
 ANY = Section(
     "Any button",
     "どのボタンでも",
@@ -1087,7 +1146,7 @@ ATLAS = Section(
     ),
 )
 
-SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ATLAS, ANY
+SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ATLAS, FARM, ANY
 
 # Only scripts that call core by themselves meet these: Blender's fields take no such values,
 # its meshes have no such faces, and a preview is made of a rig that has a viewer.

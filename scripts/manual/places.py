@@ -49,6 +49,8 @@ PLACES = {
     ),
     "formats.md#source": ("KirikoScene.export_format",),
     "formats.md#files": ("kiriko.export_maps", "kiriko.export_atlas", "kiriko.report"),
+    "show.md#window": ("kiriko.show_window", "KirikoView.show_rig"),
+    "show.md#farm": ("kiriko.export_job",),
 }
 LEADING = """<!doctype html>
 <meta charset="utf-8">

@@ -25,6 +25,7 @@ ROOMS = (
     "solve",
     "warp",
     "atlas",
+    "farm",
     "bench.lattice",
     "bench.drawing",
     "bench",

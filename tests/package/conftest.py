@@ -62,6 +62,12 @@ def zips() -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
+def own_zip(zips: dict[str, Path]) -> Path:
+    """The zip for this machine."""
+    return zips[PLATFORMS[platform.system(), platform.machine()]]
+
+
+@pytest.fixture(scope="session")
 def contents(zips: dict[str, Path]) -> dict[str, list[str]]:
     """Names of the files in the zips, by platform."""
     return {name: ZipFile(path).namelist() for name, path in zips.items()}

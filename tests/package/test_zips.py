@@ -121,10 +121,11 @@ def test_zip_has_the_package_and_nothing_else(
         ROOT / "__init__.py",
         *(p for room in ROOMS for p in ROOT.glob(f"{room}/**/*.py")),
         *ROOT.glob("languages/*.po"),
+        *(ROOT / "farm" / name for name in ("kiriko_bootstrap.py", "kiriko_frames.js")),
         *(ROOT / "assets" / name for name in ("kiriko_plate.blend", "blender_assets.cats.txt")),
     ]
     assert {path.relative_to(ROOT).as_posix() for path in code} <= names
-    rooms = {*ROOMS, "assets", "manual", "wheels"}
+    rooms = {*ROOMS, "assets", "farm", "manual", "wheels"}
     files = {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
     assert {name for name in names if name.partition("/")[0] not in rooms} <= files
     assert {"LICENSE", "blender_manifest.toml"} <= names

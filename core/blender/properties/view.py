@@ -1,9 +1,10 @@
 """What the interface shows of a rig. Neither scenes nor results depend on it."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...messages import CONTEXT
+from ..rigs import rigs
 
 IMAGES = (
     ("BEFORE", "Uncompensated", "Seen through the glass while the display shows the plain picture"),
@@ -16,7 +17,7 @@ IMAGES = (
 class KirikoView(bpy.types.PropertyGroup):
     """What the interface shows of a rig."""
 
-    # show_overlay, left, right and wipe: see `add`
+    # show_overlay, left, right, wipe and show_rig: see `add`
     show_comparison: BoolProperty(
         name="Before and After",
         description="Show what the viewer sees with and without compensation over the camera view",
@@ -25,10 +26,27 @@ class KirikoView(bpy.types.PropertyGroup):
 
 def redraw(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Have all viewports drawn again."""
+    _redraw(context, "VIEW_3D")
+
+
+def redraw_shows(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Have all show windows drawn again, which are text editors."""
+    _redraw(context, "TEXT_EDITOR")
+
+
+def _redraw(context: bpy.types.Context, kind: str) -> None:
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
+            if area.type == kind:
                 area.tag_redraw()
+
+
+def names_of_rigs(
+    _settings: bpy.types.PropertyGroup, context: bpy.types.Context, text: str
+) -> list[str]:
+    """The scene's rigs whose names have a text in them."""
+    names = [rig.name for rig in rigs(context.scene)]
+    return [name for name in names if text.casefold() in name.casefold()]
 
 
 def add() -> None:
@@ -65,9 +83,16 @@ def add() -> None:
         subtype="FACTOR",
         update=redraw,
     )
+    KirikoView.show_rig = StringProperty(
+        name="Shown Rig",
+        translation_context=CONTEXT,
+        description="The rig whose source image the show window shows; the active one when empty",
+        search=names_of_rigs,
+        update=redraw_shows,
+    )
 
 
 def take_away() -> None:
     """Take them away again."""
-    for name in ("wipe", "right", "left", "show_overlay"):
+    for name in ("show_rig", "wipe", "right", "left", "show_overlay"):
         delattr(KirikoView, name)

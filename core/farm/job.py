@@ -1,0 +1,220 @@
+"""A job as Open Job Description has it: a template of steps and tasks that any of its schedulers
+runs.
+
+Each task starts Blender with factory settings, which runs Kiriko from the zip in the bundle. All
+paths of a bundle are relative to it, and arguments are a list, so that no shell has to read them.
+The template is JSON, which the specification takes beside YAML and Python writes without help.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import RigError
+
+SPECIFICATION = "jobtemplate-2023-09"
+CHUNKING = "TASK_CHUNKING"  # its extension
+BOOTSTRAP = "kiriko_bootstrap.py"
+FLAMENCO = "kiriko_frames.js"
+KIRIKO = "kiriko"  # the folder in a bundle with the bootstrap and the zips
+OUT = "source"  # the folder in a bundle for the results
+MOST = 1024  # values of a task parameter that the specification allows
+LONGEST_NAME = 128  # letters of a job's name
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A value that tasks differ in, and the folder for the results of each."""
+
+    value: str
+    folder: str
+
+
+@dataclass(frozen=True)
+class Job:
+    """The tasks that are wanted.
+
+    blend : name of the file in the bundle
+    version : Kiriko's
+    frames : list of them, as core/frame_list.py reads it; '' for the scene as it stands
+    chunk : frames for a task
+    rigs : those that are solved; none: the one that the file shows
+    path : of a property that takes other values, '' if none does
+    values : these values
+    options : further ones of the verb solve
+    """
+
+    name: str
+    blend: str
+    version: str
+    frames: str = ""
+    chunk: int = 10
+    rigs: tuple[Choice, ...] = ()
+    path: str = ""
+    values: tuple[Choice, ...] = ()
+    options: tuple[str, ...] = ()
+
+    def check(self) -> None:
+        """Raise RigError where no scheduler would take such a job."""
+        if not (self.frames or self.rigs or self.values):
+            raise RigError("The job has one task only: give it frames, rigs or values.")
+        if self.chunk < 1:
+            raise RigError("A task of the job has no frames: set 1 or more for each.")
+        for what in (self.rigs, self.values):
+            if len(what) > MOST:
+                raise RigError(
+                    "The job has {n} values, and a task parameter takes {most}: make several jobs.",
+                    n=len(what),
+                    most=MOST,
+                )
+        texts = (self.name, self.blend, self.path, *self.options)
+        for text in (*texts, *(one.value for one in (*self.rigs, *self.values))):
+            if "{{" in text:
+                raise RigError(
+                    "The name '{text}' has two braces, which a job reads as a parameter:"
+                    " rename it.",
+                    text=text,
+                )
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """The folders of the results within that of the job; '.' where there is no choice."""
+        rigs = [one.folder for one in self.rigs] or ["."]
+        values = [one.folder for one in self.values] or ["."]
+        both = (tuple(part for part in (a, b) if part != ".") for a in rigs for b in values)
+        return tuple("/".join(parts) or "." for parts in both)
+
+
+def template(job: Job) -> dict[str, Any]:
+    """The template of a job."""
+    solve = {
+        "name": "Solve",
+        "parameterSpace": _space(job),
+        "script": {"actions": {"onRun": _run(job, *_solve(job))}},
+    }
+    join = {
+        "name": "Join",
+        "dependencies": [{"dependsOn": "Solve"}],
+        "script": {"actions": {"onRun": _run(job, *_join(job))}},
+    }
+    extensions = {"extensions": [CHUNKING]} if job.frames else {}
+    return {
+        "specificationVersion": SPECIFICATION,
+        **extensions,
+        "name": job.name[:LONGEST_NAME],
+        "parameterDefinitions": _parameters(job),
+        "steps": [solve, join],
+    }
+
+
+def parameter_values(job: Job) -> dict[str, Any]:
+    """The values of the job's parameters, relative to the bundle."""
+    definitions = _parameters(job)
+    return {
+        "parameterValues": [{"name": one["name"], "value": one["default"]} for one in definitions]
+    }
+
+
+def asset_references(files: list[str]) -> dict[str, Any]:
+    """The files beside the bundle that its .blend reads, for schedulers that copy them."""
+    return {
+        "assetReferences": {
+            "inputs": {"filenames": sorted(files), "directories": []},
+            "outputs": {"directories": []},
+            "referencedPaths": [],
+        }
+    }
+
+
+def _parameters(job: Job) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = [
+        _path("BlendFile", "FILE", "IN", job.blend, "The scene"),
+        _path("Kiriko", "DIRECTORY", "IN", KIRIKO, f"Kiriko's zips and {BOOTSTRAP}"),
+        _path("OutDir", "DIRECTORY", "OUT", OUT, "The results"),
+        {
+            "name": "Blender",
+            "type": "STRING",
+            "default": "blender",
+            "description": "The program, as workers find it",
+        },
+    ]
+    if job.frames:
+        found += [
+            {
+                "name": "Frames",
+                "type": "STRING",
+                "default": job.frames,
+                "description": "Such as 1-250:2",
+            },
+            {
+                "name": "ChunkSize",
+                "type": "INT",
+                "default": job.chunk,
+                "minValue": 1,
+                "description": "Frames for a task",
+            },
+        ]
+    return found
+
+
+def _path(name: str, kind: str, flow: str, default: str, about: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "type": "PATH",
+        "objectType": kind,
+        "dataFlow": flow,
+        "default": default,
+        "description": about,
+    }
+
+
+def _space(job: Job) -> dict[str, Any]:
+    """The parameters that tasks differ in. A choice and its folder go together."""
+    definitions: list[dict[str, Any]] = []
+    factors = []
+    for name, choices in (("Rig", job.rigs), ("Value", job.values)):
+        if choices:
+            pairs = (
+                (name, [c.value for c in choices]),
+                (f"{name}Folder", [c.folder for c in choices]),
+            )
+            definitions += [{"name": n, "type": "STRING", "range": values} for n, values in pairs]
+            factors.append(f"({name},{name}Folder)")
+    if job.frames:
+        # not contiguous: every second frame is a chunk of as many frames, too
+        chunks = {"defaultTaskCount": "{{Param.ChunkSize}}", "rangeConstraint": "NONCONTIGUOUS"}
+        definitions.append(
+            {"name": "Frame", "type": "CHUNK[INT]", "range": "{{Param.Frames}}", "chunks": chunks}
+        )
+        factors.append("Frame")
+
+    combined = {} if factors == ["Frame"] else {"combination": "*".join(factors)}
+    return {"taskParameterDefinitions": definitions, **combined}
+
+
+def _run(job: Job, *arguments: str) -> dict[str, Any]:
+    """Kiriko's command line, in a Blender with factory settings."""
+    start = ("--background", "{{Param.BlendFile}}", "--factory-startup", "--python-exit-code", "1")
+    kiriko = ("--python", f"{{{{Param.Kiriko}}}}/{BOOTSTRAP}", "--", "--version", job.version)
+    return {"command": "{{Param.Blender}}", "args": [*start, *kiriko, *arguments]}
+
+
+def _solve(job: Job) -> list[str]:
+    folder = ["{{Param.OutDir}}"]
+    arguments = ["solve"]
+    if job.rigs:
+        arguments += ["--rig", "{{Task.Param.Rig}}"]
+        folder.append("{{Task.Param.RigFolder}}")
+    if job.values:
+        arguments += ["--set", job.path, "{{Task.Param.Value}}"]
+        folder.append("{{Task.Param.ValueFolder}}")
+    if job.frames:  # with = a negative number is no option
+        arguments += ["--frames={{Task.Param.Frame}}", "--log={{Task.Param.Frame}}"]
+    else:
+        arguments.append("--overwrite")  # a task that was killed may be run again
+    return [*arguments, *job.options, "--out", "/".join(folder)]
+
+
+def _join(job: Job) -> list[str]:
+    frames = ["--frames={{Param.Frames}}"] if job.frames else []
+    folders = [] if job.folders == (".",) else ["--folders", *job.folders]
+    return ["join", *frames, *job.options, "--out", "{{Param.OutDir}}", *folders]

@@ -1,0 +1,101 @@
+"""Join: are all results of a job's tasks there, whole and alike? One log of all their logs."""
+
+import json
+from collections.abc import Generator, Iterable
+from pathlib import Path
+
+from .. import disk, image_io
+from ..errors import ImageError
+from ..messages import Message
+
+LOG = "frames.jsonl"
+PARTS = "frames.*.jsonl"  # the logs of tasks
+TOLD = 5  # files that a sentence names
+
+
+def log_of(part: str) -> str:
+    """The name of a task's log, by the frames that it solves, as every system allows it."""
+    return f"frames.{part.replace(':', '_').replace(',', '+').replace(' ', '')}.jsonl"
+
+
+def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:
+    """See that all images are there, whole and of one size.
+
+    Yields progress 0..1, returns width and height, px.
+
+    Raises
+    ------
+    ImageError
+        One is missing, broken, or of another size than the first.
+    """
+    files = list(files)
+    missing = [path.name for path in files if not disk.is_there(path) or not path.stat().st_size]
+    if missing:
+        raise ImageError(
+            "{n} of {whole} images are missing in '{folder}' ({names}{more}): run their tasks"
+            " again.",
+            n=len(missing),
+            whole=len(files),
+            folder=files[0].parent,
+            names=", ".join(missing[:TOLD]),
+            more=" ..." if len(missing) > TOLD else "",
+        )
+
+    size = None
+    for k, path in enumerate(files):
+        yield k / len(files)
+        pixels, _ = image_io.read(path)  # all of it: the end of a file may be missing
+        height, width = pixels.shape[:2]
+        size = size or (width, height)
+        if (width, height) != size:
+            raise ImageError(
+                "The image '{path}' has {width} x {height} pixels, and the first of its job has"
+                " {first} x {second}: remove it and run its task again.",
+                path=path,
+                width=width,
+                height=height,
+                first=size[0],
+                second=size[1],
+            )
+    return size or (0, 0)
+
+
+def join_logs(folder: Path) -> int:
+    """Put the logs of tasks into one, with a line for each frame in its order: that of the run
+    that wrote it, where a task was run again. The number of lines.
+
+    Lines that were cut, as of a task that was killed, are left out.
+    """
+    parts = sorted(folder.glob(PARTS))
+    whole = folder / LOG
+    lines = [
+        line
+        for path in ([whole] if whole.exists() else []) + parts
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
+    ]
+    by_frame: dict[int, str] = {}
+    for line in lines:
+        try:
+            about = json.loads(line)
+            frame, failed = int(about["frame"]), about.get("error")
+        except (ValueError, KeyError, TypeError):
+            continue
+        if not failed or frame not in by_frame:
+            by_frame[frame] = line
+
+    if by_frame:
+        disk.write_text(whole, "".join(f"{by_frame[frame]}\n" for frame in sorted(by_frame)))
+    for path in parts:
+        path.unlink()
+    return len(by_frame)
+
+
+def told(n: int, size: tuple[int, int], folder: Path) -> Message:
+    """The result in a sentence."""
+    return Message(
+        "all {n} images in '{folder}' are whole, each of {width} x {height} pixels",
+        n=n,
+        folder=folder,
+        width=size[0],
+        height=size[1],
+    )

@@ -1,0 +1,157 @@
+"""Runs Kiriko's command line in a Blender with factory settings, as workers of a farm have it.
+
+    blender --background FILE --factory-startup --python-exit-code 1
+            --python kiriko_bootstrap.py -- [--version VERSION] VERB ...
+
+Kiriko comes from its zip beside this file, the one of this machine's platform where there are
+several. It is installed into a temporary folder, which is gone at the end: neither preferences nor
+the user's extensions are read or written. When anything fails one sentence is on stderr, and the
+exit code is not 0.
+"""
+
+import importlib
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
+
+import bpy
+
+REPOSITORY = "kiriko_farm"
+PACKAGE = f"bl_ext.{REPOSITORY}.kiriko"
+SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
+MACHINES = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}
+
+
+class FarmError(Exception):
+    """The reason why nothing was run, as a sentence."""
+
+
+def this_platform() -> str:
+    """The running platform, as manifests of extensions call it."""
+    system, machine = platform.system(), platform.machine()
+    return f"{SYSTEMS.get(system, system.lower())}-{MACHINES.get(machine.lower(), machine.lower())}"
+
+
+def manifest_of(path: Path) -> dict:
+    """The manifest in a zip, {} where it is of no extension."""
+    try:
+        with ZipFile(path) as archive:
+            if "blender_manifest.toml" not in archive.namelist():
+                return {}
+            return tomllib.loads(archive.read("blender_manifest.toml").decode())
+    except (BadZipFile, OSError, ValueError) as reason:
+        raise FarmError(f"The zip '{path}' cannot be read ({reason}): copy it again.") from None
+
+
+def platforms_of(manifest: dict) -> list[str]:
+    """The platforms that a zip is for; none: any."""
+    generated = manifest.get("build", {}).get("generated", {})
+    return generated.get("platforms", manifest.get("platforms", []))
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    """A version as numbers, which can be compared."""
+    return tuple(int(part) for part in version.split("."))
+
+
+def fitting_zip(folder: Path, version: str | None) -> Path:
+    """Kiriko's zip in a folder that is for this machine, and of a version where one is wanted."""
+    here = this_platform()
+    found = {path: manifest_of(path) for path in sorted(folder.glob("*.zip"))}
+    found = {path: about for path, about in found.items() if about.get("id") == "kiriko"}
+    if not found:
+        raise FarmError(
+            f"There is no zip of Kiriko in '{folder}': put the one for {here} there,"
+            f" beside {Path(__file__).name}."
+        )
+
+    fit = [path for path, about in found.items() if here in (platforms_of(about) or [here])]
+    if not fit:
+        path, about = next(iter(found.items()))
+        raise FarmError(
+            f"The zip '{path}' is for {', '.join(platforms_of(about))}, and this machine is {here}:"
+            " put the zip for that beside it."
+        )
+
+    same = [path for path in fit if version in (None, found[path]["version"])]
+    if not same:
+        raise FarmError(
+            f"The zip '{fit[0]}' has Kiriko {found[fit[0]]['version']}, and the job was made with"
+            f" {version}: put the zip of that version beside it, or make the job anew."
+        )
+
+    path = same[-1]
+    needed = found[path]["blender_version_min"]
+    if numbers(needed) > bpy.app.version:
+        raise FarmError(
+            f"Kiriko needs Blender {needed} or newer, and this is {bpy.app.version_string}: have"
+            " the farm use a newer one."
+        )
+    return path
+
+
+def enable(path: Path, home: Path) -> None:
+    """Install Kiriko's zip into a repository in a folder, and enable it for this process."""
+    for name in ("EXTENSIONS", "CONFIG"):  # where Blender unpacks wheels, and keeps preferences
+        place = home / name.lower()
+        place.mkdir()
+        os.environ[f"BLENDER_USER_{name}"] = str(place)
+
+    repositories = bpy.context.preferences.extensions.repos
+    repositories.new(name="Kiriko", module=REPOSITORY, custom_directory=str(home / "repository"))
+    try:
+        bpy.ops.extensions.package_install_files(
+            filepath=str(path), repo=REPOSITORY, enable_on_install=True, overwrite=True
+        )
+    except RuntimeError as reason:
+        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        raise FarmError(f"Blender cannot install '{path}' ({why}): copy it again.") from None
+
+    if PACKAGE not in bpy.context.preferences.addons:  # it says FINISHED all the same
+        raise FarmError(f"Blender refused '{path}', for the reason above: use another zip.")
+
+
+def run(arguments: list[str]) -> int:
+    """Enable Kiriko and run its command line; the exit code."""
+    version = None
+    if arguments[:1] == ["--version"]:
+        version, arguments = arguments[1], arguments[2:]
+
+    home = Path(tempfile.mkdtemp(prefix="kiriko-farm-"))
+    try:
+        enable(fitting_zip(Path(__file__).resolve().parent, version), home)
+        command_line = importlib.import_module(f"{PACKAGE}.operators.command_line")
+        return command_line.run(arguments)
+    finally:
+        if PACKAGE in bpy.context.preferences.addons:
+            bpy.ops.preferences.addon_disable(module=PACKAGE)
+        shutil.rmtree(home, ignore_errors=True)
+
+
+def main() -> None:
+    """Run, and leave with an exit code that is not 0 where it failed."""
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    try:
+        code = run(arguments)
+    except FarmError as problem:
+        sys.stderr.write(f"kiriko: {problem}\n")
+        code = 1
+    except OSError as reason:
+        sys.stderr.write(
+            f"kiriko: The bootstrap could not read or write a file ({reason}): check the disk.\n"
+        )
+        code = 1
+
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if code:
+        sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""Export Job: a folder that schedulers of a farm take, with all that its tasks need."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from ..core import disk
+from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.rigs import rigs
+from ..core.errors import ImageError
+from ..core.farm import extension
+from ..core.farm.job import (
+    BOOTSTRAP,
+    FLAMENCO,
+    KIRIKO,
+    Choice,
+    Job,
+    asset_references,
+    parameter_values,
+    template,
+)
+from ..core.messages import Message
+from . import folder, needed, telling
+from .save_copy import save_copy
+
+TEMPLATE = "template.json"
+VALUES = "parameter_values.json"
+ASSETS = "asset_references.json"
+UNNAMED = "rig.blend"  # of a file that was never saved
+SCRIPTS = extension.ROOT / "farm"  # those that run elsewhere
+
+
+def job_of(context: bpy.types.Context, frames: str, chunk: int) -> Job:
+    """A job of the open file and the rig that it shows."""
+    name = Path(bpy.data.filepath).name or UNNAMED
+    version = extension.manifest()["version"]
+    return Job(f"Kiriko {Path(name).stem}", name, version, frames=frames, chunk=chunk)
+
+
+def choices(values: list[str]) -> tuple[Choice, ...]:
+    """Values with a folder for each, whose name every system allows."""
+    taken: set[str] = set()
+    found = []
+    for value in values:
+        name = bpy.path.clean_name(value)
+        while name.casefold() in taken:
+            name += "_"
+        taken.add(name.casefold())
+        found.append(Choice(value, name))
+    return tuple(found)
+
+
+def all_rigs(context: bpy.types.Context) -> tuple[Choice, ...]:
+    """All rigs of the scene."""
+    return choices([rig.name for rig in rigs(context.scene)])
+
+
+def frames_of_scene(scene: bpy.types.Scene) -> str:
+    """The scene's frames, as a list of them in text."""
+    step = f":{scene.frame_step}" if scene.frame_step > 1 else ""
+    return f"{scene.frame_start}-{scene.frame_end}{step}"
+
+
+def write(target: Path, job: Job, zips: list[Path], overwrite: bool, remedy: str) -> list[str]:
+    """Write the bundle of a job to a folder that is there; the names of its files.
+
+    The template comes last, so that a bundle which could not be written as a whole is none.
+
+    zips : of Kiriko for the farm's platforms; none: this one, packed
+    remedy : ends the sentence that files are there already
+    """
+    job.check()
+    names = [job.blend, KIRIKO, ASSETS, VALUES, TEMPLATE]
+    if not overwrite:
+        folder.refuse_existing(target, names, remedy)
+
+    kiriko = target / KIRIKO
+    with folder.made(kiriko), disk.together(kiriko) as new:
+        _write_scripts(new, zips)
+    external = [path for path in bpy.utils.blend_paths(absolute=True, packed=False) if path]
+    save_copy(target / job.blend)
+
+    with disk.together(target) as new:
+        for name, contents in (
+            (ASSETS, asset_references(external)),
+            (VALUES, parameter_values(job)),
+            (TEMPLATE, template(job)),
+        ):
+            text = json.dumps(contents, indent=2, ensure_ascii=False)
+            disk.write_text(new / name, f"{text}\n")
+    return names
+
+
+def _write_scripts(new: Path, zips: list[Path]) -> None:
+    """The scripts, and zips of Kiriko."""
+    try:
+        for name in (BOOTSTRAP, FLAMENCO):
+            shutil.copyfile(SCRIPTS / name, new / name)
+        for path in zips:
+            if not path.is_file():
+                raise ImageError("There is no zip '{path}': name one that is there.", path=path)
+            shutil.copyfile(path, new / path.name)
+        if not zips:
+            extension.pack(new / f"kiriko-{extension.manifest()['version']}.zip")
+    except OSError as reason:
+        raise disk.unwritable_folder(new, reason) from None
+
+
+class KIRIKO_OT_export_job(bpy.types.Operator):
+    """Write a job for a render farm"""
+
+    bl_description = (
+        "Write a folder for a render farm: a job in Open Job Description, a copy of this file, and"
+        " Kiriko itself, so that workers need nothing but Blender"
+    )
+    bl_idname = "kiriko.export_job"
+    bl_label = "Export Job"
+    bl_options = {"REGISTER"}
+
+    directory: bpy.props.StringProperty(
+        name="Folder",
+        description="Where to write",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    frames: bpy.props.StringProperty(
+        name="Frames",
+        description="The frames that are solved, such as 1-250:2 or 1,5,10-20; the scene's range"
+        " when empty",
+        options={"SKIP_SAVE"},
+    )
+    chunk: bpy.props.IntProperty(
+        name="Frames a Task",
+        description="How many frames a worker solves from one start of Blender",
+        default=10,
+        min=1,
+        soft_max=1000,
+    )
+    every_rig: bpy.props.BoolProperty(
+        name="Every Rig",
+        description="Tasks for all rigs of the scene, each with a folder of its name; else for the"
+        " active one",
+    )
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite",
+        description="Replace a job that is there already",
+        options={"SKIP_SAVE"},
+    )
+    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.directory:
+            return self.execute(context)
+        self.frames = self.frames or frames_of_scene(context.scene)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(self, "frames")
+        layout.prop(self, "chunk")
+        if len(rigs(context.scene)) > 1:
+            layout.prop(self, "every_rig")
+        layout.prop(self, "overwrite")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            if not self.directory:
+                raise ImageError("The job has no folder: choose one.")
+            target = absolute(self.directory)
+            job = job_of(context, self.frames or frames_of_scene(context.scene), self.chunk)
+            if self.every_rig:
+                job = replace(job, rigs=all_rigs(context))
+
+            overwrite = self.overwrite or context.scene.kiriko.export_overwrite
+            with folder.made(target):
+                names = write(target, job, [], overwrite, Message("set Overwrite"))
+            telling.report(
+                self,
+                "INFO",
+                Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target),
+            )
+            return {"FINISHED"}
+        return {"CANCELLED"}

@@ -1,0 +1,123 @@
+"""Verbs of the command line for a farm: job, which writes one, and join, its last task."""
+
+import argparse
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core import image_io
+from ..core.blender.frames import frame_files, frames_of_range
+from ..core.farm import join as joining
+from ..core.frame_list import frames_of
+from ..core.messages import Message
+from ..core.steps import finish
+from . import export_job, frames_to_folder
+from .choose_rig import choose_by_name
+
+ALL = "all"  # in place of a rig's name
+
+
+def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
+    """Add both to the command line's."""
+    job = verbs.add_parser(
+        "job", parents=[shared], help="write a job for a render farm, in Open Job Description"
+    )
+    _add_form(job)
+    job.add_argument(
+        "--frames",
+        default="",
+        metavar="LIST",
+        help="such as 1-250:2 or 1,5,10-20, or 'scene'; without it the scene as it stands",
+    )
+    job.add_argument("--chunk", type=int, default=10, metavar="N", help="frames for a task (10)")
+    job.add_argument(
+        "--vary",
+        default="",
+        metavar="PROPERTY",
+        help="a property that each task gives another value, such as kiriko.tolerance of the"
+        ' scene or objects["Glass"].kiriko.ior',
+    )
+    job.add_argument("--values", nargs="+", default=[], metavar="VALUE", help="its values")
+    job.add_argument(
+        "--zip",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="Kiriko's zips for the farm's platforms (this one, packed)",
+    )
+    job.set_defaults(run=write_job)
+
+    join = verbs.add_parser(
+        "join",
+        parents=[shared],
+        help="see that all images of a job are there, whole and of one size, and join their logs",
+    )
+    _add_form(join)
+    join.add_argument("--frames", default="", metavar="LIST", help="the job's frames")
+    join.add_argument(
+        "--folders", nargs="+", default=["."], metavar="NAME", help="within the job's folder"
+    )
+    join.set_defaults(run=join_results)
+
+
+def _add_form(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--format", choices=image_io.FORMATS, default="PNG8", help="of the images (PNG8)"
+    )
+    parser.add_argument(
+        "--name",
+        default=frames_to_folder.NAME,
+        help=f"of the frames' files, where # are digits ({frames_to_folder.NAME})",
+    )
+
+
+def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Write the bundle; yields lines of progress."""
+    context = bpy.context
+    frames = arguments.frames
+    if frames == frames_to_folder.SCENE:
+        frames = export_job.frames_of_scene(context.scene)
+    if frames:
+        frames_of(frames)
+
+    options = ["--format", arguments.format] if arguments.format != "PNG8" else []
+    if frames and arguments.name != frames_to_folder.NAME:
+        options += ["--name", arguments.name]
+    job = replace(
+        export_job.job_of(context, frames, arguments.chunk),
+        path=arguments.vary,
+        values=export_job.choices(arguments.values),
+        options=tuple(options),
+    )
+    if arguments.rig == ALL:
+        job = replace(job, rigs=export_job.all_rigs(context))
+    elif arguments.rig is not None:
+        choose_by_name(context, arguments.rig)  # told where there is none
+        job = replace(job, rigs=export_job.choices([arguments.rig]))
+
+    names = export_job.write(
+        arguments.out, job, arguments.zip, arguments.overwrite, "add --overwrite"
+    )
+    yield Message("wrote {names} to '{folder}'", names=", ".join(names), folder=arguments.out)
+
+
+def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Check all images of a job and join its logs; yields lines of progress."""
+    numbers = ()
+    if arguments.frames == frames_to_folder.SCENE:
+        numbers = frames_of_range(bpy.context.scene)
+    elif arguments.frames:
+        numbers = frames_of(arguments.frames)
+
+    for name in arguments.folders:
+        place = arguments.out / name
+        files = [image_io.named_for(place / "source", arguments.format)]
+        if numbers:
+            files = list(frame_files(place, arguments.name, arguments.format, numbers).values())
+        size = finish(joining.check(files))
+        joining.join_logs(place)
+        yield joining.told(len(files), size, place)

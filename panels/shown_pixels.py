@@ -1,0 +1,141 @@
+"""Draws the source image into show windows: each of its pixels on one of the screen, black around.
+
+Blender's own drawing of an image goes through the view transform, by half floats, and is scaled by
+the zoom. Here the numbers of the exported 8-bit file are fetched by the place of the pixel, so that
+the screen shows that file, whatever the scale of the interface.
+"""
+
+from typing import NamedTuple
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from numpy.typing import NDArray
+
+from ..core.blender.image import pixels_from_image
+from ..core.encoding import quantised
+from ..operators import show_window
+from ..operators.export import gamma_of
+
+TOP = 255  # of 8 bits
+FETCH = "void main() { colour = texelFetch(image, ivec2(floor(at)), 0); }"
+PLACE = "void main() { at = place; gl_Position = vec4(pos, 0.0, 1.0); }"
+
+
+class Shown(NamedTuple):
+    """An image as it was drawn last.
+
+    pixels : (h, w, 4) float32, as Blender holds them
+    """
+
+    uid: int
+    gamma: float | None
+    pixels: NDArray[np.float32]
+    texture: object
+
+
+_shown: list[Shown] = []  # the last one is enough
+_shaders: list[object] = []
+
+
+def draw() -> None:
+    """Called by Blender for each text editor. Nothing but a show window is changed."""
+    context = bpy.context
+    if not show_window.is_ours(context.window):
+        return
+
+    size = context.region.width, context.region.height
+    gpu.state.scissor_set(0, 0, *size)
+    gpu.state.active_framebuffer_get().clear(color=(0.0, 0.0, 0.0, 1.0))
+    scene = context.window.scene
+    image = show_window.shown_result(scene).source
+    if image is not None and min(image.size) > 0:
+        _draw(image, gamma_of(scene), size)
+    # the marks of hidden headers, which Blender draws last into this region's own buffer
+    gpu.state.scissor_set(0, 0, 0, 0)
+
+
+def numbers_of(pixels: NDArray[np.float32], gamma: float | None) -> NDArray[np.float32]:
+    """The numbers 0..1 (h, w, 4), in steps of 8 bits, that an exported file has, row 0 below."""
+    opaque = np.ones_like(pixels)
+    opaque[..., :3] = quantised(pixels[::-1, :, :3], "uint8", gamma) / np.float32(TOP)
+    return opaque
+
+
+def corner_of(size: tuple[int, int], region: tuple[int, int]) -> tuple[int, int]:
+    """Where the lower left pixel of an image is in a region that has it in its middle."""
+    return (region[0] - size[0]) // 2, (region[1] - size[1]) // 2
+
+
+def _draw(image: bpy.types.Image, gamma: float | None, region: tuple[int, int]) -> None:
+    size = tuple(image.size)
+    x, y = corner_of(size, region)
+    # in parts of the region from -1 to 1: no matrix of Blender's, which is off by parts of a pixel
+    left, right = (2 * place / region[0] - 1 for place in (x, x + size[0]))
+    below, above = (2 * place / region[1] - 1 for place in (y, y + size[1]))
+    corners = [(left, below), (right, below), (right, above), (left, above)]
+    places = [(0, 0), (size[0], 0), size, (0, size[1])]
+
+    shader = _shader()
+    batch = batch_for_shader(
+        shader, "TRIS", {"pos": corners, "place": places}, indices=[(0, 1, 2), (0, 2, 3)]
+    )
+    before = gpu.state.blend_get(), gpu.state.depth_test_get()
+    try:
+        gpu.state.blend_set("NONE")
+        gpu.state.depth_test_set("NONE")
+        shader.bind()
+        shader.uniform_sampler("image", _texture(image, gamma))
+        batch.draw(shader)
+    finally:
+        gpu.state.blend_set(before[0])
+        gpu.state.depth_test_set(before[1])
+
+
+def _texture(image: bpy.types.Image, gamma: float | None) -> object:
+    """The image on the graphics card, made anew where any pixel has changed."""
+    pixels = pixels_from_image(image)
+    for shown in _shown:
+        is_same = (shown.uid, shown.gamma) == (image.session_uid, gamma)
+        if is_same and np.array_equal(shown.pixels, pixels):
+            return shown.texture
+
+    numbers = numbers_of(pixels, gamma)
+    buffer = gpu.types.Buffer("FLOAT", numbers.size, np.ascontiguousarray(numbers).ravel())
+    texture = gpu.types.GPUTexture(tuple(image.size), format="RGBA8", data=buffer)
+    _shown[:] = [Shown(image.session_uid, gamma, pixels, texture)]
+    return texture
+
+
+def _shader() -> object:
+    if not _shaders:
+        between = gpu.types.GPUStageInterfaceInfo("kiriko_shown_pixels")
+        between.smooth("VEC2", "at")
+        info = gpu.types.GPUShaderCreateInfo()
+        info.vertex_in(0, "VEC2", "pos")
+        info.vertex_in(1, "VEC2", "place")
+        info.vertex_out(between)
+        info.sampler(0, "FLOAT_2D", "image")
+        info.fragment_out(0, "VEC4", "colour")
+        info.vertex_source(PLACE)
+        info.fragment_source(FETCH)
+        _shaders.append(gpu.shader.create_from_info(info))
+    return _shaders[0]
+
+
+_handles: list[object] = []
+
+
+def register() -> None:
+    """Draw from now on."""
+    add = bpy.types.SpaceTextEditor.draw_handler_add
+    _handles.append(add(draw, (), "WINDOW", "POST_PIXEL"))
+
+
+def unregister() -> None:
+    """Draw no more."""
+    while _handles:
+        bpy.types.SpaceTextEditor.draw_handler_remove(_handles.pop(), "WINDOW")
+    _shown.clear()
+    _shaders.clear()

@@ -1,0 +1,188 @@
+import importlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import pytest
+
+from small_rigs import small_rig
+
+NAME = "金魚 の bowl.blend"
+
+
+@pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    """The function that Blender calls for `--command kiriko`."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+@pytest.fixture
+def zipped(tmp_path: Path) -> Path:
+    """Any file as Kiriko's zip: the bundle copies it as it is."""
+    path = tmp_path / "kiriko-9.zip"
+    path.write_bytes(b"zip")
+    return path
+
+
+@pytest.fixture
+def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+    """A small rig, saved; the folder for the bundle beside it."""
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / NAME))
+    return tmp_path / "a job"
+
+
+def read(path: Path) -> dict:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_bundle_has_all_that_tasks_need(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A copy of the file that reads the same image by its new place, the bootstrap, the zip, and
+    the template; a second job is refused before anything is replaced.
+    """
+    picture = bpy.data.images.new("picture", 8, 8)
+    picture.filepath_raw = str(saved.parent / "絵 1.png")
+    picture.file_format = "PNG"
+    picture.save()
+    picture.filepath = "//絵 1.png"
+    picture.use_fake_user = True
+
+    arguments = ("job", "--frames", "1-12", "--chunk", 5, "--zip", zipped, "--out", saved)
+    assert run(*arguments) == 0
+    assert capsys.readouterr().err == ""
+    made = read(saved / "template.json")
+    files = {path.relative_to(saved).as_posix() for path in saved.rglob("*") if path.is_file()}
+    assert files == {
+        NAME,
+        "template.json",
+        "parameter_values.json",
+        "asset_references.json",
+        "kiriko/kiriko_bootstrap.py",
+        "kiriko/kiriko_frames.js",
+        "kiriko/kiriko-9.zip",
+    }
+    assert made["name"] == "Kiriko 金魚 の bowl"
+    listed = read(saved / "asset_references.json")["assetReferences"]["inputs"]["filenames"]
+    assert [Path(path).name for path in listed] == ["絵 1.png"]
+
+    before = (saved / "template.json").read_bytes()
+    assert run(*arguments[:2], "3", *arguments[3:]) == 1
+    assert "already" in capsys.readouterr().err
+    assert (saved / "template.json").read_bytes() == before
+    bpy.ops.wm.open_mainfile(filepath=str(saved / NAME))
+    assert Path(bpy.path.abspath(bpy.data.images["picture"].filepath)).resolve() == (
+        saved.parent / "絵 1.png"
+    )
+
+
+def test_rigs_and_values_become_tasks(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Names that folders cannot have get folders that they can."""
+    (group,) = (one for one in bpy.data.collections if one.kiriko.key)
+    group.name = "rig / 一"
+    values = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
+    assert run("job", "--rig", "all", *values, "--zip", zipped, "--out", saved) == 0
+    (solve, join) = read(saved / "template.json")["steps"]
+    ranges = {
+        one["name"]: one["range"] for one in solve["parameterSpace"]["taskParameterDefinitions"]
+    }
+    assert ranges["Rig"] == ["rig / 一"]
+    assert "/" not in ranges["RigFolder"][0]
+    assert ranges["Value"] == ["0.1", "0.2"]
+    assert len(set(join["script"]["actions"]["onRun"]["args"][-2:])) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "one task only"),
+        (("--frames", "nine"), "no list of frames"),
+        (("--frames", "1-3", "--rig", "none such"), "no rig 'none such'"),
+        (("--frames", "1-3", "--chunk", "0"), "has no frames"),
+    ],
+)
+def test_bad_jobs_are_one_sentence(
+    run: Callable[..., int],
+    saved: Path,
+    capsys: pytest.CaptureFixture,
+    words: tuple[str, ...],
+    said: str,
+) -> None:
+    """And leave no folder behind."""
+    assert run("job", *words, "--out", saved) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert not saved.exists()
+
+
+def test_missing_zip_is_named(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Nothing is left of the bundle."""
+    assert run("job", "--frames", "1-3", "--zip", saved / "no.zip", "--out", saved) == 1
+    assert "There is no zip" in capsys.readouterr().err
+    assert not saved.exists()
+
+
+def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, saved: Path) -> None:
+    """The scene's range where no frames are given; the wheels of a checkout may be missing, which
+    is told.
+    """
+    extension = importlib.import_module(f"{kiriko.__name__}.core.farm.extension")
+    scene.frame_start, scene.frame_end, scene.frame_step = 3, 9, 2
+    names = [name.removeprefix("./") for name in extension.manifest()["wheels"]]
+    if not all((extension.ROOT / name).exists() for name in names):
+        with pytest.raises(RuntimeError, match="cannot be packed for the farm"):
+            bpy.ops.kiriko.export_job(directory=str(saved))
+        assert not saved.exists()
+        return
+    bpy.ops.kiriko.export_job(directory=str(saved))
+    (values,) = read(saved / "parameter_values.json").values()
+    assert {one["name"]: one["value"] for one in values}["Frames"] == "3-9:2"
+
+
+def test_values_are_set_before_the_work(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """By their paths in the scene or the file; what cannot be set is refused with its name."""
+    wanted = ("--set", 'objects["Cube"].kiriko.ior', "1.6", "--set", "kiriko.tolerance", "0.5")
+    assert run("solve", *wanted, "--out", saved) == 0
+    assert "'kiriko.tolerance' is 0.5 now" in capsys.readouterr().out
+    assert bpy.data.objects["Cube"].kiriko.ior == pytest.approx(1.6)
+    assert read(saved / "report.json")["tolerance"] == pytest.approx(0.5)
+
+    for path, text in (
+        ("kiriko.nothing", "1"),
+        ('objects["None such"].kiriko.ior', "1"),
+        ("kiriko.tolerance", "much"),
+        ("kiriko.ghosts", "MANY"),
+    ):
+        assert run("solve", "--set", path, text, "--out", saved, "--overwrite") == 1
+        assert path in capsys.readouterr().err
+
+
+def test_join_checks_all_frames(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Two tasks and their join are as one run; without one of the images it fails by its name."""
+    one = saved.parent / "one"
+    assert run("solve", "--frames=1-3", "--out", one) == 0
+    for part in ("1-2", "3"):
+        assert run("solve", f"--frames={part}", f"--log={part}", "--out", saved) == 0
+    assert run("join", "--frames=1-3", "--out", saved) == 0
+    assert "all 3 images" in capsys.readouterr().out
+    assert {path.name for path in saved.iterdir()} == {path.name for path in one.iterdir()}
+    for path in one.glob("*.png"):
+        assert path.read_bytes() == (saved / path.name).read_bytes()
+    frames = [json.loads(line)["frame"] for line in (saved / "frames.jsonl").open()]
+    assert frames == [1, 2, 3]
+
+    (saved / "source_0002.png").unlink()
+    assert run("join", "--frames=1-3", "--out", saved) == 1
+    assert "source_0002.png" in capsys.readouterr().err

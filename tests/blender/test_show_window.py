@@ -1,0 +1,87 @@
+"""The show window as far as a Blender without windows has it; `dev.py farm` shows a real one."""
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import small_rig
+
+
+@pytest.fixture
+def show(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.operators.show_window")
+
+
+@pytest.fixture
+def shown_pixels(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.panels.shown_pixels")
+
+
+@pytest.mark.parametrize("gamma", [None, 1.8])
+def test_numbers_are_those_of_the_exported_file(
+    shown_pixels: ModuleType, kiriko: ModuleType, tmp_path: Path, gamma: float | None
+) -> None:
+    """Each pixel that is drawn has the three numbers of the 8-bit file, to the last bit."""
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    pixels = np.random.default_rng(2).normal(0.5, 0.5, (48, 64, 4)).astype(np.float32)
+    path = image_io.write(tmp_path / "a.png", pixels[..., :3], "PNG8", gamma=gamma)
+    written, _ = image_io.read(path)
+    drawn = shown_pixels.numbers_of(pixels, gamma)
+    assert np.array_equal(np.rint(255 * drawn[::-1, :, :3]), np.rint(255 * written))
+    assert (drawn[..., 3] == 1).all()
+
+
+@pytest.mark.parametrize("region", [(1920, 1080), (1921, 1081), (640, 480), (3840, 2160)])
+def test_pixels_lie_on_pixels(shown_pixels: ModuleType, region: tuple[int, int]) -> None:
+    """Whole numbers, in the middle to half a pixel, whether the window is larger or smaller."""
+    x, y = shown_pixels.corner_of((1920, 1080), region)
+    assert isinstance(x, int)
+    assert isinstance(y, int)
+    assert abs(region[0] - 1920 - 2 * x) <= 1
+    assert abs(region[1] - 1080 - 2 * y) <= 1
+
+
+def test_result_is_that_of_the_rig_that_is_chosen(show: ModuleType, scene: bpy.types.Scene) -> None:
+    """Of two rigs the one that is named, whichever is active; the active one for any other name."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    first = scene.kiriko.result.source
+    (name,) = (group.name for group in bpy.data.collections if group.kiriko.key)
+    for thing in scene.objects:
+        thing.select_set(False)
+    bpy.context.view_layer.objects.active = None
+    bpy.ops.kiriko.add_rig()
+    assert scene.kiriko.result.source is None
+
+    ours = bpy.context.window_manager.kiriko
+    try:
+        assert show.shown_result(scene).source is None
+        ours.show_rig = name
+        assert show.shown_result(scene).source == first
+        ours.show_rig = "a rig that was removed"
+        assert show.shown_result(scene).source is None
+    finally:
+        ours.show_rig = ""
+
+
+def test_without_a_window_the_button_is_grey(show: ModuleType, scene: bpy.types.Scene) -> None:
+    """In the background it is refused with a sentence, and nothing is opened."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    with pytest.raises(RuntimeError, match="without --background"):
+        bpy.ops.kiriko.show_window()
+    assert show.show_windows() == []
+
+
+def test_panel_tells_whether_the_window_fits(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """The same size is told as such; else both sizes and the keys are named."""
+    panel = importlib.import_module(f"{kiriko.__name__}.panels.show")
+    assert "1920 x 1080" in panel.words_on((1920, 1080), (1920, 1080), "F11")
+    text = panel.words_on((1280, 720), (1920, 1080), "Alt F11")
+    assert "1280 x 720" in text
+    assert "1920 x 1080" in text
+    assert text.endswith("press Alt F11.")

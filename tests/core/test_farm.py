@@ -1,0 +1,168 @@
+import json
+import tomllib
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from kiriko.core import image_io
+from kiriko.core.errors import ImageError, RigError
+from kiriko.core.farm import extension, join
+from kiriko.core.farm.job import Choice, Job, asset_references, parameter_values, template
+from kiriko.core.steps import finish
+
+FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
+RIGS = tuple(Choice(name, name.lower()) for name in ("Rig", "Rig.001"))
+VALUES = tuple(Choice(value, value) for value in ("1.45", "1.5", "1.55"))
+
+
+def words(step: dict) -> list[str]:
+    return step["script"]["actions"]["onRun"]["args"]
+
+
+def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
+    """Frames are one chunked parameter, the join waits for them, and every path is relative to the
+    bundle; names with spaces and Japanese are parameters' values, which no shell reads.
+    """
+    made = template(FRAMES)
+    assert made["extensions"] == ["TASK_CHUNKING"]
+    solve, joined = made["steps"]
+    (frame,) = solve["parameterSpace"]["taskParameterDefinitions"]
+    assert frame["type"] == "CHUNK[INT]"
+    assert joined["dependencies"] == [{"dependsOn": "Solve"}]
+    assert "--frames={{Task.Param.Frame}}" in words(solve)
+    assert "--frames={{Param.Frames}}" in words(joined)
+
+    values = {one["name"]: one["value"] for one in parameter_values(FRAMES)["parameterValues"]}
+    assert values["Frames"] == "1-12"
+    assert values["ChunkSize"] == 5
+    assert values["BlendFile"] == "金魚 bowl.blend"
+    paths = [one["default"] for one in made["parameterDefinitions"] if one["type"] == "PATH"]
+    assert not [path for path in paths if Path(path).is_absolute() or ".." in path]
+    assert json.loads(json.dumps(made)) == made
+
+
+def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
+    """Each value goes with its folder, all are combined, and the join looks into every folder."""
+    job = Job("job", "a.blend", "0.1.0", rigs=RIGS, path="kiriko.tolerance", values=VALUES)
+    solve, joined = template(job)["steps"]
+    space = solve["parameterSpace"]
+    assert space["combination"] == "(Rig,RigFolder)*(Value,ValueFolder)"
+    assert "extensions" not in template(job)
+    assert (
+        words(solve)[-1] == "{{Param.OutDir}}/{{Task.Param.RigFolder}}/{{Task.Param.ValueFolder}}"
+    )
+    assert len(job.folders) == len(set(job.folders)) == 6
+    assert words(joined)[-6:] == list(job.folders)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"frames": ""}, "one task only"),
+        ({"chunk": 0}, "has no frames"),
+        ({"blend": "{{a}}.blend"}, "two braces"),
+        ({"values": tuple(Choice(str(n), str(n)) for n in range(1025))}, "1025 values"),
+    ],
+)
+def test_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> None:
+    """Each with its sentence."""
+    with pytest.raises(RigError, match=said):
+        Job(**{**vars(FRAMES), **change}).check()
+    FRAMES.check()
+
+
+def test_files_beside_the_bundle_are_named() -> None:
+    """Schedulers that copy files find them in Deadline Cloud's list."""
+    assert asset_references(["/b", "/a"])["assetReferences"]["inputs"]["filenames"] == ["/a", "/b"]
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> list[Path]:
+    """Three frames, whole and alike."""
+    pixels = np.random.default_rng(1).random((24, 32, 3), np.float32)
+    paths = [tmp_path / f"source_{n:04}.png" for n in (1, 2, 3)]
+    for path in paths:
+        image_io.write(path, pixels, "PNG8")
+    return paths
+
+
+def test_join_sees_what_is_missing_cut_or_of_another_size(images: list[Path]) -> None:
+    """Whole images give their size; a missing, an empty, a cut and a smaller one are named."""
+    assert finish(join.check(images)) == (32, 24)
+
+    whole = images[1].read_bytes()
+    images[1].write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ImageError, match=r"source_0002\.png"):
+        finish(join.check(images))
+    images[1].write_bytes(b"")
+    with pytest.raises(ImageError, match=r"1 of 3 images are missing .*source_0002\.png"):
+        finish(join.check(images))
+    images[1].unlink()
+    with pytest.raises(ImageError, match="1 of 3 images are missing"):
+        finish(join.check(images))
+    image_io.write(images[1], np.zeros((8, 8, 3), np.float32), "PNG8")
+    with pytest.raises(ImageError, match="8 x 8 pixels, and the first of its job has 32 x 24"):
+        finish(join.check(images))
+
+
+def test_logs_are_one_in_the_order_of_frames(tmp_path: Path) -> None:
+    """A line for each frame: the one that wrote it, not the one that failed, nor a cut one."""
+
+    def line(frame: int, **rest: object) -> str:
+        return json.dumps({"frame": frame, **rest})
+
+    for part, lines in (
+        ("6-7", [line(6, error=None), line(7, error="no display")]),
+        ("1,3-5:2", [line(1, error=None), line(3, error=None), line(5, error=None)[:-4]]),
+        ("7", [line(7, seconds=2, error=None)]),
+    ):
+        (tmp_path / join.log_of(part)).write_text("\n".join(lines))
+    assert all(set(path.name) - set(':?*"<>|') == set(path.name) for path in tmp_path.iterdir())
+
+    assert join.join_logs(tmp_path) == 4
+    assert [path.name for path in tmp_path.iterdir()] == [join.LOG]
+    found = [json.loads(text) for text in (tmp_path / join.LOG).read_text().splitlines()]
+    assert [one["frame"] for one in found] == [1, 3, 6, 7]
+    assert found[-1]["seconds"] == 2
+    assert join.join_logs(tmp_path) == 4  # once more changes nothing
+
+
+def installed(folder: Path) -> Path:
+    """A folder as Blender has an installed extension, with a wheel and what it left behind."""
+    about = 'id = "kiriko"\nversion = "1.2.3"\nwheels = ["./wheels/a.whl", "./wheels/b.whl"]\n'
+    about += '[build.generated]\nplatforms = ["linux-x64"]\nwheels = ["./wheels/a.whl"]\n'
+    for name in ("__init__.py", "core/x.py", "core/__pycache__/x.pyc", "wheels/a.whl", ".hidden"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    (folder / "blender_manifest.toml").write_text(about)
+    return folder
+
+
+def test_packed_extension_is_what_was_installed(tmp_path: Path) -> None:
+    """All its files and the platform's wheels, none of Python's leavings; twice the same bytes."""
+    root = installed(tmp_path / "kiriko")
+    for name in ("one.zip", "two.zip"):
+        extension.pack(tmp_path / name, root)
+    with ZipFile(tmp_path / "one.zip") as archive:
+        names = {"__init__.py", "core/x.py", "wheels/a.whl", "blender_manifest.toml"}
+        assert set(archive.namelist()) == names
+        assert tomllib.loads(archive.read("blender_manifest.toml").decode())["version"] == "1.2.3"
+    assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
+
+    (root / "wheels" / "a.whl").unlink()
+    with pytest.raises(ImageError, match=r"lacks its file 'wheels/a\.whl'"):
+        extension.files_of(root)
+
+
+def test_a_checkout_packs_what_its_zips_have() -> None:
+    """Nothing that only development needs, and all rooms."""
+    try:
+        names = extension.files_of()
+    except ImageError:
+        pytest.skip("the wheels were not fetched: run 'python3 scripts/dev.py build'")
+    tops = {name.partition("/")[0] for name in names}
+    assert not tops & {"tests", "scripts", "docs", "dist", "out", ".git", "CHANGELOG.md"}
+    assert {"core", "operators", "panels", "languages", "farm", "assets", "wheels"} <= tops
