@@ -34,7 +34,7 @@ IPHONE = [
     Choose("kiriko.display_preset", "iPhone 15"),
     Until("is_telephone"),
 ]
-RENDERED = Wait(12.0)  # until Cycles shows enough samples
+RENDERED = Wait(45.0)  # until Cycles shows enough samples, on a busy machine, too
 
 FIRST_PICTURE: list[Step] = [
     Do("ball"),
