@@ -14,12 +14,13 @@ BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it
 
 
 def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
-    """Select these objects, the first one active, and no others."""
+    """Select these objects and no others; active is the one that is, else the first."""
     for thing in context.selected_objects:
         thing.select_set(False)
     for thing in things:
         thing.select_set(True)
-    context.view_layer.objects.active = things[0]
+    if context.view_layer.objects.active not in things:
+        context.view_layer.objects.active = things[0]
 
 
 def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:

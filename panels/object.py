@@ -5,6 +5,7 @@ import bpy
 from ..core.blender.bodies import bodiless
 from ..core.blender.chosen_product import display_product, glass_product, plate_product
 from ..core.blender.elements import DEFAULT_IOR
+from ..core.blender.look import evaluated
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.viewer import frame_of
@@ -130,7 +131,7 @@ def _draw_glass(
 ) -> None:
     """The index of a glass, and the trouble with its shape or its material."""
     ours = thing.kiriko
-    if thing.data is not None and min(thing.dimensions) == 0:
+    if thing.data is not None and min(evaluated(context.scene, thing).dimensions) == 0:
         text = Message(
             "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
         )

@@ -64,7 +64,7 @@ def _thing(
     by: str,
     faults: tuple[Counts, Counts] | None,
 ) -> Thing:
-    sides = thing.dimensions
+    sides = evaluated(scene, thing).dimensions
     has_mesh = thing.data is not None and thing.type not in {"EMPTY", "META"}
     return Thing(
         named=Named(thing.name, "" if thing.library is None else thing.library.filepath),
@@ -78,6 +78,16 @@ def _thing(
         faults=None if faults is None else faults[0],
         own_faults=None if faults is None else faults[1],
     )
+
+
+def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
+    """An object as its modifiers make it, by the last evaluation: after undo the object itself has
+    the box of its mesh without them.
+    """
+    is_here = bpy.context.scene == scene
+    layer = bpy.context.view_layer if is_here else scene.view_layers[0]
+    graph = layer.depsgraph
+    return thing if graph is None else thing.evaluated_get(graph)
 
 
 def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:

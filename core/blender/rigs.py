@@ -146,8 +146,12 @@ def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     ours = thing.kiriko
     if not ours.taken_as or any(thing in set(held_by(rig)) for rig in rigs(scene)):
         return False
-    mark = (ours.taken_as, ours.rigs)
-    same = [one for one in scene.objects if (one.kiriko.taken_as, one.kiriko.rigs) == mark]
+    keys = set(ours.rigs.split())
+    same = [
+        one
+        for one in scene.objects
+        if one.kiriko.taken_as == ours.taken_as and keys & set(one.kiriko.rigs.split())
+    ]
     return thing != next((one for one in same if one.name == ours.taken_as), same[0])
 
 

@@ -494,3 +494,24 @@ def test_drawing_takes_no_look(
     glass.data.update_tag()
     bpy.context.view_layer.update()
     assert glass.session_uid not in look_over._looked[scene.session_uid].meshes
+
+
+def test_glass_of_modifiers_is_not_flat_after_undo(
+    look: Callable[[], list], drawn: Callable[..., Layout]
+) -> None:
+    """A profile that is turned, and thickened: undo leaves the object the box of the profile."""
+    mesh = bpy.data.meshes.new("profile")
+    mesh.from_pydata([(0.01, 0, -0.02), (0.02, 0, 0), (0.02, 0, 0.02)], [(0, 1), (1, 2)], [])
+    glass = glass_of(mesh)
+    glass.modifiers.new("Screw", "SCREW")
+    glass.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.002
+    name = glass.name
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="Glass")
+    glass.location.x = 0.001
+    bpy.ops.ed.undo_push(message="Move")
+    bpy.ops.ed.undo()
+    glass = bpy.data.objects[name]
+    assert not any("flat" in text for text in told(look()))
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", glass, bpy.context.scene)
+    assert "flat" not in " ".join(shown.texts)

@@ -429,3 +429,17 @@ def test_undo_reads_only_images_that_it_changed(
     read.clear()
     bpy.ops.ed.undo()
     assert dict(read) == {"Kiriko Source": False, "Kiriko Source.001": False}
+
+
+def test_a_copy_is_known_although_a_rig_came_and_went_since(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Undo of a duplicate leaves the key of that on the glass, and not on its copy."""
+    rigs = importlib.import_module(f"{kiriko.__name__}.core.blender.rigs")
+    add(cube())
+    glass = scene.objects["Cube"]
+    copy = glass.copy()
+    scene.collection.objects.link(copy)
+    glass.kiriko.rigs += " 0123456789abcdef"
+    assert rigs.is_copy(scene, copy)
+    assert not rigs.is_copy(scene, glass)
