@@ -123,8 +123,9 @@ def _spec(
     name, about = _colour_space(form, gamma)
     spec.attribute("oiio:ColorSpace", name)
     spec.attribute("Software", "Kiriko")
+    spec.attribute("png:compressionLevel", 1)  # 1920 x 1080: 0.12 s of 0.52, files 4 % larger
+    spec.attribute("png:filter", 64)
     about = [title, about]
-
     if form.suffix == ".exr":
         spec.attribute("chromaticities", "float[8]", REC709)
         spec.attribute("compression", "zip")
@@ -226,17 +227,19 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
         )
 
     try:
-        # of a disk that is full before the end of a PNG, OpenImageIO says nothing
-        read(path, is_plain=True)
+        read(path, is_plain=True)  # of a disk that fills up at a PNG's end OpenImageIO says nothing
     except ImageError:
         raise ImageError(
             "The file '{path}' is not whole after writing: check the disk.", path=path
         ) from None
 
 
-def _line(text: str) -> str:
-    """A library's words in one line."""
-    return " ".join(text.split())
+def size_of(path: Path | str) -> tuple[int, int]:
+    """Width and height of an image file; ImageError where it is missing or broken."""
+    source = _opened(path)
+    spec = source.spec()
+    source.close()
+    return spec.width, spec.height
 
 
 def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str, Any]]:
@@ -250,15 +253,7 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
     ImageError
         The file is missing or broken.
     """
-    oiio = openimageio()
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        raise ImageError(
-            "The image '{path}' cannot be read ({why}): choose another file.",
-            path=path,
-            why=_line(oiio.geterror()),
-        )
-
+    source = _opened(path)
     try:
         spec = source.spec()
         pixels = source.read_image(format=spec.format if is_plain else "float")
@@ -266,13 +261,25 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
             raise ImageError(
                 "The image '{path}' is broken ({why}): choose another file.",
                 path=path,
-                why=_line(source.geterror()),
+                why=" ".join(source.geterror().split()),
             )
     finally:
         source.close()
 
     pixels = np.asarray(pixels, None if is_plain else np.float32)
     return pixels, {item.name: item.value for item in spec.extra_attribs}
+
+
+def _opened(path: Path | str) -> Any:
+    oiio = openimageio()
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise ImageError(
+            "The image '{path}' cannot be read ({why}): choose another file.",
+            path=path,
+            why=" ".join(oiio.geterror().split()),
+        )
+    return source
 
 
 def read_photograph(path: Path | str) -> np.ndarray:

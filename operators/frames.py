@@ -107,11 +107,15 @@ class Keeps:
     session: Session = field(default_factory=lambda: Session(KeptGlass(is_exact=True)))
 
 
-def solved(context: bpy.types.Context, run: Run) -> Generator[float, None, Tally]:
+def solved(
+    context: bpy.types.Context, run: Run, tally: Tally | None = None
+) -> Generator[float, None, Tally]:
     """Solve the frames of a run and write their files, each whole or not at all.
 
     A frame that cannot be solved is noted, and the next is begun. Yields progress 0..1. At the end,
     also where it is stopped, the scene is at its frame of before.
+
+    tally : that is kept up to date meanwhile
 
     Raises
     ------
@@ -119,7 +123,7 @@ def solved(context: bpy.types.Context, run: Run) -> Generator[float, None, Tally
         A file cannot be written: the files of all frames before are whole.
     """
     scene = context.scene
-    tally = Tally()
+    tally = Tally() if tally is None else tally
     keeps = Keeps()
     n = len(run.files)
 

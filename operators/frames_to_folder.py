@@ -7,12 +7,13 @@ from pathlib import Path
 import bpy
 
 from ..core import image_io
+from ..core.blender import movie
 from ..core.blender.frames import frame_files, frames_of_range
 from ..core.errors import RigError
 from ..core.farm.join import LOG, log_of
 from ..core.frame_list import frames_of
 from ..core.messages import Message
-from . import frames, solve_to_folder
+from . import frames, movies, solve_to_folder
 
 NAME = "source_####"
 SCENE = "scene"  # in place of a list: the frames that the scene would render
@@ -42,6 +43,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="a log of its own for this process, which 'join' puts together with the others",
     )
 
+    parser.add_argument(
+        "--movie",
+        choices=movie.CODECS,
+        metavar="CODEC",
+        help=f"a movie of the frames, too, by Blender's encoder: {', '.join(movie.CODECS)}",
+    )
+    parser.add_argument(
+        "--test-card",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="for which the movie begins with a test card (0)",
+    )
+
 
 def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
     """The files of the frames that are asked for."""
@@ -64,7 +79,20 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         arguments.placeholders,
         LOG if arguments.log is None else log_of(arguments.log),
     )
-    tally = yield from solve_to_folder.told_in_tenths(frames.solved(context, run))
-    if tally.failed:
-        raise RigError("{told}", told=tally.told(arguments.out))
+    tally = frames.Tally()
+
+    if arguments.movie is None:
+        yield from solve_to_folder.told_in_tenths(frames.solved(context, run, tally))
+        if tally.failed:
+            raise RigError("{told}", told=tally.told(arguments.out))
+        yield tally.told(arguments.out)
+        return
+
+    name = Path(arguments.name).stem.rstrip("#").rstrip("_-. ").replace("#", "") or "movie"
+    wish = movies.Wish(
+        arguments.out / name, arguments.movie, arguments.test_card, arguments.overwrite
+    )
+    steps = movies.made(context, run, wish, tally, "add --overwrite")
+    yield from solve_to_folder.told_in_tenths(steps)
     yield tally.told(arguments.out)
+    yield movies.told(wish, run)

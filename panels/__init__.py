@@ -40,6 +40,7 @@ CLASSES = (
     rig.VIEW3D_PT_kiriko_rig,
     export.VIEW3D_PT_kiriko_export,
     show.VIEW3D_PT_kiriko_show,
+    export.VIEW3D_PT_kiriko_animation,
     export.VIEW3D_PT_kiriko_report,
     calibration.VIEW3D_PT_kiriko_lattice,
     calibration.VIEW3D_PT_kiriko_calibration,

@@ -34,6 +34,29 @@ class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
 
 
+class VIEW3D_PT_kiriko_animation(OfRig, bpy.types.Panel):
+    """The frames of an animation, as files and as a movie."""
+
+    bl_label = "Animation"
+    bl_parent_id = "VIEW3D_PT_kiriko_export"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        ours = context.scene.kiriko
+        layout.prop(ours, "animation_path")
+        column = layout.column()
+        column.prop(ours, "animation_overwrite")
+        column.prop(ours, "animation_placeholders")
+        layout.operator("kiriko.solve_animation", icon="RENDER_ANIMATION")
+        layout.prop(ours, "movie_path")
+        layout.prop(ours, "movie_codec")
+        layout.prop(ours, "movie_card")
+        layout.operator("kiriko.export_movie", icon="FILE_MOVIE")
+
+
 class VIEW3D_PT_kiriko_report(OfRig, bpy.types.Panel):
     """The cost of accuracy on this rig, measured."""
 

@@ -52,6 +52,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
         layout.operator("kiriko.show_window", icon="WINDOW")
+        layout.operator("kiriko.solve_animation", icon="RENDER_ANIMATION")
+        layout.operator("kiriko.export_movie", icon="FILE_MOVIE")
         layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.report", icon="GRAPH")
         layout.separator()

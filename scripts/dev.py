@@ -202,6 +202,13 @@ def live(arguments: argparse.Namespace) -> None:
     run_in_blender("bench.live", arguments.rest)
 
 
+def frames(arguments: argparse.Namespace) -> None:
+    """Measure frames a second of a picture that moves (further options go to
+    scripts/bench/frames.py).
+    """
+    run_in_blender("bench.frames", arguments.rest)
+
+
 def lab(arguments: argparse.Namespace) -> None:
     """Measure the plate as a lab would: image distance, sharpness,
     brightness (options go to scripts/bench/lab.py).
@@ -336,6 +343,7 @@ def main() -> None:
         judge,
         mutants,
         live,
+        frames,
         lab,
         surface,
         irregular,

@@ -36,6 +36,13 @@ GHOSTS = (
         "The colour for the place that sees most of the pixel: sharp there, wrong in the others",
     ),
 )
+CODECS = (
+    ("H264", "H.264", "Plays everywhere; even sides"),
+    ("H265", "H.265", "Half the size, for newer players; even sides"),
+    ("AV1", "AV1", "As small, free of licences; even sides"),
+    ("PRORES", "ProRes", "For editing: large, 10 bit"),
+    ("FFV1", "FFV1", "Lossless: the source image's very numbers"),
+)
 EXPORT_FORMATS = (
     ("PNG8", "PNG 8 bit", "Encoded for an sRGB display, 256 steps a channel"),
     ("PNG16", "PNG 16 bit", "Encoded for an sRGB display, 65536 steps a channel"),
@@ -189,6 +196,47 @@ class KirikoScene(bpy.types.PropertyGroup):
         name="Overwrite",
         description="Replace a file that is already there",
         default=False,
+    )
+    animation_path: StringProperty(
+        name="Frames",
+        description="Where the source images of an animation's frames are written: # are digits of"
+        " the frame's number",
+        default="//frames/source_####",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    animation_overwrite: BoolProperty(
+        name="Overwrite",
+        description="Solve frames anew whose files are there; else they stay, and a run that was"
+        " stopped goes on where it was",
+        default=False,
+    )
+    animation_placeholders: BoolProperty(
+        name="Placeholders",
+        description="Make an empty file for each frame while it is solved, so that other machines"
+        " leave it out",
+        default=False,
+    )
+    movie_path: StringProperty(
+        name="Movie",
+        description="Where the movie is written; the ending is set by the codec",
+        default="//source",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    movie_codec: EnumProperty(
+        name="Codec", description="Encoder of the movie", items=CODECS, default="H264"
+    )
+    movie_card: FloatProperty(
+        name="Test Card",
+        description="Seconds for which the movie begins with a test card: a lattice, steps of grey,"
+        " the display's name and size",
+        default=0.0,
+        min=0.0,
+        max=3600.0,
+        soft_max=30.0,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
     )
     report_folder: StringProperty(
         name="Folder",

@@ -1,0 +1,248 @@
+"""Movies of frames, by Blender's encoder, decoded again frame by frame."""
+
+import importlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from small_rigs import small_rig
+
+SIZE = (256, 192)  # less is too small for AV1
+# of 255: by how much numbers may differ after the codec, the largest; 0: it is lossless
+ROUNDING = {"H264": 5, "H265": 5, "AV1": 6, "PRORES": 3, "FFV1": 0}
+
+
+@pytest.fixture
+def movie(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+    importlib.import_module(f"{kiriko.__name__}.operators.export").use_bundled_modules()
+    return importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+
+
+@pytest.fixture
+def core(kiriko: ModuleType) -> Callable[[str], ModuleType]:
+    return lambda name: importlib.import_module(f"{kiriko.__name__}.core.{name}")
+
+
+@pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+def numbers(n: int) -> np.ndarray:
+    """A frame (h, w, 3) uint8: a ramp of greys, and a grey field that tells which frame it is."""
+    width, height = SIZE
+    frame = np.repeat(np.rint(np.linspace(0, 255, width))[None, :, None], height, axis=0)
+    frame = np.repeat(frame, 3, axis=2)
+    frame[:32] = 20 + 4 * n
+    return frame.astype(np.uint8)
+
+
+def written(place: Path, n: int, image_io: ModuleType) -> list[Path]:
+    """Files of frames, whose numbers are those of `numbers`."""
+    codes = np.arange(256) / 255
+    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    light = light.astype(np.float32)
+    return [
+        image_io.write(place / f"frame_{k:03}", light[numbers(k)], "PNG8") for k in range(1, n + 1)
+    ]
+
+
+def decoded(path: Path, moving: ModuleType, n: int) -> list[np.ndarray]:
+    """Encoded numbers (h, w, 3), times 255, of a movie's frames, as Blender reads them."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    reel = moving.Reel()
+    found = []
+    for k in range(1, n + 1):
+        shown = reel.at(image, k, "test")
+        width, height = shown.size
+        pixels = np.empty(width * height * 4, np.float32)
+        shown.pixels.foreach_get(pixels)
+        pixels = pixels.reshape(height, width, 4)[::-1, :, :3].astype(float)
+        if shown.is_float:  # linear then
+            pixels = np.where(
+                pixels <= 0.0031308,
+                12.92 * pixels,
+                1.055 * np.maximum(pixels, 0) ** (1 / 2.4) - 0.055,
+            )
+        found.append(255 * pixels)
+    reel.close()
+    bpy.data.images.remove(image)
+    return found
+
+
+@pytest.mark.parametrize("name", ROUNDING)
+def test_each_frame_comes_back_in_its_own_numbers(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    """5 frames; whatever view transform the scene has, none is in the movie; nothing is left."""
+    if name not in movie.available():
+        pytest.skip("this Blender has no such encoder")
+    scene.view_settings.exposure = 2.0
+    files = written(tmp_path, 5, core("image_io"))
+    before = [b.name for b in bpy.data.scenes]
+    path = tmp_path / f"clip{movie.CODECS[name].suffix}"
+    movie.encode(path, files, name, SIZE, scene)
+    assert movie.n_frames(path) == 5
+    for k, frame in enumerate(decoded(path, core("blender.moving"), 5), 1):
+        off = np.abs(frame - numbers(k))
+        assert off[8:24].max() <= max(ROUNDING[name], 0.01), k
+        assert off[40:].max() <= max(ROUNDING[name], 0.01), k
+    assert [b.name for b in bpy.data.scenes] == before
+
+
+def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
+    movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Frame by frame, lossless; Blender's own reader tells the rate."""
+    scene.render.fps, scene.render.fps_base = 30, 1.001
+    files = written(tmp_path, 60, core("image_io"))
+    path = tmp_path / "clip.mkv"
+    movie.encode(path, files, "FFV1", SIZE, scene)
+    for k, frame in enumerate(decoded(path, core("blender.moving"), 60), 1):
+        assert np.abs(frame - numbers(k)).max() < 0.01
+    clip = bpy.data.movieclips.load(str(path))
+    assert (clip.fps, clip.frame_duration) == (pytest.approx(30 / 1.001, abs=1e-3), 60)
+    bpy.data.movieclips.remove(clip)
+
+
+def test_a_card_comes_first(
+    movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """With words over it; the frames come after it."""
+    files = written(tmp_path, 2, core("image_io"))
+    card = core("image.test_card").card(*SIZE)
+    file = core("image_io").write(tmp_path / "card", card, "PNG8")
+    path = tmp_path / "clip.mkv"
+    movie.encode(path, files, "FFV1", SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
+    plain, _ = core("image_io").read(file)
+    frames = decoded(path, core("blender.moving"), 5)
+    for frame in frames[:3]:
+        off = np.abs(frame - 255 * plain) > 1
+        assert off[60:132].any()  # the words
+        assert not off[:48].any()
+        assert not off[144:].any()
+    for k in (1, 2):
+        assert np.abs(frames[2 + k] - numbers(k)).max() < 0.01
+
+
+def test_a_codec_that_cannot_be_is_refused_with_those_that_can(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One that this Blender lacks; odd sides; no encoder at all."""
+    errors = core("errors")
+    movie.check("FFV1", (641, 481))
+    with pytest.raises(errors.ImageError, match=r"641 x 480 pixels.*even: choose.*FFV1.*\.$"):
+        movie.check("H264", (641, 480))
+    monkeypatch.setattr(movie, "available", lambda: ("H264", "FFV1"))
+    with pytest.raises(errors.ImageError, match=r"no encoder for ProRes: choose H\.264, FFV1\.$"):
+        movie.check("PRORES", (640, 480))
+    monkeypatch.setattr(movie, "available", lambda: ())
+    with pytest.raises(errors.ImageError, match=r"no encoder for H\.264: take Blender from"):
+        movie.check("H264", (640, 480))
+
+
+def test_the_command_line_makes_a_movie_of_what_is_there_and_of_what_is_not(
+    run: Callable[..., int],
+    core: Callable[[str], ModuleType],
+    movie: ModuleType,
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Of frames that move; the movie's frames are the files; one that is there is not replaced."""
+    parts = small_rig()
+    for frame, brightness in ((1, 0.2), (4, 1.0)):
+        parts["PICTURE"].kiriko.picture.brightness = brightness
+        parts["PICTURE"].keyframe_insert("kiriko.picture.brightness", frame=frame)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    assert run("solve", "--out", out, "--frames", "2", "--name", "f_##") == 0
+    made = (out / "f_02.png").read_bytes()
+    asked = ("solve", "--out", out, "--frames", "1-4", "--name", "f_##", "--movie", "FFV1")
+    assert run(*asked, "--test-card", "0.125") == 0
+    assert (out / "f_02.png").read_bytes() == made
+    files = [out / f"f_{k:02}.png" for k in range(1, 5)]
+    frames = decoded(out / "f.mkv", core("blender.moving"), 7)
+    for file, frame in zip(files, frames[3:], strict=True):
+        pixels, _ = core("image_io").read(file)
+        assert np.abs(frame - 255 * pixels).max() < 0.01
+    assert run(*asked) == 1
+    assert "f.mkv already" in capsys.readouterr().err
+    assert not list(out.glob(".*"))
+
+
+def test_a_movie_is_refused_where_its_frames_do_not_fit(
+    run: Callable[..., int],
+    core: Callable[[str], ModuleType],
+    movie: ModuleType,
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Frames in linear light, and a frame of another size that was there; no movie is left."""
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    asked = ("solve", "--out", out, "--frames", "1-2", "--movie", "FFV1")
+    assert run(*asked, "--format", "EXR_HALF") == 1
+    assert "choose PNG or TIFF" in capsys.readouterr().err
+    out.mkdir()
+    core("image_io").write(out / "source_0001", np.zeros((8, 8, 3)), "PNG8")
+    assert run(*asked) == 1
+    assert "has 8 x 8 pixels, the display 64 x 64" in capsys.readouterr().err
+    assert not list(out.glob("*.mkv"))
+
+
+def test_a_disk_that_is_full_leaves_no_movie(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A movie that has not all its frames is no movie."""
+    files = written(tmp_path, 3, core("image_io"))
+    monkeypatch.setattr(movie, "n_frames", lambda path: 2)
+    with pytest.raises(core("errors").ImageError, match="has 2 frames in place of 3"):
+        movie.encode(tmp_path / "clip.mkv", files, "FFV1", SIZE, scene)
+
+
+def test_solve_animation_writes_what_the_panel_says(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Its path, format, the scene's range; the movie of it. Neither changes the scene."""
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, 3, 2
+    scene.frame_set(7)
+    ours = scene.kiriko
+    ours.animation_path, ours.export_format = "//film/a_###.exr", "PNG16"
+    assert bpy.ops.kiriko.solve_animation() == {"FINISHED"}
+    place = tmp_path / "film"
+    assert sorted(p.name for p in place.iterdir()) == ["a_001.png", "a_003.png", "frames.jsonl"]
+    (place / "a_003.png").unlink()
+    ours.movie_path, ours.movie_codec = "//film", "FFV1"
+    assert bpy.ops.kiriko.export_movie() == {"FINISHED"}
+    movie = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+    assert movie.n_frames(tmp_path / "film.mkv") == 2
+    assert (place / "a_003.png").exists()
+    with pytest.raises(RuntimeError, match=r"film\.mkv already"):
+        bpy.ops.kiriko.export_movie()
+    assert scene.frame_current == 7
+    assert ours.result.source is None
+    shutil.rmtree(place)
+    with pytest.raises(RuntimeError, match="is no list of frames"):
+        bpy.ops.kiriko.solve_animation(frames="a")
+    assert not place.exists()
