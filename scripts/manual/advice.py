@@ -923,6 +923,32 @@ FILES = Section(
             ),
         ),
         Advice(
+            "This Blender has no encoder for {codec}: {remedy}.",
+            "Blender 4.2 has H.264, AV1 and FFV1; newer ones have H.265 and ProRes, too.",
+            "Blender 4.2 には H.264、AV1、FFV1 があり、新しい版には H.265 と ProRes もあります。",
+            alike=(
+                "{codec} takes no images of {width} x {height} pixels, for their sides have to be"
+                " even: choose {others}, or another size of the display.",
+                "Blender cannot write the movie '{path}' ({why}): check the disk, or choose another"
+                " codec.",
+                "The movie '{path}' has {found} frames in place of {n}: check the disk.",
+            ),
+        ),
+        Advice(
+            "A movie is made of frames in the display's own numbers: choose PNG or TIFF as their"
+            " format.",
+            "The format is that of the panel Export, or of --format.",
+            "形式は「エクスポート」パネルか --format で選びます。",
+            alike=(
+                "The frame '{file}' has {found} pixels, the display {size}: solve it anew, with"
+                " Overwrite.",
+                "The movie would lack frames: {told}",
+                "The frames have no name: choose a file, such as //frames/source_####.",
+                "The movie has no path: choose a file.",
+                "The playback sets frames, too: stop it first.",
+            ),
+        ),
+        Advice(
             "Frame {frame}: {error}",
             "The other frames are made; the same command makes those that are missing.",
             "ほかのフレームは作られています。同じコマンドが、足りないフレームを作ります。",
