@@ -189,14 +189,14 @@ class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
     )
     low: bpy.props.FloatVectorProperty(
         name="From",
-        description="How far the head goes to the left, down and back of the viewer's place, along"
-        " the viewer's own axes",
+        description="Where the head's box begins, from the viewer's place along its own axes:"
+        " to the left and down and back is below 0",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
     high: bpy.props.FloatVectorProperty(
         name="To",
-        description="How far it goes to the right, up and forward",
+        description="Where the head's box ends: to the right, up and forward is above 0",
         subtype="TRANSLATION",
         unit="LENGTH",
     )
@@ -246,7 +246,14 @@ class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("low", "high", "tolerance", "most", "images", "overwrite"):
+        edges = layout.column(align=True)
+        edges.prop(self, "low", index=0, text="Left")
+        edges.prop(self, "high", index=0, text="Right")
+        edges.prop(self, "low", index=1, text="Down")
+        edges.prop(self, "high", index=1, text="Up")
+        edges.prop(self, "low", index=2, text="Back")
+        edges.prop(self, "high", index=2, text="Forward")
+        for name in ("tolerance", "most", "images", "overwrite"):
             layout.prop(self, name)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
