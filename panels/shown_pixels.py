@@ -19,8 +19,6 @@ from ..operators import show_window
 from ..operators.export import gamma_of
 
 TOP = 255  # of 8 bits
-FETCH = "void main() { colour = texelFetch(image, ivec2(floor(at)), 0); }"
-PLACE = "void main() { at = place; gl_Position = vec4(pos, 0.0, 1.0); }"
 
 
 class Shown(NamedTuple):
@@ -118,8 +116,8 @@ def _shader() -> object:
         info.vertex_out(between)
         info.sampler(0, "FLOAT_2D", "image")
         info.fragment_out(0, "VEC4", "colour")
-        info.vertex_source(PLACE)
-        info.fragment_source(FETCH)
+        info.vertex_source("void main() { at = place; gl_Position = vec4(pos, 0.0, 1.0); }")
+        info.fragment_source("void main() { colour = texelFetch(image, ivec2(floor(at)), 0); }")
         _shaders.append(gpu.shader.create_from_info(info))
     return _shaders[0]
 

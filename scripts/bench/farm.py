@@ -12,7 +12,10 @@ middle, so that they are never nearer than a hundredth. *drawn*: the part of the
 paints which the reader paints, too. *image*: RMSE against Kiriko's own source image of the lattice,
 linear values.
 
-Exits with 1 where a number is larger than its mark.
+Then jobs, as farm_jobs.py runs them by openjd-cli and by two processes; and the atlas of a ball, as
+atlas.py measures it at a hundred heads.
+
+Exits with 1 where a number is larger than its mark, or a proof fails.
 """
 
 import argparse
@@ -29,6 +32,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from bench import atlas, farm_jobs
 from environments import as_module, clean_environment, python_path
 from kiriko.core import image_io
 from kiriko.core.settings import Settings
@@ -196,6 +200,7 @@ def rows(readers: Path, pixels: int) -> Iterator[Row]:
 
 
 WAYS = straight, turned
+PARTS = "maps", "jobs", "atlas"
 
 
 def main() -> None:
@@ -204,10 +209,25 @@ def main() -> None:
     parser.add_argument(
         "--pixels", type=int, default=PIXELS, help=f"of display, viewer and picture ({PIXELS})"
     )
+    parser.add_argument(
+        "--only", nargs="+", choices=PARTS, default=PARTS, help="only these parts of the proofs"
+    )
     arguments = parser.parse_args()
-    found = list(rows(arguments.readers, arguments.pixels))  # Blender talks while it renders
-    print(HEADING, *(row.text() for row in found), sep="\n", flush=True)
-    sys.exit(not all(row.is_kept for row in found))
+    are_kept = True
+    for part in arguments.only:
+        # Blender talks while it works: a table is printed when it is whole
+        if part == "maps":
+            heading, found = HEADING, list(rows(arguments.readers, arguments.pixels))
+        elif part == "jobs":
+            with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+                found = list(farm_jobs.proofs(arguments.readers, Path(folder)))
+            heading = farm_jobs.HEADING
+        else:
+            heading = atlas.HEADING
+            found = [atlas.row("ball", atlas.PIXELS // 2, atlas.HEADS, atlas.TOLERANCE)]
+        print(heading, *(row.text() for row in found), "", sep="\n", flush=True)
+        are_kept &= all(row.is_kept for row in found)
+    sys.exit(not are_kept)
 
 
 if __name__ == "__main__":
