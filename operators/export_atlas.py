@@ -15,14 +15,15 @@ from ..core.atlas.atlas import Atlas
 from ..core.atlas.heads import HeadBox
 from ..core.atlas.making import Making
 from ..core.blender.image import save_png
-from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
 from ..core.errors import ImageError
 from ..core.messages import Message
 from ..core.steps import within
 from ..core.words import percent
-from . import folder, long_work, needed, solve_to_folder, telling, work
+from . import folder, solve_to_folder, work
 from .export import gamma_of, use_bundled_modules
+from .into_folder import IntoFolder
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
@@ -41,6 +42,7 @@ def making_of(context: bpy.types.Context, target: Path, has_images: bool) -> Mak
     return Making(
         session=work.session(),
         rig=reading.rig,
+        viewer=reading.rig.viewer,
         settings=work.settings_of(scene),
         folder=target,
         save_image=save if has_images else None,
@@ -174,19 +176,13 @@ def run(arguments: argparse.Namespace) -> Generator[str, None, None]:
         yield told(atlas, arguments.out)
 
 
-class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     """Write warp maps for a head that moves: over a box of its places, as many as are needed"""
 
     bl_idname = "kiriko.export_atlas"
     bl_label = "Export Atlas"
     bl_options = {"REGISTER"}
 
-    directory: bpy.props.StringProperty(
-        name="Folder",
-        description="Where to write",
-        subtype="DIR_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
-    )
     low: bpy.props.FloatVectorProperty(
         name="From",
         description="Where the head's box begins, from the viewer's place along its own axes:"
@@ -224,23 +220,13 @@ class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
         description="Replace the atlas of another rig that is there already",
         options={"SKIP_SAVE"},
     )
-    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
-
-    is_in_dialogue = False
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+    in_dialogue = ("low", "high", "tolerance", "most", "images", "overwrite")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.directory or bpy.app.background or context.window is None:
-            return super().invoke(context, event)
-        self.is_in_dialogue = True
         for name, x in (("low", -ASIDE), ("high", ASIDE)):
             if not self.properties.is_property_set(name):
                 setattr(self, name, (x / length_of_unit(context.scene), 0.0, 0.0))
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return super().invoke(context, event)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -255,25 +241,6 @@ class KIRIKO_OT_export_atlas(long_work.LongWork, bpy.types.Operator):
         edges.prop(self, "high", index=2, text="Forward")
         for name in ("tolerance", "most", "images", "overwrite"):
             layout.prop(self, name)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self.is_in_dialogue:
-            return super().execute(context)
-
-        # an operator of a dialogue cannot go on in steps: another one can
-        with telling.told(self):
-            bpy.ops.kiriko.export_atlas(
-                "INVOKE_DEFAULT",
-                directory=self.directory,
-                low=self.low,
-                high=self.high,
-                tolerance=self.tolerance,
-                most=self.most,
-                images=self.images,
-                overwrite=self.overwrite,
-            )
-            return {"FINISHED"}
-        return {"CANCELLED"}
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:

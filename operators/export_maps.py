@@ -12,7 +12,7 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender.image import save_png
-from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.paths import absolute
 from ..core.errors import ImageError
 from ..core.fingerprint import fingerprint
 from ..core.messages import Message
@@ -30,9 +30,9 @@ from ..core.warp.files import (
     write_maps,
 )
 from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions
-from . import folder, long_work, needed, telling, work
+from . import folder, work
 from .export import use_bundled_modules
-from .of_rig import OfRig
+from .into_folder import IntoFolder
 
 ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
 SOLVED, MAPPED = 0.4, 0.95  # progress, about
@@ -132,7 +132,7 @@ def _about(
     }
 
 
-class KIRIKO_OT_export_maps(OfRig, long_work.LongWork, bpy.types.Operator):
+class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
     """Write warp maps, for other programs"""
 
     bl_description = (
@@ -143,12 +143,6 @@ class KIRIKO_OT_export_maps(OfRig, long_work.LongWork, bpy.types.Operator):
     bl_label = "Export Maps"
     bl_options = {"REGISTER"}
 
-    directory: bpy.props.StringProperty(
-        name="Folder",
-        description="Where to write",
-        subtype="DIR_PATH",
-        options={"SKIP_SAVE", *RELATIVE_PATH},
-    )
     formats: bpy.props.EnumProperty(
         name="Formats",
         description="Which files are written",
@@ -184,21 +178,7 @@ class KIRIKO_OT_export_maps(OfRig, long_work.LongWork, bpy.types.Operator):
         description="Replace files that are there already, and remove others of earlier maps",
         options={"SKIP_SAVE"},
     )
-    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
-
-    is_in_dialogue = False
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.directory or bpy.app.background or context.window is None:
-            return super().invoke(context, event)
-        self.is_in_dialogue = True
-        self.begin_with(context.scene)
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    in_dialogue = ("formats", "overscan", "times", "mesh_step", "overwrite")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -207,25 +187,6 @@ class KIRIKO_OT_export_maps(OfRig, long_work.LongWork, bpy.types.Operator):
         layout.column().prop(self, "formats")  # in a row they would have no room for their names
         for name in ("overscan", "times", "mesh_step", "overwrite"):
             layout.prop(self, name)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self.is_in_dialogue:
-            return super().execute(context)
-
-        # an operator of a dialogue cannot go on in steps: another one can
-        with telling.told(self):
-            self.end_with(context)
-            bpy.ops.kiriko.export_maps(
-                "INVOKE_DEFAULT",
-                directory=self.directory,
-                formats=self.formats,
-                overscan=self.overscan,
-                times=self.times,
-                mesh_step=self.mesh_step,
-                overwrite=self.overwrite,
-            )
-            return {"FINISHED"}
-        return {"CANCELLED"}
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:

@@ -10,6 +10,7 @@ import numpy as np
 from .. import disk
 from ..errors import ImageError
 from ..rig import Rig
+from ..viewer import Viewer
 from .heads import AXES, HeadBox, HeadGrid, Offset
 from .refine import Refined
 
@@ -68,9 +69,11 @@ class Atlas:
         return (self.rig, self.has_images) == (other.rig, other.has_images)
 
 
-def new(rig: Rig, key: str, refined: Refined, tolerance: float, has_images: bool) -> Atlas:
-    """The atlas of a rig with a grid that is fine enough; key: the rig's fingerprint."""
-    viewer, place, display = rig.viewer, rig.picture_place, rig.display
+def new(
+    rig: Rig, viewer: Viewer, key: str, refined: Refined, tolerance: float, has_images: bool
+) -> Atlas:
+    """The atlas of a viewer's head with a grid that is fine enough; key: the rig's fingerprint."""
+    place, display = rig.picture_place, rig.display
     return Atlas(
         rig=key,
         viewer=viewer.name,

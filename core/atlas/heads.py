@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import RigError
 from ..messages import Message
-from ..rig import PicturePlace, Rig
+from ..rig import PicturePlace
 from ..viewer import Viewer
 
 AXES = ("right", "up", "forward")
@@ -95,9 +95,8 @@ class HeadGrid:
         return numbers[has_weight].tolist(), weights[has_weight]
 
 
-def check_viewer(rig: Rig) -> None:
-    """Raise RigError where a rig's viewer has no head that could move before its picture."""
-    viewer, place = rig.viewer, rig.picture_place
+def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
+    """Raise RigError where a viewer has no head that could move before a picture."""
     if viewer.projection == "orthographic":
         raise RigError(
             "The viewer '{viewer}' is orthographic and has no head that moves: set it to"

@@ -6,7 +6,6 @@ there is not made again, so that work that was stopped goes on where it was.
 
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,11 @@ from ..rig import Rig
 from ..settings import Settings
 from ..solve.session import Session
 from ..steps import within
+from ..viewer import Viewer
 from . import head_map
 from .atlas import INDEX, Atlas, new, random_heads, read, write
-from .heads import AXES, HeadBox, check_viewer
+from .head_map import HeadMap
+from .heads import AXES, HeadBox, Offset, check_viewer
 from .refine import map_at, refine, solved_at
 
 SaveImage = Callable[[Path, NDArray[np.float32]], None]
@@ -33,11 +34,13 @@ CHECKED = 8  # heads
 class Making:
     """What an atlas is made of, and where.
 
+    viewer : of the rig, whose head moves
     save_image : writes a source image to a new file; None where there are to be none
     """
 
     session: Session
     rig: Rig
+    viewer: Viewer
     settings: Settings
     folder: Path
     save_image: SaveImage | None = None
@@ -49,7 +52,11 @@ class Making:
         if self.save_image is None:
             rig = replace(rig, pictures=(rig.picture_place,))
         settings = self.settings.of_optics if self.save_image is None else self.settings
-        return fingerprint(rig, settings)
+        return fingerprint(rig, self.viewer, settings)
+
+    def at(self, offset: Offset) -> Generator[float, None, HeadMap]:
+        """The map of the head at an offset; yields progress 0..1."""
+        return map_at(self.session, self.rig, self.viewer, self.settings, offset)
 
 
 def planned(
@@ -66,7 +73,7 @@ def planned(
     """
     rig = making.rig
     rig.check()
-    check_viewer(rig)
+    check_viewer(making.viewer, rig.picture_place)
     if not tolerance > 0:
         raise RigError(
             "The tolerance of the atlas is {tolerance:g} px: set one above 0.", tolerance=tolerance
@@ -83,9 +90,8 @@ def planned(
             remedy=remedy,
         )
 
-    at = partial(map_at, making.session, rig, making.settings)
-    refined = yield from refine(at, box, rig.picture_place, tolerance, most)
-    atlas = new(rig, making.key, refined, tolerance, making.save_image is not None)
+    refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
+    atlas = new(rig, making.viewer, making.key, refined, tolerance, making.save_image is not None)
     write(making.folder, atlas)
     if before is not None:
         kept = {*atlas.maps, *atlas.images} if before.rig == atlas.rig else set()
@@ -142,7 +148,9 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
     wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
     offsets = atlas.grid.offsets()
     for k, number in enumerate(wanted):
-        steps = solved_at(making.session, making.rig, making.settings, offsets[number])
+        steps = solved_at(
+            making.session, making.rig, making.viewer, making.settings, offsets[number]
+        )
         found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
         with disk.together(making.folder) as new_files:
             head_map.write(new_files / atlas.maps[number], found)
@@ -172,7 +180,7 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
 
     offs = []
     for k, offset in enumerate(random_heads(atlas.grid, n)):
-        steps = map_at(making.session, making.rig, making.settings, offset)
+        steps = making.at(offset)
         true = yield from within(steps, k / n, (k + 1) / n)
         numbers, weights = atlas.grid.around(offset)
         maps = [head_map.read(making.folder / atlas.maps[i]) for i in numbers]

@@ -12,6 +12,7 @@ from ..rig import PicturePlace, Rig
 from ..settings import Settings
 from ..solve.session import Session
 from ..steps import within
+from ..viewer import Viewer
 from .head_map import HeadMap, Off, as_bytes, between, head_map, off
 from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, viewer_at
 
@@ -20,7 +21,7 @@ SOLVED = 0.5  # of a map's work, about; then it is looked up for each display pi
 
 
 def solved_at(
-    session: Session, rig: Rig, settings: Settings, offset: Offset
+    session: Session, rig: Rig, viewer: Viewer, settings: Settings, offset: Offset
 ) -> Generator[float, None, tuple[HeadMap, NDArray[np.float32]]]:
     """The map and the source image of a head at an offset from the viewer's own place; yields
     progress 0..1.
@@ -29,18 +30,18 @@ def solved_at(
     ------
     RigError, MeshError : the rig cannot be solved there
     """
-    viewer = viewer_at(rig.viewer, rig.picture_place, offset)
-    moved = replace(rig, viewers=(viewer,))
+    head = viewer_at(viewer, rig.picture_place, offset)
+    moved = replace(rig, viewers=(head,))
     solution = yield from within(session.solve(moved, settings), 0.0, SOLVED)
     found = yield from within(head_map(solution.first), SOLVED, 1.0)
     return found, solution.source
 
 
 def map_at(
-    session: Session, rig: Rig, settings: Settings, offset: Offset
+    session: Session, rig: Rig, viewer: Viewer, settings: Settings, offset: Offset
 ) -> Generator[float, None, HeadMap]:
     """The map alone."""
-    found, _ = yield from solved_at(session, rig, settings, offset)
+    found, _ = yield from solved_at(session, rig, viewer, settings, offset)
     return found
 
 

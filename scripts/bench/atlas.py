@@ -26,7 +26,6 @@ from bench.glasses import rig_of
 from kiriko.core.atlas import head_map, making
 from kiriko.core.atlas.atlas import Atlas, random_heads
 from kiriko.core.atlas.heads import HeadBox
-from kiriko.core.atlas.refine import map_at
 from kiriko.core.rig import Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
@@ -84,7 +83,8 @@ def rig_for(glass: str, pixels: int) -> Rig:
 def row(glass: str, pixels: int, n_heads: int, tolerance: float) -> Row:
     """Make an atlas of a glass, and try heads in it."""
     with tempfile.TemporaryDirectory() as name:
-        of = making.Making(Session(), rig_for(glass, pixels), Settings(), Path(name))
+        rig = rig_for(glass, pixels)
+        of = making.Making(Session(), rig, rig.viewer, Settings(), Path(name))
         started = perf_counter()
         atlas = finish(making.planned(of, BOX, tolerance, MOST, False, ""))
         atlas = finish(making.whole(of, atlas, MOST))
@@ -100,7 +100,7 @@ def _tried(of: making.Making, atlas: Atlas, n: int) -> Iterator[tuple[head_map.O
     reader = Reader(of.folder, kept=len(atlas.grid))
     size = np.array(atlas.picture_size)
     for offset in random_heads(atlas.grid, n, seed=1):
-        true = finish(map_at(of.session, of.rig, of.settings, offset))
+        true = finish(of.at(offset))
         st, coverage = reader.at(*offset)
         numbers, weights = atlas.grid.around(offset)
         maps = [head_map.read(of.folder / atlas.maps[k]) for k in numbers]

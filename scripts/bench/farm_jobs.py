@@ -142,7 +142,7 @@ def _tree(top: int) -> list[int]:
 def _missing(openjd: Path, bundle: Path, program: Path) -> Proof:
     """A bundle whose .blend is gone fails with its sentence."""
     (blend,) = bundle.glob("*.blend")
-    aside = blend.rename(bundle.parent / blend.name)
+    aside = blend.rename(blend.with_suffix(".aside"))
     run = _openjd(openjd, bundle, program)
     aside.rename(blend)
     told = "No .blend file was loaded" in run.stdout + run.stderr

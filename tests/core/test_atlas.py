@@ -31,11 +31,11 @@ TWO_WAYS = HeadBox((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0))
 
 
 def maker(of, **settings):
-    return partial(map_at, Session(), of, Settings(**settings))
+    return partial(map_at, Session(), of, of.viewer, Settings(**settings))
 
 
 def make(folder, of, box_of_heads=TWO_WAYS, tolerance=0.05, **options):
-    making_ = making.Making(Session(), of, Settings(), folder, **options)
+    making_ = making.Making(Session(), of, of.viewer, Settings(), folder, **options)
     atlas = drain(making.planned(making_, box_of_heads, tolerance, 100, False, "set Overwrite"))
     return making_, atlas
 
@@ -153,7 +153,7 @@ def test_atlas_keeps_its_tolerance_by_the_reader_for_others(ball_atlas):
 
     for offset in ((0.011, -0.013, 0.0), (-0.03, 0.02, 0.0), (-0.0071, 0.0, 0.0)):
         st, coverage = reader.at(*offset)
-        true = drain(map_at(made_of.session, made_of.rig, made_of.settings, offset))
+        true = drain(made_of.at(offset))
         both = (true.coverage > 0.999) & (coverage > 0.999)
         assert both.sum() > 400
         off = np.hypot(*((st - true.st)[both] * size).T)
@@ -252,9 +252,9 @@ def test_heads_that_cannot_be_are_one_sentence():
     with pytest.raises(RigError, match="or behind it"):
         viewer_at(slab.viewer, slab.picture_place, (0.0, 0.0, 1.5))
     with pytest.raises(RigError, match="is orthographic"):
-        check_viewer(rig(box([0.06, 0.02, 0.06]), projection="orthographic", **SMALL))
-    own = replace(slab, pictures=(replace(slab.picture, mesh=None),))
+        check_viewer(replace(slab.viewer, projection="orthographic"), slab.picture_place)
+    own = replace(slab.picture_place, mesh=None)
     with pytest.raises(RigError, match="moves with it"):
-        check_viewer(own)
+        check_viewer(slab.viewer, own)
     with pytest.raises(RigError, match="2 places of the head are too few"):
         drain(refine(maker(slab), ASIDE, slab.picture_place, 1e-6, 2))
