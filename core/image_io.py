@@ -234,14 +234,6 @@ def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
         ) from None
 
 
-def size_of(path: Path | str) -> tuple[int, int]:
-    """Width and height of an image file; ImageError where it is missing or broken."""
-    source = _opened(path)
-    spec = source.spec()
-    source.close()
-    return spec.width, spec.height
-
-
 def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str, Any]]:
     """Numbers of an image file as they stand (h, w, c) float32,
     integers as 0..1, row 0 at the top; and its metadata.

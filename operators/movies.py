@@ -8,7 +8,7 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender import movie
-from ..core.blender.image import save_png
+from ..core.blender.image import save_png, size_of
 from ..core.errors import ImageError, RigError
 from ..core.image.test_card import card
 from ..core.messages import Message
@@ -83,7 +83,7 @@ def made(
 def _check_sizes(files: list[Path], size: tuple[int, int]) -> None:
     """Refuse frames that were there, and have another size."""
     for file in files:
-        found = image_io.size_of(file)
+        found = size_of(file)
         if found != size:
             raise ImageError(
                 "The frame '{file}' has {found} pixels, the display {size}: solve it anew, with"

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 
@@ -179,6 +179,19 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
 
     if not _holds(path, rgba):
         raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of an image file, 0 where it is missing or broken, by Blender's own means:
+    not every Blender's Python has OpenImageIO.
+    """
+    with suppress(RuntimeError):
+        image = bpy.data.images.load(str(path), check_existing=False)
+        try:
+            return tuple(image.size)
+        finally:
+            bpy.data.images.remove(image)
+    return 0, 0
 
 
 def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:

@@ -205,6 +205,28 @@ def test_a_movie_is_refused_where_its_frames_do_not_fit(
     assert not list(out.glob("*.mkv"))
 
 
+def test_a_movie_of_png_files_needs_no_openimageio(
+    run: Callable[..., int],
+    core: Callable[[str], ModuleType],
+    movie: ModuleType,
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The Python of Debian's Blender has none: Blender itself reads the frames' sizes."""
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert bpy.ops.kiriko.solve_animation(frames="1-2") == {"FINISHED"}
+
+    def opened(path: Path) -> None:
+        raise core("errors").ImageError("There is no OpenImageIO.")
+
+    monkeypatch.setattr(core("image_io"), "_opened", opened)
+    scene.kiriko.movie_codec = "FFV1"
+    assert bpy.ops.kiriko.export_movie(frames="1-2") == {"FINISHED"}
+    assert movie.n_frames(tmp_path / "source.mkv") == 2
+
+
 def test_a_disk_that_is_full_leaves_no_movie(
     movie: ModuleType,
     core: Callable[[str], ModuleType],
