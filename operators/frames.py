@@ -185,7 +185,7 @@ def _one(
             overwrite=True,  # another process may have written the same meanwhile
             save_png=save_png,
         )
-        _log(path.parent / run.log, line, began, **_done(solution), error=None)
+        _log(path.parent / run.log, line, began, **_done(solution, reading.notes), error=None)
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
@@ -193,13 +193,16 @@ def _one(
     tally.traced += solution.n_rays > 0
 
 
-def _done(solution: Solution) -> dict[str, Any]:
-    """What a frame took, and what it shows."""
+def _done(solution: Solution, notes: tuple[str, ...]) -> dict[str, Any]:
+    """What a frame took, and what it shows.
+
+    notes : on the scene as it was read
+    """
     return {
         "did": "traced" if solution.n_rays else "painted",
         "rays": solution.n_rays,
         "coverage": round(solution.picture_coverage, 6),
-        "notes": [str(note) for note in solution.notes],
+        "notes": [str(note) for note in dict.fromkeys((*notes, *solution.notes))],
     }
 
 

@@ -192,8 +192,8 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, int | None, list[str]]:
         )
 
     by_node = texture is not None and texture.image == image
-    number = number_at(image, texture.timing if by_node else None, part.frame)
-    return image, number, notes
+    timing = texture.timing if by_node else None
+    return image, number_at(image, timing, part.frame), notes + ended(image, timing, part.frame)
 
 
 def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
@@ -220,7 +220,7 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
         )
 
     place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
-    return place.showing(pixels), notes + about(image, number)
+    return place.showing(pixels), notes + about(image)
 
 
 def read_picture_image(
@@ -236,7 +236,7 @@ def read_picture_image(
     number = number_at(image, None, frame)
     pixels = kept.pixels(image, Message("the scene's picture"), tone, number)
     place = PicturePlace(image.name, *pixels.shape[1::-1])
-    notes = about(image, number)
+    notes = about(image) + ended(image, None, frame)
 
     if viewer is not None:
         off = abs(place.width * viewer.height - place.height * viewer.width)
@@ -268,8 +268,8 @@ def place_of(
     return PicturePlace(name, width, height, mesh)
 
 
-def about(image: bpy.types.Image, number: int | None) -> list[str]:
-    """Notes on an image of which only a part was read, or which has ended."""
+def about(image: bpy.types.Image) -> list[str]:
+    """Notes on an image of which only a part was read."""
     if image.source == "TILED":
         return [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
-    return [] if number is None else ended(image, number)
+    return []

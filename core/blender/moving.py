@@ -8,7 +8,7 @@ it is scaled to the size that it has, which Blender does at any frame.
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -165,9 +165,19 @@ def at_frame(
             own.close()
 
 
-def ended(image: bpy.types.Image, number: int) -> list[str]:
-    """A note on a movie that has no such frame any more, and shows its last one."""
-    if image.source != "MOVIE" or number <= image.frame_duration:
+def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
+    """A note on a movie that is over at a frame of the scene, and shows its last one.
+
+    timing : of the node that shows it; None where none does. One that ends before the movie does is
+        a wish, and no note is given
+    """
+    if image.source != "MOVIE":
+        return []
+    timing = timing or whole(image)
+    endless = timing if timing.use_cyclic else replace(timing, frame_duration=MOST)
+    number = endless.number(now)
+    last = timing.frame_duration + timing.frame_offset
+    if not timing.frame_duration or number <= image.frame_duration or last < image.frame_duration:
         return []
     return [
         Message(

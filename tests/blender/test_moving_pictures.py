@@ -50,6 +50,30 @@ def sequence(place: Path, first: int = 1) -> bpy.types.Image:
     return image
 
 
+def movie(place: Path, kiriko: ModuleType) -> Path:
+    """A lossless movie of the frames of a sequence."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+    bpy.data.images.remove(sequence(place))
+    files = [place / f"clip_{k:03}.png" for k in range(1, FRAMES + 1)]
+    path = place / "clip.mkv"
+    module.encode(path, files, "FFV1", SIZE, bpy.context.scene)
+    return path
+
+
+def solved_frames(
+    kiriko: ModuleType, place: Path, frames: str
+) -> tuple[list[dict[str, Any]], list[int]]:
+    """Lines of the log of frames that are solved, and their greatest grey, of 255."""
+    command = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    bpy.ops.wm.save_as_mainfile(filepath=str(place / "rig.blend"))
+    out = place / "out"
+    assert command.run(["solve", "--out", str(out), "--frames", frames]) == 0
+    log = [json.loads(line) for line in (out / "frames.jsonl").read_text().splitlines()]
+    pixels = [image_io.read(out / line["file"])[0] for line in log]
+    return log, [round(float(frame.max()) * 255) for frame in pixels]
+
+
 def user_of(plane: bpy.types.Object) -> bpy.types.ImageUser:
     nodes = plane.data.materials[0].node_tree.nodes
     return next(node for node in nodes if node.type == "TEX_IMAGE").image_user
@@ -133,15 +157,28 @@ def test_frames_of_a_sequence_trace_light_once(
     scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
 ) -> None:
     """The rig stands still: frames after the first are painted; each is as light as its picture."""
-    command = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
     parts = small_rig()
     parts["PICTURE"].kiriko.image = sequence(tmp_path)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    out = tmp_path / "out"
-    assert command.run(["solve", "--out", str(out), "--frames", "1-4"]) == 0
-    log = [json.loads(line) for line in (out / "frames.jsonl").read_text().splitlines()]
+    log, greys = solved_frames(kiriko, tmp_path, "1-4")
     assert [line["did"] for line in log] == ["traced"] + ["painted"] * 3
-    for frame in range(1, 5):
-        pixels, _ = image_io.read(out / f"source_{frame:04}.png")
-        assert np.rint(pixels.max() * 255) == grey(frame)
+    assert greys == [grey(frame) for frame in range(1, 5)]
+
+
+def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    """In any order; the frames after its end say so, and no others; the image stays as it was."""
+    path = movie(tmp_path, kiriko)
+    small_rig()
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    image = bpy.data.images[path.name]
+    log, greys = solved_frames(kiriko, tmp_path, "3,1,2,4,6,5")
+    asked = [line["frame"] for line in log]
+    assert sorted(asked) == [1, 2, 3, 4, 5, 6]
+    assert greys == [grey(min(frame, FRAMES)) for frame in asked]
+    assert [line["did"] for line in log] == ["traced"] + ["painted"] * 5
+    for line in log:
+        told = [note for note in line["notes"] if "'clip.mkv' has ended: it has 4 frames" in note]
+        assert bool(told) == (line["frame"] > FRAMES), line
+    assert image.source == "MOVIE"
+    assert [i.name for i in bpy.data.images if i.name.startswith("clip")] == [image.name]
