@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .disk import is_there, together
+from .encoding import encode as encode  # scripts ask for it here
 from .encoding import quantised
 from .errors import ImageError
 from .messages import Message, joined

@@ -168,7 +168,7 @@ def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
 
     In a scene of another file no operator works that changes the scene, and so can be undone.
     """
-    if "UNDO" in operator.bl_options:
+    if "UNDO" in getattr(operator, "bl_options", ()):
         reasons = [*linked(bpy.context.scene), *reasons]
     if reasons:
         operator.poll_message_set(in_words(Message("{reason}.", reason=reasons[0])))
