@@ -98,7 +98,7 @@ def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
     if image is None:
         return Message("'{picture}' shows no image.", picture=picture.name)
     try:
-        check_shown(picture, scene)
+        check_shown(picture, image, scene)
     except ImageError as error:
         return error.message
     return ""

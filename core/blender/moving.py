@@ -82,6 +82,32 @@ def file_of(image: bpy.types.Image, number: int) -> Path:
     return path.with_name(f"{before}{max(number, 0):0{len(digits)}}{after}{path.suffix}")
 
 
+def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
+    """Raise ImageError where a frame of an image has no file to be read from. Nothing is copied,
+    so that it may be asked while panels are drawn; a file that is broken is found by `Reel.at`.
+
+    number : None for an image that stands still
+    """
+    if number is None:
+        return
+    is_there = file_of(image, number).exists() if image.source == "SEQUENCE" else min(image.size)
+    if not is_there:
+        raise _unreadable(image, number, owner)
+
+
+def _unreadable(image: bpy.types.Image, number: int, owner: str) -> ImageError:
+    is_movie = image.source == "MOVIE"
+    return ImageError(
+        "The image '{image}' of {owner} cannot be read at its frame {number} from {file}:"
+        " the file is missing or broken; find it again, or mend the frames in the image's"
+        " texture.",
+        number=number,
+        image=image.name,
+        owner=owner,
+        file=_absolute(image) if is_movie else str(file_of(image, number)),
+    )
+
+
 def _absolute(image: bpy.types.Image) -> str:
     return bpy.path.abspath(image.filepath, library=image.library)
 
@@ -106,6 +132,7 @@ class Reel:
         ImageError
             There is no such file, or none that Blender can read.
         """
+        check_there(image, number, owner)
         is_movie = image.source == "MOVIE"
         if not (is_movie and self._of == image.session_uid and self._n_read):
             self.close()
@@ -121,17 +148,8 @@ class Reel:
 
         width, height = copy.size
         if min(width, height) < 1:
-            file = copy.filepath_raw
             self.close()
-            raise ImageError(
-                "The image '{image}' of {owner} cannot be read at its frame {number} from {file}:"
-                " the file is missing or broken; find it again, or mend the frames in the image's"
-                " texture.",
-                number=number,
-                image=image.name,
-                owner=owner,
-                file=file,
-            )
+            raise _unreadable(image, number, owner)
 
         self._n_read += 1
         if self._n_read * 4 * width * height > KEPT:

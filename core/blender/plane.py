@@ -13,7 +13,7 @@ from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
-from .moving import at_frame, number_at, set_timing
+from .moving import at_frame, check_there, is_moving, number_at, set_timing
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
@@ -42,6 +42,12 @@ def own_texture(thing: bpy.types.Object) -> Texture | None:
     """The image texture of an object's own materials; None if there is none."""
     textures = map(read_texture, own_materials(thing))
     return next((texture for texture in textures if texture is not None), None)
+
+
+def texture_showing(thing: bpy.types.Object, image: bpy.types.Image | None) -> Texture | None:
+    """The image texture of an object's own materials, where that shows this image."""
+    texture = own_texture(thing)
+    return texture if texture is not None and texture.image == image else None
 
 
 def chosen_image(thing: bpy.types.Object) -> bpy.types.Image | None:
@@ -211,32 +217,42 @@ def plane_size(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[flo
 
 def _uv_map(thing: bpy.types.Object) -> str:
     """The UV map by which a plane shows its picture; '' for the one used in renders."""
-    texture = own_texture(thing)
-    return texture.uv_map if texture is not None and texture.image == image_of(thing) else ""
+    texture = texture_showing(thing, image_of(thing))
+    return "" if texture is None else texture.uv_map
 
 
-def frame_shown(thing: bpy.types.Object, scene: bpy.types.Scene) -> int | None:
-    """The frame of a plane's image at the scene's; None where it stands still, or has no image."""
-    image = image_of(thing)
-    texture = own_texture(thing)
-    if image is None:
-        return None
-    is_shown = texture is not None and texture.image == image
-    return number_at(image, texture.timing if is_shown else None, scene.frame_current)
+def check_shown(thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.types.Scene) -> None:
+    """Raise ImageError where the image that a plane shows is not there, at the scene's frame.
 
-
-def check_shown(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
-    """Width and height of the image that a plane shows, px, which has one.
-
-    Raises ImageError where it has no pixels at this frame.
+    Nothing is changed: the checklist asks while panels are drawn.
     """
-    owner = Message("the picture '{name}'", name=thing.name)
-    with at_frame(image_of(thing), frame_shown(thing, scene), owner) as shown:
+    owner = _owner(thing)
+    if is_moving(image):
+        check_there(image, _frame_shown(thing, image, scene), owner)
+    else:
+        check_readable(image, owner)
+
+
+def _frame_shown(
+    thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.types.Scene
+) -> int | None:
+    """The frame of a plane's image at the scene's; None where it stands still."""
+    if not is_moving(image):
+        return None
+    texture = texture_showing(thing, image)
+    return number_at(image, texture and texture.timing, scene.frame_current)
+
+
+def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
+    """Width and height of the image that a plane shows, px, at the scene's frame."""
+    image = image_of(thing)
+    if image is None:
+        raise RigError("it shows no image")
+    owner = _owner(thing)
+    with at_frame(image, _frame_shown(thing, image, scene), owner) as shown:
         check_readable(shown, owner)
         return tuple(shown.size)
 
 
-def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:
-    if image_of(thing) is None:
-        raise RigError("it shows no image")
-    return check_shown(thing, scene)
+def _owner(thing: bpy.types.Object) -> Message:
+    return Message("the picture '{name}'", name=thing.name)

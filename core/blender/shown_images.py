@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .active_rig import shown_settings
 from .mesh import column, uv_layer
-from .plane import image_of, own_texture
+from .plane import image_of, texture_showing
 
 
 class ShownImage(NamedTuple):
@@ -46,9 +46,8 @@ def shown_images(
         ours = shown_settings(scene, thing)
         is_picture = thing.kiriko.role == "PICTURE" and ours.picture_source == "PLANE"
         image = image_of(thing) if is_picture else None
-        uv_map = ""
-        if is_picture and (texture := own_texture(thing)) and texture.image == image:
-            uv_map = texture.uv_map
+        texture = texture_showing(thing, image) if is_picture else None
+        uv_map = "" if texture is None else texture.uv_map
         if thing.kiriko.role == "DISPLAY":
             image = ours.result.source
 

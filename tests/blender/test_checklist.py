@@ -473,7 +473,7 @@ def test_drawing_takes_no_look(
     look: Callable[[], list], kiriko: ModuleType, scene: bpy.types.Scene
 ) -> None:
     """While nothing changes the entries of 80 000 triangles are
-    had within milliseconds, and a mesh is looked at once.
+    had within a millisecond, and a mesh is looked at once.
     """
     look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
     glass = glass_of(primitive("icosphere", subdivisions=7, radius=SIDE / 2))
@@ -485,7 +485,7 @@ def test_drawing_takes_no_look(
         started = perf_counter()
         look_over.found(context)
         seconds.append(perf_counter() - started)
-    assert min(seconds) < 1e-2
+    assert min(seconds) < 1e-3
 
     started = perf_counter()
     look()  # nothing but places and settings

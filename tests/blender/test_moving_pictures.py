@@ -182,3 +182,41 @@ def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
         assert bool(told) == (line["frame"] > FRAMES), line
     assert image.source == "MOVIE"
     assert [i.name for i in bpy.data.images if i.name.startswith("clip")] == [image.name]
+
+
+@pytest.mark.parametrize("is_movie", [False, True])
+def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, is_movie: bool
+) -> None:
+    """It looks while panels are drawn, where Blender refuses to change data, and after each
+    change, which a copy of an image would be; a file that is gone is told all the same.
+    """
+    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    small_rig()
+    file = movie(tmp_path, kiriko) if is_movie else None
+    image = sequence(tmp_path) if file is None else bpy.data.images.load(str(file))
+    file = file or tmp_path / "clip_003.png"
+    plane = next(thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
+    plane.data.materials.clear()
+    plane.data.materials.append(texture_material(image))
+    plane.kiriko.image = None
+    user_of(plane).frame_duration = FRAMES
+    scene.frame_set(3)
+
+    def told() -> list[str]:
+        return [str(entry.text) for entry in look_over.found(bpy.context)]
+
+    numbers = sorted(one.session_uid for one in bpy.data.images)
+    newest = bpy.data.images.new("newest", 1, 1)
+    assert not [text for text in told() if "cannot be read" in text]
+    after = bpy.data.images.new("next", 1, 1)
+    # each datablock that is made gets the next number
+    assert after.session_uid == newest.session_uid + 1
+    bpy.data.images.remove(after)
+    bpy.data.images.remove(newest)
+    assert sorted(one.session_uid for one in bpy.data.images) == numbers
+
+    file.unlink()
+    image.reload()
+    (text,) = (text for text in told() if "cannot be read at its frame 3" in text)
+    assert str(file) in text
