@@ -55,7 +55,7 @@ class Atlas:
     @property
     def maps(self) -> list[str]:
         """The files of the maps, a place after the other."""
-        return [f"map_{_in_name(offset)}.npz" for offset in self.grid.offsets()]
+        return [map_name(offset) for offset in self.grid.offsets()]
 
     @property
     def images(self) -> list[str]:
@@ -63,10 +63,6 @@ class Atlas:
         if not self.has_images:
             return []
         return [f"source_{_in_name(offset)}.png" for offset in self.grid.offsets()]
-
-    def is_of(self, other: "Atlas") -> bool:
-        """May maps of the other one be kept? Grids may differ: maps are called by their places."""
-        return (self.rig, self.has_images) == (other.rig, other.has_images)
 
 
 def new(
@@ -158,6 +154,11 @@ def random_heads(grid: HeadGrid, n: int, seed: int = 0) -> list[Offset]:
     within = np.random.default_rng(seed).random((n, 3))
     low, high = np.array(grid.box.low), np.array(grid.box.high)
     return [tuple(offset) for offset in (low + within * (high - low)).tolist()]
+
+
+def map_name(offset: Offset) -> str:
+    """The file of a place's map."""
+    return f"map_{_in_name(offset)}.npz"
 
 
 def _in_name(offset: Offset) -> str:

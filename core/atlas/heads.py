@@ -78,6 +78,10 @@ class HeadGrid:
         halvings = tuple(n + (k == axis) for k, n in enumerate(self.halvings))
         return replace(self, halvings=halvings)
 
+    def middles(self, axis: int) -> Floats:
+        """The places in the middle between every two along an axis: those that halving adds."""
+        return self.halved(axis).nodes[axis][1::2]
+
     def around(self, offset: Offset) -> tuple[list[int], Floats]:
         """The numbers of the places at the corners of an offset's cell, and their weights, which
         make 1; corners without weight are left out.

@@ -5,7 +5,8 @@ there is not made again, so that work that was stopped goes on where it was.
 """
 
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from ..solve.session import Session
 from ..steps import within
 from ..viewer import Viewer
 from . import head_map
-from .atlas import INDEX, Atlas, new, random_heads, read, write
+from .atlas import INDEX, Atlas, map_name, new, random_heads, read, write
 from .head_map import HeadMap
 from .heads import AXES, HeadBox, Offset, check_viewer
 from .refine import map_at, refine, solved_at
@@ -35,6 +36,7 @@ class Making:
     """What an atlas is made of, and where.
 
     viewer : of the rig, whose head moves
+    known : maps that planning traced, by their files' names; each is let go when it is written
     save_image : writes a source image to a new file; None where there are to be none
     """
 
@@ -44,8 +46,9 @@ class Making:
     settings: Settings
     folder: Path
     save_image: SaveImage | None = None
+    known: dict[str, HeadMap] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Fingerprint of all that the files depend on."""
         rig = self.rig
@@ -91,6 +94,8 @@ def planned(
         )
 
     refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
+    if making.save_image is None:  # else their source images are wanted, too
+        making.known.update((map_name(offset), found) for offset, found in refined.maps.items())
     atlas = new(rig, making.viewer, making.key, refined, tolerance, making.save_image is not None)
     write(making.folder, atlas)
     if before is not None:
@@ -146,16 +151,20 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
     missing.
     """
     wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
-    offsets = atlas.grid.offsets()
+    offsets, maps, images = atlas.grid.offsets(), atlas.maps, atlas.images
     for k, number in enumerate(wanted):
+        if (known := making.known.pop(maps[number], None)) is not None:
+            head_map.write(making.folder / maps[number], known)
+            continue
+
         steps = solved_at(
             making.session, making.rig, making.viewer, making.settings, offsets[number]
         )
         found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
         with disk.together(making.folder) as new_files:
-            head_map.write(new_files / atlas.maps[number], found)
+            head_map.write(new_files / maps[number], found)
             if making.save_image is not None:
-                making.save_image(new_files / atlas.images[number], source)
+                making.save_image(new_files / images[number], source)
     return len(wanted)
 
 
@@ -178,12 +187,12 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
             name=atlas.maps[lacking[0]],
         )
 
-    offs = []
+    offs, names = [], atlas.maps
     for k, offset in enumerate(random_heads(atlas.grid, n)):
         steps = making.at(offset)
         true = yield from within(steps, k / n, (k + 1) / n)
         numbers, weights = atlas.grid.around(offset)
-        maps = [head_map.read(making.folder / atlas.maps[i]) for i in numbers]
+        maps = [head_map.read(making.folder / names[i]) for i in numbers]
         offs.append(head_map.off(head_map.between(maps, weights), true, atlas.picture_size))
 
     told = {

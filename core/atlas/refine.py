@@ -51,12 +51,14 @@ class Refined:
 
     off : along each axis on which the head moves, in the middle between neighbours, at worst
     seconds, n_bytes : that a map takes, at the median
+    maps : those that were traced on the way, by their offsets
     """
 
     grid: HeadGrid
     off: dict[str, Off]
     seconds: float
     n_bytes: float
+    maps: dict[Offset, HeadMap]
 
 
 def refine(
@@ -105,7 +107,13 @@ def refine(
                 )
         found[AXES[axis]] = worst
 
-    return Refined(grid, found, float(np.median(line.seconds)), float(np.median(line.n_bytes)))
+    return Refined(
+        grid=grid,
+        off=found,
+        seconds=float(np.median(line.seconds)),
+        n_bytes=float(np.median(line.n_bytes)),
+        maps=line.maps,
+    )
 
 
 class _Line:
@@ -114,30 +122,30 @@ class _Line:
     def __init__(self, at: MapAt, box: HeadBox) -> None:
         self._at = at
         self._middle = tuple((a + b) / 2 for a, b in zip(box.low, box.high, strict=True))
-        self._maps: dict[Offset, HeadMap] = {}
+        self.maps: dict[Offset, HeadMap] = {}
         self.seconds: list[float] = []
         self.n_bytes: list[int] = []
 
     def map(self, axis: int, x: float) -> Generator[float, None, HeadMap]:
         """The map at a place along an axis; yields progress 0..1."""
         offset = tuple(x if k == axis else m for k, m in enumerate(self._middle))
-        if offset not in self._maps:
+        if offset not in self.maps:
             started = perf_counter()
-            self._maps[offset] = yield from self._at(offset)
-            self.n_bytes.append(len(as_bytes(self._maps[offset])))
+            self.maps[offset] = yield from self._at(offset)
+            self.n_bytes.append(len(as_bytes(self.maps[offset])))
             self.seconds.append(perf_counter() - started)
-        return self._maps[offset]
+        return self.maps[offset]
 
 
 def _worst_between(
     line: _Line, grid: HeadGrid, axis: int, picture_size: tuple[int, int]
 ) -> Generator[float, None, Off]:
     """The largest of each number in the middles between neighbours along an axis."""
-    nodes = grid.nodes[axis]
+    nodes, middles = grid.nodes[axis], grid.middles(axis)
     found = []
-    n = len(nodes) - 1
+    n = len(middles)
     for k in range(n):
-        places = (nodes[k], (nodes[k] + nodes[k + 1]) / 2, nodes[k + 1])
+        places = (nodes[k], middles[k], nodes[k + 1])
         maps = []
         for j, x in enumerate(places):
             maps.append(

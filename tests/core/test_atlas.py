@@ -188,6 +188,30 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
     assert not [path for path in made_of.folder.iterdir() if path.name.startswith(".")]
 
 
+def test_maps_of_the_plan_are_not_traced_again(tmp_path, monkeypatch):
+    """Where the head moves along one axis, planning has traced every place, each once."""
+    traced = []
+    at = making.Making.at
+    monkeypatch.setattr(making.Making, "at", lambda self, x: traced.append(x) or at(self, x))
+    made_of, atlas = make(tmp_path, rig(box([0.06, 0.02, 0.06]), **SMALL), TO_THE_RIGHT, 0.01)
+    assert len(atlas.grid) >= 3
+    assert len(traced) == len(set(traced)) == 2 * len(atlas.grid) - 1
+
+    monkeypatch.setattr(making, "solved_at", None)
+    assert drain(making.made(made_of, atlas, range(len(atlas.grid)))) == len(atlas.grid)
+    assert making.missing(tmp_path, atlas) == []
+    found = head_map.read(tmp_path / atlas.maps[1])
+    again = drain(at(made_of, atlas.grid.offsets()[1]))
+    assert all(
+        np.array_equal(*both, equal_nan=True)
+        for both in zip(
+            (found.st, found.coverage, found.path),
+            (again.st, again.coverage, again.path),
+            strict=True,
+        )
+    )
+
+
 def test_finer_grid_keeps_the_maps_of_the_coarser(ball_atlas):
     _, atlas = ball_atlas
     finer = making.finer(replace(atlas, checked={"most_px": 1.0}), 1000)
