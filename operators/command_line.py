@@ -273,15 +273,9 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if not names:
         raise RigError("The scene has no rig that Add Rig made: leave out --rig.")
 
-    taken: set[str] = set()
-    for name in names:
+    for name, of_name in zip(names, folder.names_for(names), strict=True):
         choose_by_name(bpy.context, name)
         yield Message("rig '{name}'", name=name)
-        of_name = bpy.path.clean_name(name)
-        while of_name.casefold() in taken:
-            of_name += "_"
-        taken.add(of_name.casefold())
-
         out = arguments.out / of_name
         with folder.made(out):
             yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))

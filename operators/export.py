@@ -8,6 +8,7 @@ from ..core import disk, image_io
 from ..core.blender.image import pixels_from_image, save_png
 from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.reports import said_by
 from ..core.errors import ImageError
 from ..core.messages import Message
 from . import needed, telling, watch
@@ -229,5 +230,5 @@ class KIRIKO_OT_export(OfRig, bpy.types.Operator):
             bpy.ops.kiriko.export("INVOKE_DEFAULT", allow_stale=True, choose=self.choose)
             return {"FINISHED"}
         except RuntimeError as error:  # its report
-            telling.report(self, "ERROR", " ".join(str(error).split()).removeprefix("Error: "))
+            telling.report(self, "ERROR", said_by(error))
             return {"CANCELLED"}

@@ -41,16 +41,8 @@ def job_of(context: bpy.types.Context, frames: str, chunk: int) -> Job:
 
 
 def choices(values: list[str]) -> tuple[Choice, ...]:
-    """Values with a folder for each, whose name every system allows."""
-    taken: set[str] = set()
-    found = []
-    for value in values:
-        name = bpy.path.clean_name(value)
-        while name.casefold() in taken:
-            name += "_"
-        taken.add(name.casefold())
-        found.append(Choice(value, name))
-    return tuple(found)
+    """Values with a folder for each."""
+    return tuple(map(Choice, values, folder.names_for(values)))
 
 
 def all_rigs(context: bpy.types.Context) -> tuple[Choice, ...]:

@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import tomllib
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..core import disk, image_io
 from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.errors import ImageError
+from ..core.farm import extension
 from ..core.fingerprint import fingerprint
 from ..core.messages import Message
 from ..core.rig import Rig
@@ -114,9 +114,8 @@ def _about(
 ) -> dict[str, Any]:
     """maps.json, without the maps themselves."""
     place, display = rig.picture_place, rig.display
-    manifest = Path(__file__).parent.parent / "blender_manifest.toml"
     return {
-        "kiriko": tomllib.loads(manifest.read_text(encoding="utf-8"))["version"],
+        "kiriko": extension.manifest()["version"],
         "blender": bpy.app.version_string,
         "file": Path(bpy.data.filepath).name,
         "scene": scene.name,

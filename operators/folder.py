@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import bpy
+
 from ..core import disk
 from ..core.errors import ImageError
 
@@ -30,6 +32,19 @@ def made(folder: Path) -> Iterator[None]:
             if any(path.iterdir()):
                 break
             path.rmdir()
+
+
+def names_for(things: Iterable[str]) -> list[str]:
+    """A folder's name for each of some things, as every system allows it, and each another."""
+    names: list[str] = []
+    taken: set[str] = set()  # disks may not tell capitals from small letters
+    for thing in things:
+        name = bpy.path.clean_name(thing)
+        while name.casefold() in taken:
+            name += "_"
+        taken.add(name.casefold())
+        names.append(name)
+    return names
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:

@@ -55,17 +55,23 @@ class Run:
 class Tally:
     """What became of the frames of a run.
 
-    written, there : number of files that were written, and of those that were there already
+    files : that were written
+    there : number of files that were there already
     others : number of frames that other processes have at work
     traced : number of frames for which light was traced
     failed : frames that could not be solved, and why
     """
 
-    written: int = 0
+    files: list[Path] = field(default_factory=list)
     there: int = 0
     others: int = 0
     traced: int = 0
     failed: list[tuple[int, str]] = field(default_factory=list)
+
+    @property
+    def written(self) -> int:
+        """Number of files that were written."""
+        return len(self.files)
 
     def told(self, folder: Path) -> Message:
         """In one or more sentences."""
@@ -189,7 +195,7 @@ def _one(
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
-    tally.written += 1
+    tally.files.append(path)
     tally.traced += solution.n_rays > 0
 
 

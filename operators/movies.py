@@ -69,7 +69,7 @@ def made(
     if tally.failed or tally.others:
         raise RigError("The movie would lack frames: {told}", told=tally.told(wish.file.parent))
     files = list(run.files.values())
-    _check_sizes(files, size)
+    _check_sizes(set(files) - set(tally.files), size)
 
     yield SOLVED
     scene = context.scene
@@ -80,9 +80,9 @@ def made(
     yield 1.0
 
 
-def _check_sizes(files: list[Path], size: tuple[int, int]) -> None:
+def _check_sizes(files: set[Path], size: tuple[int, int]) -> None:
     """Refuse frames that were there, and have another size."""
-    for file in files:
+    for file in sorted(files):
         found = size_of(file)
         if found != size:
             raise ImageError(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.blender.reports import said_by
 from ..core.errors import ImageError
 
 
@@ -15,7 +16,7 @@ def save_copy(path: Path) -> None:
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(path.absolute()), copy=True, relative_remap=True)
     except RuntimeError as reason:
-        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        why = said_by(reason).rstrip(".")
         raise ImageError(
             "The file '{file}' cannot be written ({why}): choose another folder.",
             file=path,

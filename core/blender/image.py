@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..encoding import encode
 from ..errors import ImageError
+from .reports import said_by
 
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
 _read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
@@ -170,7 +171,7 @@ def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
             image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8"
         )
     except RuntimeError as reason:
-        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        why = said_by(reason).rstrip(".")
         raise ImageError(
             "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
         ) from None
@@ -185,13 +186,22 @@ def size_of(path: Path) -> tuple[int, int]:
     """Width and height of an image file, 0 where it is missing or broken, by Blender's own means:
     not every Blender's Python has OpenImageIO.
     """
-    with suppress(RuntimeError):
+    with loaded(path) as image:
+        return (0, 0) if image is None else tuple(image.size)
+
+
+@contextmanager
+def loaded(path: Path) -> Iterator[bpy.types.Image | None]:
+    """A file as an image of its own, which goes again; None where Blender cannot load it."""
+    try:
         image = bpy.data.images.load(str(path), check_existing=False)
-        try:
-            return tuple(image.size)
-        finally:
-            bpy.data.images.remove(image)
-    return 0, 0
+    except RuntimeError:
+        yield None
+        return
+    try:
+        yield image
+    finally:
+        bpy.data.images.remove(image)
 
 
 def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:
@@ -212,16 +222,12 @@ def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) ->
 
 def _holds(path: Path, rgba: NDArray[np.integer]) -> bool:
     """Does a file hold these numbers (h, w, 4), row 0 at the bottom?"""
-    try:
-        image = bpy.data.images.load(str(path), check_existing=False)
-    except RuntimeError:
-        return False
-    try:
+    with loaded(path) as image:
+        if image is None:
+            return False
         image.colorspace_settings.is_data = True
         if tuple(image.size) != rgba.shape[1::-1]:
             return False
         found = np.empty(rgba.size, np.float32)
         image.pixels.foreach_get(found)
         return np.array_equal(np.rint(found * np.float32(np.iinfo(rgba.dtype).max)), rgba.ravel())
-    finally:
-        bpy.data.images.remove(image)

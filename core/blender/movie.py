@@ -12,6 +12,8 @@ import bpy
 
 from ..errors import ImageError
 from ..messages import Message
+from .image import loaded
+from .reports import said_by
 from .temporary import mark
 
 VIEW_TRANSFORMS = ("Standard", "Raw")  # that leave encoded numbers as they are
@@ -131,7 +133,7 @@ def encode(
         scene.render.filepath = str(path)
         bpy.ops.render.render(animation=True, scene=scene.name)
     except RuntimeError as reason:  # Blender's reports
-        why = " ".join(str(reason).split()).removeprefix("Error: ").rstrip(".")
+        why = said_by(reason).rstrip(".")
         raise ImageError(
             "Blender cannot write the movie '{path}' ({why}): check the disk, or choose another"
             " codec.",
@@ -153,15 +155,9 @@ def encode(
 
 def n_frames(path: Path) -> int:
     """The number of frames of a movie, 0 where it cannot be read."""
-    if not path.is_file():
-        return 0
-    with suppress(RuntimeError):
-        image = bpy.data.images.load(str(path), check_existing=False)
-        try:
-            return image.frame_duration if image.source == "MOVIE" and min(image.size) else 0
-        finally:
-            bpy.data.images.remove(image)
-    return 0
+    with loaded(path) as image:
+        is_movie = image is not None and image.source == "MOVIE" and min(image.size) > 0
+        return image.frame_duration if is_movie else 0
 
 
 def _set_render(
