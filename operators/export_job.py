@@ -65,6 +65,11 @@ def write(target: Path, job: Job, zips: list[Path], overwrite: bool, remedy: str
     remedy : ends the sentence that files are there already
     """
     job.check()
+    if bpy.data.filepath and (target / job.blend).resolve() == Path(bpy.data.filepath).resolve():
+        raise ImageError(
+            "The job's copy of '{file}' would replace the file itself: choose another folder.",
+            file=job.blend,
+        )
     names = [job.blend, KIRIKO, ASSETS, VALUES, TEMPLATE]
     if not overwrite:
         folder.refuse_existing(target, names, remedy)

@@ -1068,6 +1068,9 @@ FARM = Section(
             "The job has no folder: choose one.",
             "All workers have to see it, or the scheduler copies it.",
             "すべてのワーカーから見えるフォルダーにするか、スケジューラーがコピーします。",
+            alike=(
+                "The job's copy of '{file}' would replace the file itself: choose another folder.",
+            ),
         ),
         Advice(
             "The file has no property '{path}' that could be set: name it as in"

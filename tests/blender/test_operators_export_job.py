@@ -80,6 +80,18 @@ def test_bundle_has_all_that_tasks_need(
     )
 
 
+def test_a_job_never_replaces_the_open_file(saved: Path, zipped: Path) -> None:
+    """Its dialogue begins in the file's own folder; Overwrite is about jobs."""
+    file = saved.parent / NAME
+    before = file.read_bytes()
+    there = sorted(path.name for path in saved.parent.iterdir())
+    bpy.context.scene.kiriko.tolerance = 0.7  # that is not saved
+    with pytest.raises(RuntimeError, match="would replace the file itself"):
+        bpy.ops.kiriko.export_job(directory=str(saved.parent), frames="1-2", overwrite=True)
+    assert file.read_bytes() == before
+    assert sorted(path.name for path in saved.parent.iterdir()) == there
+
+
 def test_rigs_and_values_become_tasks(
     run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
 ) -> None:
