@@ -44,6 +44,13 @@ def kiriko(blender: ModuleType) -> ModuleType:
 
 
 @pytest.fixture
+def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+    """The function that Blender calls for `--command kiriko`; returns the exit code."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    return lambda *argv: module.run([str(word) for word in argv])
+
+
+@pytest.fixture
 def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
     """Its core, with the files that read, trace and render; and an empty scene."""
     of_blender = ("nested_glass", "plate", "preview", "scene")

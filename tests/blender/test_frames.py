@@ -26,13 +26,6 @@ def work(kiriko: ModuleType) -> ModuleType:
 
 
 @pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
-    """The function that Blender calls for `--command kiriko`."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
-
-
-@pytest.fixture
 def parts(scene: bpy.types.Scene, tmp_path: Path) -> dict[str, bpy.types.Object]:
     """A small rig whose glass turns, saved; the objects by role."""
     parts = small_rig()

@@ -28,12 +28,6 @@ def core(kiriko: ModuleType) -> Callable[[str], ModuleType]:
     return lambda name: importlib.import_module(f"{kiriko.__name__}.core.{name}")
 
 
-@pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
-
-
 def numbers(n: int) -> np.ndarray:
     """A frame (h, w, 3) uint8: a ramp of greys, and a grey field that tells which frame it is."""
     width, height = SIZE

@@ -1,21 +1,12 @@
-import importlib
 import json
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
 from small_rigs import cube, pixels, small_rig
-
-
-@pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
-    """The function that Blender calls for `--command kiriko`."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 """Export Atlas: warp maps over a grid of heads, whole, in parts, and checked."""
 
-import importlib
 import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -14,12 +12,6 @@ import pytest
 from small_rigs import small_rig
 
 BOX = {"low": (-0.02, 0.0, 0.0), "high": (0.02, 0.0, 0.01)}
-
-
-@pytest.fixture
-def command(kiriko: ModuleType) -> Callable[..., int]:
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -62,7 +54,7 @@ def test_lengths_are_in_the_scene_s_unit(scene: bpy.types.Scene, tmp_path: Path)
 def test_many_machines_make_the_same_maps(
     scene: bpy.types.Scene,
     tmp_path: Path,
-    command: Callable[..., int],
+    run: Callable[..., int],
     capsys: pytest.CaptureFixture,
 ) -> None:
     """Planned, made in parts and checked, it is the atlas that one run makes, bit for bit."""
@@ -70,24 +62,24 @@ def test_many_machines_make_the_same_maps(
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     one, parts = tmp_path / "one", tmp_path / "parts"
     box = "--right", -20, 20, "--up", 0, 10, "--tolerance", 3
-    assert command("atlas", "--out", one, *box) == 0
+    assert run("atlas", "--out", one, *box) == 0
     assert re.search(r"Wrote \d+ maps .* px off at most", capsys.readouterr().out)
 
-    assert command("atlas", "--out", parts, *box, "--plan") == 0
+    assert run("atlas", "--out", parts, *box, "--plan") == 0
     assert re.search(r"places of the head .*: about .* min and .* MB", capsys.readouterr().out)
     assert contents(parts) == {}
-    assert command("atlas", "--out", parts, "--check", 2) == 1
+    assert run("atlas", "--out", parts, "--check", 2) == 1
     assert "lacks 4 of 4 places" in capsys.readouterr().err
     for some in ("3-4", "2", "1-2"):
-        assert command("atlas", "--out", parts, "--places", some) == 0
-    assert command("atlas", "--out", parts, "--check", 2) == 0
+        assert run("atlas", "--out", parts, "--places", some) == 0
+    assert run("atlas", "--out", parts, "--check", 2) == 0
     assert contents(parts) == contents(one)
 
 
 def test_mistakes_are_one_sentence(
     scene: bpy.types.Scene,
     tmp_path: Path,
-    command: Callable[..., int],
+    run: Callable[..., int],
     capsys: pytest.CaptureFixture,
 ) -> None:
     small_rig()
@@ -108,7 +100,7 @@ def test_mistakes_are_one_sentence(
         (("--places", "1"), 1, "has no index.json: plan the atlas first"),
         (("--plan", "--check", 2), 2, "not allowed with"),
     ):
-        assert command(*out, *given) == code, given
+        assert run(*out, *given) == code, given
         told = capsys.readouterr().err
         assert sentence in told
         assert told.count("\n") == 1

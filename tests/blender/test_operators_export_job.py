@@ -13,13 +13,6 @@ NAME = "金魚 の bowl.blend"
 
 
 @pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
-    """The function that Blender calls for `--command kiriko`."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
-
-
-@pytest.fixture
 def zipped(tmp_path: Path) -> Path:
     """Any file as Kiriko's zip: the bundle copies it as it is."""
     path = tmp_path / "kiriko-9.zip"

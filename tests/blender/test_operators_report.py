@@ -17,13 +17,6 @@ NAMES = ["report.csv", "report.json", "report.svg"]
 SECONDS = 0.5  # of brute force: a few samples a pixel
 
 
-@pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
-    """The function that Blender calls for `--command kiriko`."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    return lambda *argv: module.run([str(word) for word in argv])
-
-
 @pytest.fixture(autouse=True)
 def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs on a short ladder: the tests here are of the way to the files."""
