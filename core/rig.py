@@ -15,6 +15,7 @@ from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Viewer
+from .viewers import check_together
 
 __all__ = [
     "FLAT",
@@ -67,7 +68,7 @@ class Rig:
     # fmt: off
     viewers: tuple[Viewer, ...] = _parts_of(Role(
         "VIEWER", Message("Viewer"), remedy=Message("add a camera and make it the viewer"),
-        is_single=True, may_be_off=True,
+        may_be_off=True,
     ))
     glasses: tuple[Glass, ...] = _parts_of(Role(
         "GLASS", Message("Glass"), kind=0, number=1, icon="MATSPHERE",
@@ -149,6 +150,8 @@ class Rig:
 
         for role, part in self.parts():
             part.check_shape(owner(role, part))
+
+        check_together(self.viewers, self.plates, bool(self.mirrors))
 
     def _check_number_of_parts(self) -> None:
         """Raise RigError for a role that none, or too many parts have."""

@@ -9,6 +9,7 @@ from .fingerprint import ADDED
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
+Disagreement = Literal["sharp", "blended"]
 # px; landings are right to about 1e-7 px where the glass is curved
 LEAST_TOLERANCE = 1e-6
 MOST_TOLERANCE = 100.0
@@ -35,6 +36,9 @@ class Settings:
         of what they ask for, or what the "strongest" of them asks for
     only_through_plate : only rays that met a plate carry the picture; of no account in a rig that
         has no plate
+    disagreement : what a display pixel shows for which several viewers ask for different places of
+        the picture: the picture at the weighted mean of these places ("sharp"), or the weighted
+        mean of their colours ("blended"); of no account where there is one viewer
     """
 
     tolerance: float = 0.1
@@ -47,6 +51,7 @@ class Settings:
     suppress_glare: float = 0.0
     ghosts: Ghosts = "mean"
     only_through_plate: bool = field(default=True, metadata=ADDED)
+    disagreement: Disagreement = field(default="sharp", metadata=ADDED)
 
     @property
     def looks_beside(self) -> bool:
@@ -58,7 +63,13 @@ class Settings:
         """These settings, with those that do not count
         before anything is painted at their defaults.
         """
-        return replace(self, margin=0, ghosts="mean", suppress_glare=float(self.looks_beside))
+        return replace(
+            self,
+            margin=0,
+            ghosts="mean",
+            suppress_glare=float(self.looks_beside),
+            disagreement="sharp",
+        )
 
     @property
     def samples_along(self) -> int:
@@ -99,4 +110,10 @@ class Settings:
         if self.ghosts not in get_args(Ghosts):
             raise RigError(
                 "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.", ghosts=self.ghosts
+            )
+
+        if self.disagreement not in get_args(Disagreement):
+            raise RigError(
+                "Disagreement is '{disagreement}': set it to 'sharp' or 'blended'.",
+                disagreement=self.disagreement,
             )

@@ -1,6 +1,6 @@
 """The eye or camera that the source image is made for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Floats
 from .errors import RigError
+from .fingerprint import ADDED
 from .roles import Part
 
 PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
@@ -27,6 +28,7 @@ class Viewer(Part):
     window : left, right, bottom, top of the image on the plane at unit distance along forward
         (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
     width, height : pixels
+    weight : how much it counts beside other viewers, above 0
     """
 
     name: str
@@ -36,6 +38,7 @@ class Viewer(Part):
     window: tuple[float, float, float, float]
     width: int
     height: int
+    weight: float = field(default=1.0, metadata=ADDED)
 
     def __post_init__(self) -> None:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
@@ -62,6 +65,17 @@ class Viewer(Part):
             raise RigError(
                 "{owner} sees nothing: its lens or orthographic scale has no size.", owner=owner
             )
+
+        if not (np.isfinite(self.weight) and self.weight > 0):
+            raise RigError(
+                "{owner} has the weight {weight:g}: set one above 0, or take it out of the list.",
+                owner=owner,
+                weight=self.weight,
+            )
+
+    def weighed(self, values: Floats) -> Floats:
+        """Values as much as the viewer counts; the array itself at a weight of 1."""
+        return values if self.weight == 1 else self.weight * values
 
     def plane_from_pixels(self, xy: ArrayLike) -> Floats:
         """Window coordinates (n, 2) of viewer pixels (n, 2)."""

@@ -152,6 +152,13 @@ def growth(arguments: argparse.Namespace) -> None:
     run_with_tests("bench.growth", arguments.rest)
 
 
+def eyes(arguments: argparse.Namespace) -> None:
+    """Measure what several viewers of one display see, and cost
+    (further options go to scripts/bench/eyes.py).
+    """
+    run_with_tests("bench.eyes", arguments.rest)
+
+
 def rules(arguments: argparse.Namespace) -> None:
     """Measure what is saved by what the plan leaves out."""
     run_with_tests("bench.rules", arguments.rest)
@@ -335,6 +342,7 @@ def main() -> None:
         compare,
         curved,
         growth,
+        eyes,
         rules,
         plate,
         misalignment,

@@ -118,9 +118,9 @@ def splat(
     Pixels that no sample met are black. Imaged light carries the same values as `Painting` and
     converges to the same image. By other light, stray light among it, a pixel shows the mean colour
     weighed by throughput, which the plan's settings have to ask for (`brightness`): white stays
-    white.
+    white. Several viewers of the rig count by their weights, as `blended` settles it.
     """
-    viewer = plan.viewer
+    viewers = plan.rig.viewers if len(plan.rig.viewers) > 1 else (plan.viewer,)
     display = plan.rig.display
     place = plan.rig.picture_place
     pyramid = Pyramid(plan.rig.picture.image)
@@ -129,15 +129,19 @@ def splat(
     n = shape[0] * shape[1]
     total = np.zeros((3, n))
     norm = np.zeros(n)
-    pixels = np.arange(viewer.width * viewer.height)
+    lots = [
+        (viewer, first)
+        for viewer in viewers
+        for first in range(0, viewer.width * viewer.height, TRACED_AT_ONCE)
+    ]
 
     for k in range(spp):
-        for first in range(0, len(pixels), TRACED_AT_ONCE):
-            some = pixels[first : first + TRACED_AT_ONCE]
+        for number, (viewer, first) in enumerate(lots):
+            some = np.arange(first, min(first + TRACED_AT_ONCE, viewer.width * viewer.height))
             corner = np.stack([some % viewer.width, some // viewer.width], axis=1)
             xy = corner + random.random((len(some), 2))
 
-            landings = trace(plan, *viewer.rays(xy), light=light)
+            landings = trace(plan.seen_by(viewer), *viewer.rays(xy), light=light)
             if light == "imaged":  # as the view map
                 landings = main_landings(landings, len(xy))
             inside, index = landings.pixels(display.width, display.height)
@@ -145,10 +149,14 @@ def splat(
             colours = pyramid.sample(picture_from_view(place, viewer, xy[landings.sample[inside]]))
             weight = landings.throughput[inside]
 
-            norm += np.bincount(index, weight**2 if light == "imaged" else weight, n)
+            norm += np.bincount(
+                index, viewer.weighed(weight**2 if light == "imaged" else weight), n
+            )
             for channel in range(3):
-                total[channel] += np.bincount(index, weight * colours[:, channel], n)
-            yield (k * len(pixels) + first + len(some)) / (spp * len(pixels))
+                total[channel] += np.bincount(
+                    index, viewer.weighed(weight) * colours[:, channel], n
+                )
+            yield (k * len(lots) + number + 1) / (spp * len(lots))
 
     image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
     return display.source_for(image.reshape(*shape, 3).astype(np.float32))

@@ -47,6 +47,7 @@ class ShareBatches:
         self._pieces = pieces
         self._kept: list[Shares] | None = None
         self._n = 0
+        self.n_sharing = 1  # that share the memory of MOST_KEPT
         self.n_divided = 0  # cells, in the pass over all of them that is under way
 
     def __len__(self) -> int:
@@ -69,14 +70,15 @@ class ShareBatches:
 
         n = 0
         kept = []
+        most = MOST_KEPT // self.n_sharing
 
         for shares in self._made():
             n += len(shares)
-            kept = [*kept, shares] if n <= MOST_KEPT else []
+            kept = [*kept, shares] if n <= most else []
             yield shares
 
         self._n = n
-        if n <= MOST_KEPT:
+        if n <= most:
             self._kept = kept
 
     def _made(self) -> Iterator[Shares]:

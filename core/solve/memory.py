@@ -4,7 +4,8 @@ The amounts are those that `dev.py bench` measures beside this estimate: within 
 factor of 2 from 100 MB on, with the compiled kernel and without it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class Bytes:
     always : of every solve; by_numpy : of batches of rays, more without the kernel
     display, viewer, picture : of a pixel
     share, triangle, ray : of one that is kept
+    asked : of a display pixel, for each of several viewers: what it sees of it, which place of the
+        picture it asks for, and how far from there the one is that is shown
     """
 
     always: float = 45e6
@@ -37,6 +40,7 @@ class Bytes:
     share: int = 62
     triangle: int = 2000
     ray: int = 120
+    asked: int = 96
 
 
 @dataclass(frozen=True)
@@ -78,23 +82,28 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     """
     place = rig.picture_place
     display = _n_pixels(rig.display)
-    viewer = sum(map(_n_pixels, rig.viewers))
+    sizes = [_n_pixels(viewer) for viewer in rig.viewers]
+    viewer = sum(sizes)
     meshes = [part.mesh for part in rig.curved_parts()]
     n_curved = sum(_n_curved(mesh) for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
 
     # quads, cells and rays that the tolerance asks for
-    n_quads = min(NUMBERS.quads * sides, NUMBERS.most_quads * viewer)
+    n_quads = sum(min(NUMBERS.quads * sides, NUMBERS.most_quads * size) for size in sizes)
     n_cells = NUMBERS.cells * sides**0.4
-    n_rays = (
-        min(NUMBERS.rays * n_cells, NUMBERS.most_rays * viewer)
+    n_rays = sum(
+        min(NUMBERS.rays * n_cells, NUMBERS.most_rays * size)
         if n_cells < n_curved
-        else NUMBERS.most_rays * min(n_quads, viewer)
+        else NUMBERS.most_rays * min(NUMBERS.quads * sides, size)
+        for size in sizes
     )
 
     # shares are kept up to a number, first those that pixels ask for
-    n_viewer_shares = min(NUMBERS.viewer_shares * viewer, NUMBERS.most_viewer_shares * display)
-    n_shares = NUMBERS.display_shares * display + n_viewer_shares
+    n_shares = sum(
+        NUMBERS.display_shares * display
+        + min(NUMBERS.viewer_shares * size, NUMBERS.most_viewer_shares * display)
+        for size in sizes
+    )
     n_kept = min(n_shares, MOST_KEPT)
     n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
     n_cut, n_points = (
@@ -104,7 +113,9 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     n_triangles = sum(len(mesh.triangles) for mesh in meshes)
     cut_shares = BYTES.share * min(n_cut, MOST_KEPT - n_kept)
     return {
-        "display": BYTES.display * display + BYTES.share * n_kept,
+        "display": BYTES.display * display
+        + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0)
+        + BYTES.share * n_kept,
         "viewer": BYTES.viewer * viewer,
         "picture": BYTES.picture * float(place.height) * place.width,
         "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,
@@ -128,8 +139,14 @@ def _n_curved(mesh: Mesh) -> int:
     return int(np.logical_or(*is_bent).sum())
 
 
-def check_memory(rig: Rig, settings: Settings) -> None:
-    """Raise RigError when a solve would take more memory than is free."""
+def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -> None:
+    """Raise RigError when a solve would take more memory than is free.
+
+    are_known : which of the viewers' maps are there already; none where it is empty
+    """
+    known = dict(enumerate(are_known))
+    new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not known.get(k, False))
+    rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
     display = rig.display
     viewer = max(rig.viewers, key=_n_pixels)

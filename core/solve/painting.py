@@ -1,7 +1,7 @@
 """A source image from the shares of a map, for a picture in its place."""
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from time import perf_counter
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from ..image.asked import Asked, moved_in_view
 from ..image.ghosts import Paths
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
@@ -34,6 +35,9 @@ class Placed:
     seconds_to_paint : about, with all that comes with it
     cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
     coverage : complete when all shares were made once
+    is_counted : is it complete?
+    asked : the places of the picture that display pixels are asked for, where that was looked for
+    step : (2, H * W) picture px, from there to the places that they show; None where it is none
     strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
     """
 
@@ -44,6 +48,9 @@ class Placed:
     cells: Floats
     part: Floats
     coverage: Coverage
+    is_counted: bool = False
+    asked: Asked | None = None
+    step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
     strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
@@ -54,11 +61,26 @@ class Placed:
         self.shares.let_go()
         self.strokes.clear()
 
+    def part_done(self, n: int) -> float:
+        """Which part of all shares are n of them, about, 0..1."""
+        batches = self.shares
+        if batches.are_kept:
+            return n / max(len(batches), 1)
+        return float(np.interp(batches.n_divided, self.cells, self.part))
+
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
         if self.strongest is None:
             return shares
         return shares.at(np.flatnonzero(self.strongest[shares.display_index] == shares.path))
+
+    def weighed(self, shares: Shares) -> Shares:
+        """Shares as they are painted: by the viewer's weight, at the places that are shown."""
+        if self.viewer.weight != 1:
+            shares = replace(shares, area=self.viewer.weighed(shares.area))
+        if self.step is None:
+            return shares
+        return moved_in_view(shares, self.picture, self.viewer, self.step)
 
     def view_coverage_in(self, view_map: ViewMap) -> Floats:
         """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
@@ -97,13 +119,10 @@ def _add(
     painting: Painting, placed: Placed, pyramid: Pyramid, clock: Clock
 ) -> Generator[float, None, None]:
     """Add the shares of a channel to a painting; yields progress 0..1."""
-    is_new = placed.covered is None
+    is_new = not placed.is_counted
     n_painted, told = 0, 0.0
     clock.lap("painting")
-
-    if is_new and placed.shares.has_path:
-        placed.strongest = yield from at(0.0, _strongest_paths(placed.shares))
-        clock.lap("ghosts")
+    yield from at(0.0, _find_strongest(placed, clock))
 
     for n, shares in enumerate(placed.shares):
         clock.lap("shares")
@@ -115,25 +134,23 @@ def _add(
             clock.lap("coverage")
 
         strokes = (
-            placed.strokes[n] if is_known else find_strokes(placed.picture, placed.viewer, shown)
+            placed.strokes[n]
+            if is_known
+            else find_strokes(placed.picture, placed.viewer, placed.weighed(shown))
         )
         # another solve may have let some go meanwhile
-        if n == len(placed.strokes) and n_painted < MOST_PLACED:
+        if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
 
         painting.add(pyramid, strokes)
         clock.lap("painting")
 
         n_painted += len(shares)
-        batches = placed.shares
-        part = (
-            n_painted / len(batches)
-            if batches.are_kept
-            else np.interp(batches.n_divided, placed.cells, placed.part)
-        )
-        told = max(told, float(part))  # another solve may be half way through the same batches
+        # another solve may be half way through the same batches
+        told = max(told, placed.part_done(n_painted))
         yield told
 
+    placed.is_counted = True
     if not placed.shares.are_kept:
         placed.strokes.clear()  # next to all that has to be made again they would save little
 
@@ -175,10 +192,46 @@ def finished(
 
     beside : for each channel the weight (H, W) of light beside the glass, where it counts
     """
-    weight = reduce(np.add, [placed.coverage.weight for placed in channels])
-    counted = [of_channel for of_channel in beside if of_channel is not None]
+    weight = reduce(np.add, [placed.viewer.weighed(placed.coverage.weight) for placed in channels])
+    counted = [
+        placed.viewer.weighed(of_channel)
+        for placed, of_channel in zip(channels, beside, strict=True)
+        if of_channel is not None
+    ]
     held_back = settings.suppress_glare * reduce(np.add, counted) if counted else None
     return painting.finished(weight, settings.margin, held_back)
+
+
+def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
+    """Look for the places that a viewer asks for, and add up the sums over its shares where
+    these are new; yields progress 0..1.
+    """
+    clock.lap("painting")
+    yield from at(0.0, _find_strongest(placed, clock))
+    asked = Asked(placed.picture, placed.viewer, placed.shares.display_size)
+    n_counted, told = 0, 0.0
+
+    for shares in placed.shares:
+        clock.lap("shares")
+        shown = placed.shown(shares)
+        if not placed.is_counted:
+            placed.coverage.add(shares, shown)
+        asked.add(shown)
+        clock.lap("coverage")
+
+        n_counted += len(shares)
+        told = max(told, placed.part_done(n_counted))
+        yield told
+
+    placed.is_counted = True
+    placed.asked = asked
+
+
+def _find_strongest(placed: Placed, clock: Clock) -> Pauses[None]:
+    """Find the paths that pixels show, where that is asked and not known."""
+    if placed.shares.has_path and placed.strongest is None:
+        placed.strongest = yield from _strongest_paths(placed.shares)
+        clock.lap("ghosts")
 
 
 def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:

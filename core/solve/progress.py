@@ -20,6 +20,7 @@ class Stages:
     painted : of a solve; its coverage comes after
     measured : of the work after tracing; then it is painted
     mesh_measured, leaks_measured : of the measuring; then light that was cut off is looked at
+    settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
     """
 
@@ -27,6 +28,7 @@ class Stages:
     measured: float = 0.25
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
+    settled: float = 0.5
     glance_traced: float = 0.5
 
 

@@ -12,8 +12,10 @@ from ..map.view_map import MapError
 from ..messages import Length, Message, joined
 from ..numbers import number
 from ..rig import Rig
+from ..settings import Settings
 from ..words import percent
 from .channel import Channel
+from .disagreement import is_sharp
 from .light_remarks import on_black, on_glare, on_white
 from .remark import Remark, note, warning
 from .remedies import facetted_glass, name_of, remedy_for, remedy_for_irregular
@@ -36,7 +38,21 @@ def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple
     remarks: list[Remark] = []
     for channel in channels:
         remarks += [remark for remark in _on_channel(channel, light) if remark not in remarks]
+    plan = channels[0].plan
+    remarks += _on_disagreement(plan.rig, plan.settings)
     return tuple(remarks)
+
+
+def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:
+    place = rig.picture_place
+    if len(rig.viewers) < 2 or place.mesh is None or settings.disagreement != "sharp":
+        return
+    if not is_sharp(rig, settings):
+        yield note(
+            "The picture '{picture}' is no flat rectangle, so that where the viewers disagree it is"
+            " blended: choose a flat plane for one sharp picture.",
+            picture=place.name,
+        )
 
 
 def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark]:

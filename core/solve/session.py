@@ -29,6 +29,7 @@ from ..viewer import Viewer
 from .accuracy import measure
 from .channel import Channel, Traced
 from .dark import why_dark
+from .disagreement import Settled, is_comparable, is_sharp, settle
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
@@ -39,17 +40,23 @@ from .solution import Solution
 
 
 class _Optics(NamedTuple):
-    """The part of a solve that does not depend on the picture, for each channel."""
+    """The part of a solve that does not depend on the picture, for each channel, and its key."""
 
-    key: str
+    keys: tuple[str, ...]
     channels: tuple[Traced, ...]
 
 
 class _Place(NamedTuple):
-    """The part that depends on the picture's place and size, for each channel."""
+    """The part that depends on the picture's place and size, for each channel, and its key.
 
-    key: str
+    together : the key of all that they share in painting: weights, and how they are settled
+    settled : None where there is nothing to be settled
+    """
+
+    keys: tuple[str, ...]
     channels: tuple[Placed, ...]
+    together: str
+    settled: Settled | None = None
 
 
 class Session:
@@ -77,14 +84,17 @@ class Session:
         settings.check()
         # light lands where it does, however dark the display's black is
         displays = tuple(replace(display, black_level=0.0) for display in rig.displays)
-        key = fingerprint(replace(rig, pictures=(), displays=displays), settings.of_optics)
+        of_all = fingerprint(
+            replace(rig, viewers=(), pictures=(), displays=displays), settings.of_optics
+        )
+        keys = tuple(fingerprint(of_all, replace(viewer, weight=1.0)) for viewer in rig.viewers)
         clock.lap("fingerprint")
 
-        optics, told = self._optics, 0.0
-        is_new = optics is None or optics.key != key
-        if is_new:
-            check_memory(rig, settings)
-            optics, told = yield from self._look(rig, settings, key, clock)
+        optics, told, n_rays = self._optics, 0.0, 0
+        is_new = optics is None or not set(keys) <= set(optics.keys)
+        if is_new or optics.keys != keys:
+            check_memory(rig, settings, self._known(keys))
+            optics, told, n_rays = yield from self._look(rig, settings, keys, clock)
 
         yield told
 
@@ -95,11 +105,17 @@ class Session:
             to_come = sum(one.seconds_to_paint for one in placed.channels)
             told = max(told, min(STAGES.painted, so_far / (so_far + to_come)))
 
+        if placed.settled is None and is_comparable(rig):
+            counted = told + STAGES.settled * (STAGES.painted - told)
+            steps = settle(placed.channels, clock, is_sharp(rig, settings))
+            placed = placed._replace(settled=(yield from within(steps, told, counted)))
+            told = counted
+
         steps = paint(placed.channels, self._pyramid_of(rig.picture), clock)
         painting = yield from within(steps, told, STAGES.painted)
 
         # from here on the optics are known to be of use
-        if is_new:
+        if optics is not self._optics:
             if not any(len(one.shares) for one in placed.channels):
                 raise why_dark(optics.channels[0])
             self._optics = optics
@@ -123,7 +139,17 @@ class Session:
         clock.lap("coverage")
 
         yield 1.0
-        return _solution(rig, light, channels, clock.seconds, is_new)
+        return Solution(
+            rig=rig,
+            source=rig.display.source_for(light),
+            channels=channels,
+            seconds=clock.seconds,
+            n_rays=n_rays,
+            used=channels[0].plan.used,
+            left_out=channels[0].plan.left_out + (() if is_new else (UNTRACED,)),
+            remarks=remarks_on(channels, light),
+            settled=placed.settled,
+        )
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
         """The source image of a coarse rig alone, of which
@@ -147,6 +173,8 @@ class Session:
             found.append((view_map, place(view_map, rig.picture_place, viewer, settings)))
 
         channels = [placed for _, placed in found]
+        if is_sharp(rig, settings):
+            yield from within(settle(channels, clock, is_sharp=True), traced, traced)
         painting = yield from within(
             paint(channels, self._pyramid_of(rig.picture), clock), traced, 1.0
         )
@@ -182,32 +210,56 @@ class Session:
     def _place(self, rig: Rig, settings: Settings, optics: _Optics) -> _Place:
         """The shares of all channels for a picture's place and size: known ones, or new ones."""
         picture = rig.picture_place
-        key = fingerprint(optics.key, picture, settings.ghosts)
-        if self._placed is not None and self._placed.key == key:
-            return self._placed
+        keys = tuple(fingerprint(key, picture, settings.ghosts) for key in optics.keys)
+        weights = tuple(viewer.weight for viewer in rig.viewers)
+        together = fingerprint(keys, weights, is_sharp(rig, settings))
+        before = self._placed
+        if before is not None and before.together == together:
+            return before
 
-        if self._placed is not None:  # or there would be twice as many
-            for placed in self._placed.channels:
-                placed.let_go()
+        known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
+        for key in set(known) - set(keys):  # or there would be twice as many
+            known[key].let_go()
 
-        channels = (
-            place(traced.view_map, picture, viewer, settings)
-            for traced, viewer in zip(optics.channels, rig.viewers, strict=True)
-        )
-        return _Place(key, tuple(channels))
+        channels = []
+        for key, traced, viewer in zip(keys, optics.channels, rig.viewers, strict=True):
+            old = known.get(key)
+            channels.append(
+                place(traced.view_map, picture, viewer, settings)
+                if old is None
+                # what is settled with others is painted in another way
+                else replace(old, viewer=viewer, strokes=[], step=None)
+            )
+        for placed in channels:
+            placed.shares.n_sharing = len(channels)
+        return _Place(keys, tuple(channels), together)
+
+    def _known(self, keys: tuple[str, ...]) -> tuple[bool, ...]:
+        """Which of the view maps with these keys are known?"""
+        known = () if self._optics is None else self._optics.keys
+        return tuple(key in known for key in keys)
 
     def _look(
-        self, rig: Rig, settings: Settings, key: str, clock: Clock
-    ) -> Generator[float, None, tuple[_Optics, float]]:
-        """Trace the view maps of a rig; yields progress of the whole solve, and returns it, too."""
-        channels = []
-        n = len(rig.viewers)
-        for k, viewer in enumerate(rig.viewers):
+        self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
+    ) -> Generator[float, None, tuple[_Optics, float, int]]:
+        """Trace those view maps of a rig that are not known; yields progress of the whole solve,
+        and returns it, too, and the number of rays.
+        """
+        before = self._optics
+        known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
+        new = {
+            key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known
+        }
+        n, n_rays, so_far = len(new), 0, 0.0
+
+        for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
-            start = k * STAGES.painted / n
-            traced, told = yield from within(steps, start, start + 1 / n)
-            channels.append(traced)
-        return _Optics(key, tuple(channels)), start + told / n
+            start = max(so_far, k * STAGES.painted / n)
+            known[key], told = yield from within(steps, start, start + 1 / n)
+            n_rays += known[key].view_map.n_rays
+            so_far = start + told / n
+
+        return _Optics(keys, tuple(known[key] for key in keys)), so_far, n_rays
 
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
@@ -248,28 +300,6 @@ class Session:
             weight_beside=weight,
         )
         return traced, after
-
-
-def _solution(
-    rig: Rig,
-    light: NDArray[np.float32],
-    channels: tuple[Channel, ...],
-    seconds: dict[str, float],
-    is_new: bool,
-) -> Solution:
-    """The result, by the light that is wanted of the display; is_new: were view maps traced?"""
-    plan = channels[0].plan
-    left_out = () if is_new else (UNTRACED,)
-    return Solution(
-        rig=rig,
-        source=rig.display.source_for(light),
-        channels=channels,
-        seconds=seconds,
-        n_rays=sum(channel.view_map.n_rays for channel in channels) if is_new else 0,
-        used=plan.used,
-        left_out=plan.left_out + left_out,
-        remarks=remarks_on(channels, light),
-    )
 
 
 def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:

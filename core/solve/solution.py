@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..rig import ConstantIndex, Rig
 from .channel import Channel
+from .disagreement import Settled
 from .remark import Remark
 
 
@@ -18,9 +19,11 @@ class Solution:
     """The source image, and the fate of the viewers' rays.
 
     source : (H, W, 3) float32 linear, row 0 at the top
-    channels : one for each viewer and wavelength; today there is one
+    channels : one for each viewer and wavelength
     seconds : time by part of the work; n_rays : rays traced for this solve
     used, left_out : what this rig needed and what it did not; remarks : sentences for the user
+    settled : how the viewers' disagreement is settled; None with one viewer, and where the picture
+        is no flat rectangle
     """
 
     rig: Rig
@@ -31,6 +34,7 @@ class Solution:
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     remarks: tuple[Remark, ...]
+    settled: Settled | None = None
 
     @property
     def first(self) -> Channel:
@@ -50,9 +54,12 @@ class Solution:
     @cached_property
     def weight(self) -> Floats:
         """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of all channels
-        that each display pixel shows.
+        that each display pixel shows, by the weights of their viewers.
         """
-        return reduce(np.add, [channel.coverage.weight for channel in self.channels])
+        return reduce(
+            np.add,
+            [channel.viewer.weighed(channel.coverage.weight) for channel in self.channels],
+        )
 
     @cached_property
     def display_coverage(self) -> Floats:

@@ -44,6 +44,22 @@ RIG = Section(
             "「リグを追加」を押すか、「オブジェクト」パネルでオブジェクトに役割を設定します。",
         ),
         Advice(
+            "{owner} has the weight {weight:g}: set one above 0, or take it out of the list.",
+            "A viewer with twice the weight is displaced half as much as the other.",
+            "重みが2倍の視点では、像のずれがもう一方の半分になります。",
+        ),
+        Advice(
+            "The viewer '{viewer}' is in the list {n} times: keep one.",
+            "To let it count more, raise its weight.",
+            "より重視するには、重みを上げます。",
+        ),
+        Advice(
+            "The plate '{plate}' stands between the viewers '{one}' and '{other}': move one of"
+            " them to the other's side.",
+            "One display shows its picture to one side of a plate.",
+            "1枚のディスプレイが絵を見せられるのは、プレートの片側だけです。",
+        ),
+        Advice(
             "The rig has {n} {field} ({names}): keep one and set the others to None.",
             "The list in the panel Rig selects each of them.",
             "「リグ」パネルの一覧で、それぞれを選択できます。",
@@ -286,6 +302,12 @@ PICTURE = Section(
             "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
             "Add > Mesh > Plane is one. Scale it, but do not move its corners.",
             "追加 > メッシュ > 平面 を使います。拡大縮小はできますが、角は動かしません。",
+        ),
+        Advice(
+            "The picture '{picture}' is no flat rectangle, so that where the viewers disagree it is"
+            " blended: choose a flat plane for one sharp picture.",
+            "Places on a plane can be compared between viewers; on other shapes colours alone can.",
+            "平面なら、絵の位置を視点の間で比べられます。ほかの形では色しか比べられません。",
         ),
         Advice(
             "The picture '{picture}' is seen edge-on: turn it to the viewer.",
@@ -1188,6 +1210,7 @@ NOT_MET = {
     "Effort is {n} rays for a viewer pixel: set a whole number from 1 to {most}.",
     "Suppress Glare is {suppress_glare:g}: set it from 0 to 1.",
     "Ghosts is '{ghosts}': set it to 'mean' or 'strongest'.",
+    "Disagreement is '{disagreement}': set it to 'sharp' or 'blended'.",
     "The rig has no viewer: add a camera and make it the viewer.",
     # pieces of sentences, and the answer to Ctrl C in a terminal
     "the scene is as it was",

@@ -38,6 +38,10 @@ def lathe(surface="smooth"):
     return replace(lathed(radius, 0.05 * (s - 0.5)), surface=surface)
 def picture(side):
     return np.ones((side, side, 4), np.float32)
+def seen_by(n, a_rig):
+    viewer, step = a_rig.viewer, np.array([1e-3, 0, 0])
+    viewers = (replace(viewer, position=viewer.position + k * step, name=str(k)) for k in range(n))
+    return replace(a_rig, viewers=tuple(viewers))
 a_rig, settings = {rig}, Settings(tolerance={tolerance})
 before = status("VmRSS")
 view_map = {work}
@@ -64,6 +68,8 @@ TRACE = (
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(3000))", 0.1, SOLVE),
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(2999))", 0.1, SOLVE),
         ("ball_rig(3, pixels=256, display_pixels=512)", 1e-3, SOLVE),  # quads
+        ("seen_by(9, ball_rig(3, pixels=64, display_pixels=768))", 0.1, SOLVE),
+        ("seen_by(9, ball_rig(3, pixels=512, display_pixels=128))", 0.1, SOLVE),
         ("ball_rig(4, pixels=64, display_pixels=64)", 1e-6, SOLVE),  # as many as there may be
         ("ball_rig(4, pixels=512, display_pixels=64)", 1e-6, TRACE),  # rays of pixels
         ("ball_rig(5, pixels=768, display_pixels=512)", 1e-6, TRACE),  # of cells

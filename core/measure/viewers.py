@@ -1,0 +1,233 @@
+"""What each of several viewers sees of one source image.
+
+Which part of the picture it is, displaced by how much, how like its ideal, and which part of its
+error no source image can remove.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import RigError
+from ..image.asked import mapped, way_of
+from ..image.flat_picture import view_of_picture
+from ..image.picture import cover_in_view
+from ..image.pyramid import Pyramid
+from ..image.source_image import Painting, find_strokes
+from ..light.landings import main_landings
+from ..light.trace import trace_all
+from ..solve.channel import Channel
+from ..solve.solution import Solution
+from .errors import psnr
+
+N_POINTS = 7  # each way, of the picture
+MOST_ROUNDS = 20
+SETTLED_PX = 1e-9  # viewer px
+WHOLE = 0.99  # of a viewer pixel: by less, what it shows is not the picture's alone
+ARCMIN = np.degrees(1.0) * 60
+
+
+@dataclass(frozen=True)
+class ViewerReport:
+    """How one viewer sees a source image.
+
+    viewer : its name
+    weight : how much it counts
+    coverage : share of the picture, as it sees it, that the display can show
+    n_points : of the N_POINTS^2 points of the picture, those that it sees
+    mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen
+    mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer, too
+    psnr : dB, white is 1, of the seen image against the ideal one, where the viewer sees nothing
+        but the picture; None where there is no difference
+    unremovable : rms of linear light, white is 1, by which the display pixels that it sees are
+        off from those it asks for, where they show the weighted mean of what all ask for: no
+        other source image is off by less from all of them
+    """
+
+    viewer: str
+    weight: float
+    coverage: float
+    n_points: int
+    mean_px: float | None
+    largest_px: float | None
+    mean_arcmin: float | None
+    largest_arcmin: float | None
+    psnr: float | None
+    unremovable: float
+
+
+def viewer_reports(solution: Solution) -> Generator[float, None, tuple[ViewerReport, ...]]:
+    """A report for each viewer, the one with the largest displacement first; yields progress 0..1.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle
+    """
+    if solution.settled is None and len(solution.channels) > 1:
+        raise RigError(
+            "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
+            picture=solution.rig.picture_place.name,
+        )
+
+    off, _ = yield from conflict_in_light(solution)
+    reports = []
+    for number, unremovable in enumerate(off):
+        reports.append(_report(solution, number, unremovable))
+        yield 1.0
+
+    return tuple(sorted(reports, key=lambda report: -(report.largest_px or 0.0)))
+
+
+def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport:
+    """The report for the viewer of one channel."""
+    channel = solution.channels[number]
+    viewer = channel.viewer
+    seen, straight = displaced(solution, number)
+    length = np.linalg.norm(seen - straight, axis=1)
+    is_seen = np.isfinite(length)
+
+    angle = np.full(len(length), np.nan)
+    if viewer.projection == "perspective":
+        one, other = (viewer.rays(xy[is_seen])[1] for xy in (seen, straight))
+        across = np.linalg.norm(np.cross(one, other), axis=1)
+        angle[is_seen] = ARCMIN * np.arcsin(np.minimum(across, 1.0))
+
+    whole = (cover_in_view(solution.rig.picture_place, viewer) >= WHOLE) & (
+        channel.view_coverage >= WHOLE
+    )
+    difference = channel.seen(solution.source)[whole] - channel.ideal()[whole]
+    mean_px, largest_px = _mean_and_largest(length)
+    mean_arcmin, largest_arcmin = _mean_and_largest(angle)
+    return ViewerReport(
+        viewer=viewer.name,
+        weight=viewer.weight,
+        coverage=float(np.clip(channel.picture_coverage, 0, 1)),
+        n_points=int(is_seen.sum()),
+        mean_px=mean_px,
+        largest_px=largest_px,
+        mean_arcmin=mean_arcmin,
+        largest_arcmin=largest_arcmin,
+        psnr=psnr(difference),
+        unremovable=unremovable,
+    )
+
+
+def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:
+    """Of those that are numbers; None where there are none."""
+    known = values[np.isfinite(values)]
+    return (float(known.mean()), float(known.max())) if len(known) else (None, None)
+
+
+def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Floats, Floats]:
+    """Where the viewer of a channel sees n x n points of the picture, and where it would see them
+    with no glass in the way: (n * n, 2) viewer px each, NaN where a point is not seen.
+
+    A place x of the viewer's image shows the place of the picture that is seen there straight, and
+    the step of the display pixel on which its ray lands. Where that is the point asked for is found
+    by going on by what is missing; the rays are traced.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle, or is seen edge-on
+    """
+    channel = solution.channels[number]
+    place, viewer = solution.rig.picture_place, channel.viewer
+    along = (np.arange(n) + 0.5) / n
+    u, v = (grid.ravel() for grid in np.meshgrid(along, 1 - along))
+    straight = view_of_picture(place, viewer, np.stack([u, v], axis=1))
+    if solution.settled is None:
+        return _on_display(channel, straight), straight
+
+    way = way_of(place, viewer)
+    wanted, _ = mapped(way.there, straight)
+    steps = solution.settled.steps[number]
+    at = straight.copy()
+
+    for _ in range(MOST_ROUNDS):
+        landed = _landed(channel, at)
+        shown = mapped(way.there, at)[0] + _between(steps, landed)
+        missing = (wanted - shown).T
+        # the picture's step as one of the viewer's image
+        move = mapped(way.back, (mapped(way.there, at)[0].T + missing))[0].T - at
+        if not (np.abs(move) > SETTLED_PX).any():
+            break
+        at = np.where(np.isfinite(move), at + move, np.nan)
+
+    return np.where(np.isfinite(move), at, np.nan), straight
+
+
+def _on_display(channel: Channel, xy: Floats) -> Floats:
+    """Viewer px (n, 2), NaN where their rays do not land on the display."""
+    return np.where(np.isfinite(_landed(channel, xy)).all(axis=1)[:, None], xy, np.nan)
+
+
+def _landed(channel: Channel, xy: Floats) -> Floats:
+    """Display px (n, 2) on which rays through viewer px (n, 2) land; NaN where they do not."""
+    landed = np.full(xy.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    if len(known):
+        landings = trace_all(channel.plan, *channel.viewer.rays(xy[known]))
+        landings = main_landings(landings, len(known))
+        landed[known] = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+    return landed
+
+
+def _between(values: Floats, at: Floats) -> Floats:
+    """Values (2, n) of an image (2, H, W) between the middles of its pixels, at places (n, 2) px;
+    NaN where one of the four next is, or the place is beyond the image.
+    """
+    height, width = values.shape[1:]
+    is_on = ((at >= 0) & (at <= [width, height])).all(axis=1)
+    x, y = np.clip(np.where(is_on[:, None], at, 0.5) - 0.5, 0, [width - 1, height - 1]).T
+    column = np.minimum(x.astype(int), max(width - 2, 0))
+    row = np.minimum(y.astype(int), max(height - 2, 0))
+    right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
+    s, t = x - column, y - row
+    upper = (1 - s) * values[:, row, column] + s * values[:, row, right]
+    lower = (1 - s) * values[:, below, column] + s * values[:, below, right]
+    return np.where(is_on, (1 - t) * upper + t * lower, np.nan)
+
+
+def conflict_in_light(
+    solution: Solution,
+) -> Generator[float, None, tuple[tuple[float, ...], Floats]]:
+    """What of the viewers' errors is left at the weighted mean of the colours that they ask for, by
+    which no source image is off by less from all: rms for each viewer over the display
+    pixels that it sees, and for each display pixel (H, W) over the viewers; linear light.
+
+    Yields progress 0..1.
+    """
+    pyramid = Pyramid(solution.rig.picture.image)
+    channels = solution.channels
+    total = np.zeros_like(solution.source, dtype=float)
+    for k, channel in enumerate(channels):
+        total += _weight(channel)[..., None] * _asked_for(channel, pyramid)
+        yield 0.5 * (k + 1) / len(channels)
+
+    weight = reduce(np.add, map(_weight, channels))
+    mean = total / np.where(weight > 0, weight, 1.0)[..., None]
+    square = np.zeros_like(weight)
+    off = []
+    for k, channel in enumerate(channels):
+        of_pixel = _weight(channel) * ((_asked_for(channel, pyramid) - mean) ** 2).mean(axis=2)
+        off.append(float(np.sqrt(of_pixel.sum() / _weight(channel).sum())))
+        square += of_pixel
+        yield 0.5 + 0.5 * (k + 1) / len(channels)
+
+    return tuple(off), np.sqrt(square / np.where(weight > 0, weight, 1.0))
+
+
+def _weight(channel: Channel) -> Floats:
+    """How much each display pixel (H, W) counts for a viewer."""
+    return channel.viewer.weighed(channel.coverage.weight)
+
+
+def _asked_for(channel: Channel, pyramid: Pyramid) -> Floats:
+    """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
+    painting = Painting(channel.shares.display_size)
+    for shares in channel.shares:
+        painting.add(pyramid, find_strokes(channel.plan.rig.picture_place, channel.viewer, shares))
+    return painting.finished(channel.coverage.weight).astype(float)

@@ -1,0 +1,95 @@
+"""What several viewers ask of one display, and which place of the picture each of its pixels shows.
+
+A pixel that viewers v ask for the places p_v of the picture shows their weighted mean
+
+    p = sum(w_v c_v p_v) / sum(w_v c_v),
+
+with the viewer's weight w and the part c of the pixel that it sees. It is that of least squares,
+whichever way the disagreement is settled: *sharp* shows the picture at this place, *blended* its
+colours at all of the places, whose middle this is. The *conflict* of a pixel is the deviation that
+is left, sqrt(sum(w_v c_v |p_v - p|^2) / sum(w_v c_v)): no source image removes it.
+"""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..image.asked import way_of
+from ..rig import Rig
+from ..settings import Settings
+from ..steps import within
+from .painting import Clock, Placed, count
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """How the viewers' disagreement is settled.
+
+    steps : for each viewer (2, H, W) picture px, from the place that it asks a display pixel for to
+        the one that the pixel shows; NaN where it asks for none
+    conflict : (H, W) picture px; 0 where fewer than two viewers ask
+    """
+
+    steps: tuple[Floats, ...]
+    conflict: Floats
+
+
+def is_comparable(rig: Rig) -> bool:
+    """Are there several viewers, whose places on the picture can be compared?"""
+    if len(rig.viewers) < 2:
+        return False
+    return all(way_of(rig.picture_place, viewer) is not None for viewer in rig.viewers)
+
+
+def is_sharp(rig: Rig, settings: Settings) -> bool:
+    """Does a display pixel show the picture at the mean of the places that viewers ask for?
+
+    A picture in the viewers' own pixels is another one for each: it is blended.
+    """
+    is_on_plane = rig.picture_place.mesh is not None
+    return settings.disagreement == "sharp" and is_on_plane and is_comparable(rig)
+
+
+def settle(
+    channels: Sequence[Placed], clock: Clock, is_sharp: bool
+) -> Generator[float, None, Settled]:
+    """Look for the places that all viewers ask for, and for those that are shown; yields progress
+    0..1. Where it is sharp, the shares are painted as these are.
+    """
+    n = len(channels)
+    for k, placed in enumerate(channels):
+        if placed.asked is None:
+            yield from within(count(placed, clock), k / n, (k + 1) / n)
+
+    shape = channels[0].coverage.weight.shape
+    total = np.zeros((2, *shape))
+    weight = np.zeros(shape)
+    for placed in channels:
+        places, part = placed.asked.places, _part(placed)
+        total += np.where(part > 0, places, 0.0) * part
+        weight += part
+
+    # a pixel that one viewer alone asks for shows the very place
+    n_asking = sum((_part(placed) > 0).astype(int) for placed in channels)
+    mean = total / np.where(weight > 0, weight, 1.0)
+    square = np.zeros(shape)
+    steps = []
+    for placed in channels:
+        places = placed.asked.places
+        step = np.where(n_asking > 1, mean - places, np.where(np.isnan(places), np.nan, 0.0))
+        square += _part(placed) * np.nan_to_num((step**2).sum(axis=0))
+        steps.append(step)
+        if is_sharp:
+            placed.step = np.nan_to_num(step).reshape(2, -1)
+
+    clock.lap("disagreement")
+    conflict = np.sqrt(square / np.where(weight > 0, weight, 1.0))
+    return Settled(tuple(steps), conflict)
+
+
+def _part(placed: Placed) -> Floats:
+    """How much (H, W) a viewer counts in the mean of a pixel: 0 where it asks for no place."""
+    is_asking = np.isfinite(placed.asked.places).all(axis=0)
+    return placed.viewer.weighed(placed.coverage.of_display * is_asking)

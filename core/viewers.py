@@ -1,0 +1,49 @@
+"""Can several viewers look at one display?"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from .errors import RigError
+from .mesh import Mesh
+from .parts import Plate
+from .viewer import Viewer
+
+
+def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirrors: bool) -> None:
+    """Raise RigError where a viewer is there twice, or a plate stands between two of them.
+
+    By way of mirrors the light of viewers on both sides of a plate may come to the same one.
+    """
+    if len(viewers) < 2:
+        return
+
+    name, n = Counter(viewer.name for viewer in viewers).most_common(1)[0]
+    if n > 1:
+        raise RigError(
+            "The viewer '{viewer}' is in the list {n} times: keep one.", viewer=name, n=n
+        )
+
+    for plate in () if has_mirrors else plates:
+        sides = [_side(viewer, plate.mesh) for viewer in viewers]
+        if min(sides) < 0 < max(sides):
+            one, other = (viewers[int(pick(sides))].name for pick in (np.argmax, np.argmin))
+            raise RigError(
+                "The plate '{plate}' stands between the viewers '{one}' and '{other}': move one of"
+                " them to the other's side.",
+                plate=plate.name,
+                one=one,
+                other=other,
+            )
+
+
+def _side(viewer: Viewer, mesh: Mesh) -> float:
+    """On which side of a flat mesh a viewer is: above 0 before its front."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    normals = np.cross(b - a, c - a)
+    largest = np.argmax(np.linalg.norm(normals, axis=1))
+    normal = normals[largest]
+    if viewer.projection == "orthographic":
+        return float(-viewer.axes[2] @ normal)
+    return float((viewer.position - a[largest]) @ normal)

@@ -1,0 +1,194 @@
+"""What several viewers of one display ask of it, what each sees, and what they cost: `dev.py eyes`.
+
+Tables, on the ball of 50 mm, a metre away from its viewers, who look at the picture's middle:
+
+growth : time and rays for 1, 2, 9 and 49 viewers. Mark: rays grow in proportion to the viewers
+    (slope in logarithms 0.95 to 1.05), time by no more than 1.15.
+agree : with index 1 viewers ask for the same. Mark: conflict below 1e-9 picture px, by
+    orthographic viewers, whose maps are affine.
+conflict : by the distance between two eyes: the deviation of what they ask of a display pixel
+    (mean and largest, picture px), and which way to settle it has the higher PSNR.
+settled : sharp and blended, two eyes of 64 mm and a 3 x 3 grid of 60 mm: for each viewer coverage,
+    displacement of 7 x 7 points (viewer px, arcmin), PSNR against the ideal, and the error that no
+    source image removes (rms, linear). Mark: where the seen image of a lattice of dots can be
+    measured, its dots are displaced as predicted, to 0.05 px on the mean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from kiriko.core.atlas.heads import viewer_at
+from kiriko.core.image.seen_image import dot_centroids
+from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
+from kiriko.core.rig import Rig, Viewer
+from kiriko.core.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, lattice_image
+
+SIDES = {1: (1, 1), 2: (2, 1), 9: (3, 3), 49: (7, 7)}  # of grids, by the number of viewers
+BOX = 0.06  # m, side of the grids
+EYES = 0.064  # m
+APART = (0.001, 0.004, 0.016, 0.064)  # m, between two eyes
+MOST_RAYS = 0.05  # by which the slope of rays may differ from 1
+MOST_TIME = 1.15  # slope
+MOST_CONFLICT = 1e-9  # picture px
+MOST_OFF = 0.05  # viewer px, mean over the dots, of the prediction from the seen image
+
+
+def grid(a_rig: Rig, n: int, m: int, side: float = BOX) -> Rig:
+    """The rig with n x m viewers, right and up, in a square around its own."""
+    right, up = (np.linspace(-side / 2, side / 2, k) if k > 1 else np.zeros(1) for k in (n, m))
+    viewers = tuple(
+        replace(
+            viewer_at(a_rig.viewer, a_rig.picture_place, (x, y, 0.0)),
+            name=f"{1e3 * x:+.0f} {1e3 * y:+.0f}",
+        )
+        for y in up
+        for x in right
+    )
+    return replace(a_rig, viewers=viewers)
+
+
+def solved(a_rig: Rig, **settings: object) -> Solution:
+    """A solve in a session of its own."""
+    return finish(Session().solve(a_rig, Settings(**settings)))
+
+
+def growth(runs: int, pixels: int) -> bool:
+    """Time and rays by the number of viewers; are they within the marks?"""
+    print(f"{'viewers':<10} {'solve s':>8} {'trace s':>8} {'s each':>8} {'rays':>10}")
+    a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, image=lattice_image(512))
+    found = []
+    for n, sides in SIDES.items():
+        many = grid(a_rig, *sides)
+        taken = [solved(many) for _ in range(runs)]
+        seconds = statistics.median(sum(one.seconds.values()) for one in taken)
+        tracing = statistics.median(one.seconds["tracing"] for one in taken)
+        found.append((n, seconds, tracing, taken[0].n_rays))
+        print(f"{n:<10} {seconds:8.2f} {tracing:8.2f} {seconds / n:8.2f} {found[-1][3]:10d}")
+
+    viewers, *columns = np.log(np.array(found)).T
+    solve, trace, rays = (np.polyfit(viewers, column, 1)[0] for column in columns)
+    print(f"{'slope':<10} {solve:8.2f} {trace:8.2f} {'':8} {rays:10.2f}\n")
+    return mark("rays", abs(rays - 1) < MOST_RAYS) & mark("time", solve < MOST_TIME)
+
+
+def agree() -> bool:
+    """Do all viewers ask for the same where the glass does not bend light?"""
+    a_rig = ball_rig(
+        3, ior=1.0, pixels=96, display_pixels=96, image=lattice_image(512), display=0.02,
+        projection="orthographic", field=0.06,
+    )  # fmt: skip
+    viewer = a_rig.viewer
+    viewers = tuple(turned(viewer, angle) for angle in (-0.05, 0.0, 0.05))
+    conflict = solved(replace(a_rig, viewers=viewers)).settled.conflict
+    print(f"index 1, three viewers: conflict {conflict.max():.1e} picture px at most")
+    return mark("agree", conflict.max() < MOST_CONFLICT)
+
+
+def turned(viewer: Viewer, angle: float) -> Viewer:
+    """A viewer that stands to the right of another by an angle, as seen from the origin."""
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    name = f"{np.degrees(angle):+.1f} degrees"
+    return replace(viewer, name=name, position=turn @ viewer.position, axes=viewer.axes @ turn.T)
+
+
+def conflict(pixels: int) -> bool:
+    """What two eyes disagree on, by their distance."""
+    print(f"\n{'apart mm':<10} {'conflict px':>12} {'largest':>9}", end="")
+    print(f" {'sharp dB':>9} {'blended dB':>11}")
+    a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, image=lattice_image(512))
+    for apart in APART:
+        both = grid(a_rig, 2, 1, apart)
+        sharp, blended = (solved(both, disagreement=way) for way in ("sharp", "blended"))
+        of = sharp.settled.conflict[sharp.settled.conflict > 0]
+        decibels = [statistics.mean(r.psnr for r in finish(viewer_reports(s)))
+                    for s in (sharp, blended)]  # fmt: skip
+        print(
+            f"{1e3 * apart:<10.0f} {of.mean():12.3f} {of.max():9.3f} {decibels[0]:9.2f}"
+            f" {decibels[1]:11.2f}",
+            flush=True,
+        )
+    return True
+
+
+def settled(pixels: int) -> bool:
+    """What each of two eyes and of nine viewers sees."""
+    a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, image=lattice_image(512))
+    is_right = True
+    for name, many in (
+        ("two eyes", grid(a_rig, 2, 1, EYES)),
+        ("3 x 3", grid(a_rig, 3, 3)),
+    ):
+        for way in ("sharp", "blended"):
+            solution = solved(many, disagreement=way)
+            off = [predicted_beside_seen(solution, k) for k in range(len(many.viewers))]
+            print(f"\n{name}, {way}")
+            print(*lines(finish(viewer_reports(solution))), sep="\n", flush=True)
+            known = [one for one in off if np.isfinite(one)]
+            print(f"dots beside their prediction: {np.mean(known):.3f} px on the mean")
+            is_right &= mark(f"{name}, {way}", np.mean(known) < MOST_OFF)
+    return is_right
+
+
+def lines(reports: tuple[ViewerReport, ...]) -> Iterator[str]:
+    """A table of reports."""
+    yield (
+        f"{'viewer, mm':<12} {'cover':>6} {'points':>7} {'mean px':>8} {'largest':>8}"
+        f" {'arcmin':>7} {'largest':>8} {'dB':>6} {'left':>7}"
+    )
+    for r in reports:
+        yield (
+            f"{r.viewer:<12} {100 * r.coverage:5.1f}% {r.n_points:7d} {r.mean_px:8.3f}"
+            f" {r.largest_px:8.3f} {r.mean_arcmin:7.2f} {r.largest_arcmin:8.2f} {r.psnr:6.2f}"
+            f" {r.unremovable:7.4f}"
+        )
+
+
+def predicted_beside_seen(solution: Solution, number: int) -> float:
+    """Mean distance, viewer px, of the dots as a viewer sees them from where they are predicted."""
+    channel = solution.channels[number]
+    seen, straight = displaced(solution, number)
+    dots = dot_centroids(channel.seen(solution.source)) - dot_centroids(channel.ideal())
+    off = np.linalg.norm(dots.reshape(-1, 2) - (seen - straight), axis=1)
+    return float(np.nanmean(off)) if np.isfinite(off).any() else float("nan")
+
+
+def mark(name: str, is_met: bool) -> bool:
+    """Tell whether a mark is met."""
+    print(f"mark {name}: {'met' if is_met else 'MISSED'}", flush=True)
+    return bool(is_met)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=1, help="of each solve that is timed")
+    parser.add_argument("--pixels", type=int, default=256, help="of viewers and display, each way")
+    parser.add_argument(
+        "--only", nargs="+", choices=("growth", "agree", "conflict", "settled"), metavar="TABLE"
+    )
+    arguments = parser.parse_args()
+    tables = {
+        "growth": lambda: growth(arguments.runs, arguments.pixels),
+        "agree": agree,
+        "conflict": lambda: conflict(arguments.pixels),
+        "settled": lambda: settled(arguments.pixels),
+    }
+    are_met = [table() for name, table in tables.items() if name in (arguments.only or tables)]
+    sys.exit(0 if all(are_met) else 1)
+
+
+if __name__ == "__main__":
+    main()
