@@ -8,13 +8,11 @@ may be more of them than memory holds.
 from collections.abc import Generator
 from dataclasses import replace
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RigError
-from ..fingerprint import fingerprint
 from ..image.glare import look_beside
 from ..image.pyramid import Pyramid
 from ..image.simulation import plate_view
@@ -29,7 +27,8 @@ from ..viewer import Viewer
 from .accuracy import measure
 from .channel import Channel, Traced
 from .dark import why_dark
-from .disagreement import Settled, is_comparable, is_sharp, settle
+from .disagreement import is_comparable, is_sharp, settle
+from .known import Optics, Place, keys_of, placed_for
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
@@ -39,33 +38,13 @@ from .remarks import remarks_on
 from .solution import Solution
 
 
-class _Optics(NamedTuple):
-    """The part of a solve that does not depend on the picture, for each channel, and its key."""
-
-    keys: tuple[str, ...]
-    channels: tuple[Traced, ...]
-
-
-class _Place(NamedTuple):
-    """The part that depends on the picture's place and size, for each channel, and its key.
-
-    together : the key of all that they share in painting: weights, and how they are settled
-    settled : None where there is nothing to be settled
-    """
-
-    keys: tuple[str, ...]
-    channels: tuple[Placed, ...]
-    together: str
-    settled: Settled | None = None
-
-
 class Session:
     """Results that can be used again from one solve to the next."""
 
     def __init__(self, kept: Kept | None = None) -> None:
         self._kept = kept or Kept()
-        self._optics: _Optics | None = None
-        self._placed: _Place | None = None
+        self._optics: Optics | None = None
+        self._placed: Place | None = None
         self._pyramid: Pyramid | None = None
         self.is_tracing = False  # is the view map of a solve under way?
 
@@ -82,24 +61,18 @@ class Session:
         started = perf_counter()
         rig.check()
         settings.check()
-        # light lands where it does, however dark the display's black is
-        displays = tuple(replace(display, black_level=0.0) for display in rig.displays)
-        of_all = fingerprint(
-            replace(rig, viewers=(), pictures=(), displays=displays), settings.of_optics
-        )
-        keys = tuple(fingerprint(of_all, replace(viewer, weight=1.0)) for viewer in rig.viewers)
+        keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
         optics, told, n_rays = self._optics, 0.0, 0
         is_new = optics is None or not set(keys) <= set(optics.keys)
         if is_new or optics.keys != keys:
-            check_memory(rig, settings, self._known(keys))
             optics, told, n_rays = yield from self._look(rig, settings, keys, clock)
 
         yield told
 
         # how far it is by now is told anew, by the shares that are to be painted
-        placed = self._place(rig, settings, optics)
+        placed = placed_for(rig, settings, optics, self._placed)
         if is_new:
             so_far = perf_counter() - started
             to_come = sum(one.seconds_to_paint for one in placed.channels)
@@ -207,50 +180,19 @@ class Session:
             self._pyramid = Pyramid(picture.image)
         return self._pyramid
 
-    def _place(self, rig: Rig, settings: Settings, optics: _Optics) -> _Place:
-        """The shares of all channels for a picture's place and size: known ones, or new ones."""
-        picture = rig.picture_place
-        keys = tuple(fingerprint(key, picture, settings.ghosts) for key in optics.keys)
-        weights = tuple(viewer.weight for viewer in rig.viewers)
-        together = fingerprint(keys, weights, is_sharp(rig, settings))
-        before = self._placed
-        if before is not None and before.together == together:
-            return before
-
-        known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
-        for key in set(known) - set(keys):  # or there would be twice as many
-            known[key].let_go()
-
-        channels = []
-        for key, traced, viewer in zip(keys, optics.channels, rig.viewers, strict=True):
-            old = known.get(key)
-            channels.append(
-                place(traced.view_map, picture, viewer, settings)
-                if old is None
-                # what is settled with others is painted in another way
-                else replace(old, viewer=viewer, strokes=[], step=None)
-            )
-        for placed in channels:
-            placed.shares.n_sharing = len(channels)
-        return _Place(keys, tuple(channels), together)
-
-    def _known(self, keys: tuple[str, ...]) -> tuple[bool, ...]:
-        """Which of the view maps with these keys are known?"""
-        known = () if self._optics is None else self._optics.keys
-        return tuple(key in known for key in keys)
-
     def _look(
         self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
-    ) -> Generator[float, None, tuple[_Optics, float, int]]:
+    ) -> Generator[float, None, tuple[Optics, float, int]]:
         """Trace those view maps of a rig that are not known; yields progress of the whole solve,
         and returns it, too, and the number of rays.
         """
-        before = self._optics
-        known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
+        known = {} if self._optics is None else self._optics.by_key
         new = {
             key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known
         }
         n, n_rays, so_far = len(new), 0, 0.0
+        if new:
+            check_memory(rig, settings, [key in known for key in keys])
 
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
@@ -259,7 +201,7 @@ class Session:
             n_rays += known[key].view_map.n_rays
             so_far = start + told / n
 
-        return _Optics(keys, tuple(known[key] for key in keys)), so_far, n_rays
+        return Optics(keys, tuple(known[key] for key in keys)), so_far, n_rays
 
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock

@@ -1,0 +1,73 @@
+"""What a session knows of one solve for the next: view maps and shares of each viewer, by a key."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from ..fingerprint import fingerprint
+from ..rig import Rig
+from ..settings import Settings
+from .channel import Traced
+from .disagreement import Settled, is_sharp
+from .painting import Placed, place
+
+
+class Optics(NamedTuple):
+    """The part of a solve that does not depend on the picture, for each channel, and its key."""
+
+    keys: tuple[str, ...]
+    channels: tuple[Traced, ...]
+
+    @property
+    def by_key(self) -> dict[str, Traced]:
+        """The channels by their keys."""
+        return dict(zip(self.keys, self.channels, strict=True))
+
+
+class Place(NamedTuple):
+    """The part that depends on the picture's place and size, for each channel, and its key.
+
+    together : the key of all that they share in painting: weights, and how they are settled
+    settled : None where there is nothing to be settled
+    """
+
+    keys: tuple[str, ...]
+    channels: tuple[Placed, ...]
+    together: str
+    settled: Settled | None = None
+
+
+def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
+    """The key of each viewer's view map, whatever the others are, and however much it counts."""
+    # light lands where it does, however dark the display's black is
+    displays = tuple(replace(display, black_level=0.0) for display in rig.displays)
+    bench = replace(rig, viewers=(), pictures=(), displays=displays)
+    of_all = fingerprint(bench, settings.of_optics)
+    return tuple(fingerprint(of_all, replace(viewer, weight=1.0)) for viewer in rig.viewers)
+
+
+def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | None) -> Place:
+    """The shares of all channels for a picture's place and size: known ones, or new ones."""
+    picture = rig.picture_place
+    keys = tuple(fingerprint(key, picture, settings.ghosts) for key in optics.keys)
+    weights = tuple(viewer.weight for viewer in rig.viewers)
+    together = fingerprint(keys, weights, is_sharp(rig, settings))
+    if before is not None and before.together == together:
+        return before
+
+    known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
+    for key in set(known) - set(keys):  # or there would be twice as many
+        known[key].let_go()
+
+    channels = []
+    for key, traced, viewer in zip(keys, optics.channels, rig.viewers, strict=True):
+        old = known.get(key)
+        channels.append(
+            place(traced.view_map, picture, viewer, settings)
+            if old is None
+            # what is settled with others is painted in another way
+            else replace(old, viewer=viewer, strokes=[], step=None)
+        )
+
+    for placed in channels:
+        placed.shares.n_sharing = len(channels)
+    return Place(keys, tuple(channels), together)
