@@ -16,6 +16,7 @@ from ..errors import RigError
 from ..image.glare import look_beside
 from ..image.pyramid import Pyramid
 from ..image.simulation import plate_view
+from ..image.source_image import Painting
 from ..light.kept import Kept
 from ..light.landings import Reason
 from ..light.plan import Plan
@@ -78,14 +79,8 @@ class Session:
             to_come = sum(one.seconds_to_paint for one in placed.channels)
             told = max(told, min(STAGES.painted, so_far / (so_far + to_come)))
 
-        if placed.settled is None and is_comparable(rig):
-            counted = told + STAGES.settled * (STAGES.painted - told)
-            steps = settle(placed.channels, clock, is_sharp(rig, settings))
-            placed = placed._replace(settled=(yield from within(steps, told, counted)))
-            told = counted
-
-        steps = paint(placed.channels, self._pyramid_of(rig.picture), clock)
-        painting = yield from within(steps, told, STAGES.painted)
+        steps = self._paint(placed, rig, settings, clock)
+        placed, painting = yield from within(steps, told, STAGES.painted)
 
         # from here on the optics are known to be of use
         if optics is not self._optics:
@@ -173,6 +168,21 @@ class Session:
     def lend(self, kept: Kept) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""
         kept.borrow(self._kept)
+
+    def _paint(
+        self, place: Place, rig: Rig, settings: Settings, clock: Clock
+    ) -> Generator[float, None, tuple[Place, Painting]]:
+        """Settle what viewers disagree about, where that is not done, and paint; yields progress
+        0..1.
+        """
+        part = 0.0
+        if place.settled is None and is_comparable(rig):
+            part = STAGES.settled
+            steps = settle(place.channels, clock, is_sharp(rig, settings))
+            place = place._replace(settled=(yield from within(steps, 0.0, part)))
+
+        steps = paint(place.channels, self._pyramid_of(rig.picture), clock)
+        return place, (yield from within(steps, part, 1.0))
 
     def _pyramid_of(self, picture: Picture) -> Pyramid:
         """The sizes of a picture's image, made once as long as it is the same."""
