@@ -93,16 +93,7 @@ class Session:
         clock.lap("painting")
 
         yield STAGES.painted
-        channels = tuple(
-            # of an equal rig, perhaps with other names
-            _channel(
-                replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, one, light
-            )
-            for viewer, traced, one in zip(
-                rig.viewers, optics.channels, placed.channels, strict=True
-            )
-        )
-
+        channels = _channels(rig, settings, optics, placed, light)
         self._placed = placed
         clock.lap("coverage")
 
@@ -252,6 +243,18 @@ class Session:
             weight_beside=weight,
         )
         return traced, after
+
+
+def _channels(
+    rig: Rig, settings: Settings, optics: Optics, place: Place, light: NDArray[np.float32]
+) -> tuple[Channel, ...]:
+    """All channels of a rig, that is equal to the one that was traced, perhaps with other names."""
+    return tuple(
+        _channel(
+            replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, placed, light
+        )
+        for viewer, traced, placed in zip(rig.viewers, optics.channels, place.channels, strict=True)
+    )
 
 
 def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
