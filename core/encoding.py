@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import kernel
 from .arrays import Floats
 
 VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
@@ -47,6 +48,9 @@ def quantised(
     table = _table(gamma) if kind == "uint8" and linear.dtype == np.float32 else None
     if table is None:
         return np.ascontiguousarray(np.rint(encode(linear, gamma) * top).astype(kind))
+
+    if kernel.library() is not None:
+        return kernel.quantise(linear, *table)
 
     numbers = np.empty(linear.shape, np.uint8)
     out = numbers.reshape(-1)

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import kernel
 from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
@@ -125,23 +126,34 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
 
     has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
-    step = max(1, DECODED_AT_ONCE // pixels.shape[1])
+    # in place: there may be gigabytes of them
+    decode = kernel.decode if kernel.library() is not None else _decode
+    is_straight = has_coverage and not image.is_float
+    if not decode(pixels, table if is_encoded else None, has_coverage, is_straight):
+        raise ImageError(
+            "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",
+            image=image.name,
+            owner=owner,
+        )
+    return pixels
 
-    # in place, a few rows at a time: there may be gigabytes of them
+
+def _decode(
+    pixels: NDArray[np.float32],
+    table: NDArray[np.float32] | None,
+    has_coverage: bool,
+    is_straight: bool,
+) -> bool:
+    """As by `kernel.decode`."""
+    step = max(1, DECODED_AT_ONCE // pixels.shape[1])
     for first in range(0, len(pixels), step):
         rows = pixels[first : first + step]
         if not np.isfinite(rows).all():
-            raise ImageError(
-                "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",
-                image=image.name,
-                owner=owner,
-            )
-
+            return False
         if not has_coverage:
             rows[..., 3] = 1.0
-        if is_encoded:
+        if table is not None:
             rows[..., :3] = table[np.rint(rows[..., :3] * 255.0).astype(np.uint8)]
-        if has_coverage and not image.is_float:
+        if is_straight:
             rows[..., :3] *= rows[..., 3:]
-
-    return pixels
+    return True

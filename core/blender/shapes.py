@@ -150,10 +150,14 @@ class Kept:
         if before is None or before.settings != settings or self._is_stale:
             with at_frame(image, number, owner, self.reel) as shown:
                 stored = stored_pixels(shown, owner)
-                content = fingerprint(stored[::-1])  # in the order of memory: else it is copied
-                if before is None or (before.settings, before.stored) != (settings, content):
+                # in the order of memory: else it is copied. Each frame of a picture that moves is
+                # new, so that it pays only where the same one is read again
+                is_same_frame = before is not None and before.settings == settings
+                content = "" if number is not None else fingerprint(stored[::-1])
+                if not (is_same_frame and content and before.stored == content):
                     pixels = frozen(tone.of(decoded(shown, stored, owner)))
-                    self._pixels = KeptPixels(settings, content, pixels)
+                    if not (is_same_frame and np.array_equal(pixels, before.pixels)):
+                        self._pixels = KeptPixels(settings, content, pixels)
 
         self._is_stale = False
         return self._pixels.pixels

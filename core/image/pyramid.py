@@ -2,11 +2,13 @@
 
 import weakref
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import kernel
 from ..arrays import Floats, is_frozen
 from ..errors import RigError
 from .flat_picture import LEAST
@@ -197,7 +199,7 @@ class Pyramid:
     """A picture at full, half, quarter ... size, so that a
     footprint of any size is read at its own size.
 
-    levels : (3, h, w) float32 each
+    levels : (h, w, 4) float32 each, rows in one piece; the fourth channel is of no use
     """
 
     def __init__(self, image: NDArray[np.float32]) -> None:
@@ -205,8 +207,8 @@ class Pyramid:
         if image.ndim != 3 or min(image.shape[:2]) < 1:
             raise RigError("The picture has no pixels: choose another image.")
         self._frozen = weakref.ref(image) if is_frozen(image) else None
-        self.levels = [np.array(image[..., :3].transpose(2, 0, 1), np.float32, order="C")]
-        while max(self.levels[-1].shape[1:]) > 1:
+        self.levels = [_in_rows(image, is_kept=self._frozen is not None)]
+        while max(self.levels[-1].shape[:2]) > 1:
             self.levels.append(_halved(self.levels[-1]))
 
     def is_of(self, image: NDArray[np.float32]) -> bool:
@@ -214,46 +216,64 @@ class Pyramid:
 
         That is told by the array itself where nobody can write to it, else by its values.
         """
-        if self._frozen is not None and self._frozen() is image:
-            return True
+        if self._frozen is not None and is_frozen(image):
+            return self._frozen() is image
+        return np.array_equal(self.levels[0][..., :3], image[..., :3])
 
-        planes = self.levels[0]
-        return planes.shape[1:] == image.shape[:2] and all(
-            np.array_equal(plane, image[..., channel]) for channel, plane in enumerate(planes)
-        )
+    @cached_property
+    def _first_in_order(self) -> NDArray[np.float32]:
+        """The full size, where its rows lie the other way round in memory a copy."""
+        return np.ascontiguousarray(self.levels[0])
 
     def read(self, taps: Taps) -> NDArray[np.float32]:
         """The colour that each row of taps (m,) adds to its point (3, m), linear, over black."""
         values = np.zeros((3, len(taps.pixel)), np.float32)
         for k, rows in taps.levels:
-            h, w = self.levels[k].shape[1:]
-            right = int(w > 1)
-            below = w * int(h > 1)
+            level = self._first_in_order if k == 0 else self.levels[k]
+            h, w, n = level.shape
+            right = n * int(w > 1)
+            below = n * w * int(h > 1)
             steps = (0, right, below, right + below)
-            pixel = taps.pixel[rows].astype(np.intp)
+            at = taps.pixel[rows].astype(np.intp) * n
+            numbers = level.reshape(-1)
 
-            for plane, value in zip(self.levels[k].reshape(3, -1), values[:, rows], strict=True):
+            for channel, value in enumerate(values[:, rows]):
                 for step, weight in zip(steps, taps.weight[:, rows], strict=True):
-                    value += plane[step:].take(pixel) * weight
+                    value += numbers[step + channel :].take(at) * weight
         return values
 
     def sample(self, points: PicturePoints) -> Floats:
         """Linear colours (n, 3) at points, over black."""
-        taps = find_taps(points, points.cover, self.levels[0].shape[:0:-1])
+        taps = find_taps(points, points.cover, self.levels[0].shape[1::-1])
         n = len(points.xy)
         return np.stack([np.bincount(taps.point, value, n) for value in self.read(taps)], axis=1)
 
 
+def _in_rows(image: NDArray[np.float32], is_kept: bool) -> NDArray[np.float32]:
+    """An image (h, w, n) with four channels and rows in one piece: the same one where it is so
+    and nobody can write to it (is_kept).
+    """
+    is_in_rows = image.dtype == np.float32 and image.shape[2] == 4 and image.strides[1:] == (16, 4)
+    if is_kept and is_in_rows:
+        return image
+    pixels = np.empty((*image.shape[:2], 4), np.float32)
+    pixels[..., :3] = image[..., :3]
+    pixels[..., 3] = 1.0
+    return pixels
+
+
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the size of an image (c, h, w) by exact area means.
+    """Half the size of an image (h, w, 4) by exact area means.
 
     Odd rows or columns are shared by their neighbours.
     """
-    c, h, w = image.shape
-    halved = np.empty((c, (h + 1) // 2, (w + 1) // 2), np.float32)
+    h, w, n = image.shape
+    if kernel.library() is not None and not (h % 2 or w % 2):  # the same bits
+        return kernel.halved(image)
+    halved = np.empty(((h + 1) // 2, (w + 1) // 2, n), np.float32)
     # one by one: steps between take a third of the memory
-    for plane, half in zip(image, halved, strict=True):
-        half[:] = _halved_along(1, _halved_along(0, plane))
+    for channel in range(n):
+        halved[..., channel] = _halved_along(1, _halved_along(0, image[..., channel]))
     return halved
 
 

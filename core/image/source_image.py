@@ -59,10 +59,13 @@ class Painting:
             weight = weight + beside
             is_free = beside == 0
 
-        image = np.empty((*weight.shape, 3), np.float32)
-        for channel, total in enumerate(self._total):
-            np.divide(total, weight, out=total, where=covered)
-            image[..., channel] = total
+        if kernel.library() is not None:
+            image = kernel.finish(self._total, weight, covered)
+        else:
+            image = np.empty((*weight.shape, 3), np.float32)
+            for channel, total in enumerate(self._total):
+                np.divide(total, weight, out=total, where=covered)
+                image[..., channel] = total
 
         return grow(image, covered, margin, is_free)
 

@@ -22,6 +22,7 @@ from .dividing import add, can_add, can_divide, divided
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
+from .pixels import decode, finish, halved, quantise
 from .plans import left_out, made_of, making
 from .structures import Made, RayStateStructure
 from .touching import Boxes
@@ -41,13 +42,17 @@ __all__ = [
     "can_add",
     "can_divide",
     "can_follow",
+    "decode",
     "divided",
+    "finish",
     "follow",
+    "halved",
     "left_out",
     "library",
     "making",
     "off",
     "paint",
+    "quantise",
     "use_threads",
 ]
 

@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 6 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 7 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -181,9 +181,16 @@ typedef struct {
 
 /* A picture at one of its sizes. */
 typedef struct {
-    const float *pixels;               /* (3, height, width) */
-    int64_t width, height;
+    const float *pixels;               /* (height, width, 4) */
+    int64_t width, height, stride;     /* from row to row, in numbers: below 0 where the lowest comes first */
 } Level;
+
+/* Four neighbouring pixels of a level, from the upper left one on, that add to a display pixel: upper left, upper right,
+   lower left and lower right. */
+typedef struct {
+    int32_t pixel, level, row, column;
+    float weight[4];
+} Tap;
 
 /* Vertices over which the surface is a height field, and those of them that are wanted, as vertices.py has them. */
 typedef struct {

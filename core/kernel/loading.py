@@ -14,7 +14,7 @@ MODULE = "kiriko_kernel"
 # environment variable: "off" for numpy's way, or the file of another library
 SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
-VERSION = 6  # of what the structures mean, as in kiriko.h
+VERSION = 7  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
 # of the library: types of the result and of the arguments
 FUNCTIONS = {
@@ -26,6 +26,12 @@ FUNCTIONS = {
     "kiriko_shoot": (None, _P, _P, _P, _I, _P, _P, _I),
     "kiriko_touch": (None, _P, _P, _I),
     "kiriko_paint": (None, _P, _P, _I, _P, _I, _I),
+    "kiriko_find_taps": (None, _P, _P, _I, _I, *3 * [_P], _I),
+    "kiriko_paint_taps": (None, *4 * [_P], _I, _I),
+    "kiriko_halve": (None, _P, _P),
+    "kiriko_decode": (_I, _P, _P, *3 * [_I]),
+    "kiriko_finish": (None, *4 * [_P], _I, _I),
+    "kiriko_quantise": (None, _P, _I, _I, *3 * [_P], _I),
     "kiriko_fit_fields": (None, _P, _P, _I),
     "kiriko_settle_normals": (None, *6 * [_P], _I, _D, _I),
     "kiriko_find_offsets": (None, *5 * [_P], _I, _P, _I),

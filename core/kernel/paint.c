@@ -7,6 +7,7 @@
 #define UPRIGHT 1e-3
 #define WIDE 0.5
 #define MOST_LEVELS 64
+#define MOST_TAPS 8 /* of a share */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
@@ -58,8 +59,14 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     return across * along >= 0.5 && f->weight > 0;
 }
 
-/* Add colours times weight that are read from one level: centres of pixels at + 0.5, edges extended. */
-static void read_level(const Reader *reader, int64_t k, const double *at, double weight, double *colour) {
+/* What a share reads of a picture: at most four places, each on two levels. */
+typedef struct {
+    Tap tap[MOST_TAPS];
+    int n;
+} Taps;
+
+/* Read, times weight, one level: centres of pixels at + 0.5, edges extended. */
+static void read_level(const Reader *reader, int64_t k, const double *at, double weight, Taps *taps) {
     const Level *level = reader->levels + k;
     int64_t w = level->width, h = level->height;
     double x = clip(at[0] * reader->scale[k][0] - 0.5, 0, (double)(w - 1));
@@ -70,34 +77,33 @@ static void read_level(const Reader *reader, int64_t k, const double *at, double
     x -= (double)column;
     double lower = weight * (y - (double)row), upper = weight - lower;
     double upper_right = upper * x, lower_right = lower * x;
-    double upper_left = upper - upper_right, lower_left = lower - lower_right;
-    const float *pixel = level->pixels + row * w + column;
-    int64_t right = w > 1, below = h > 1 ? w : 0;
-    for (int channel = 0; channel < 3; channel++, pixel += w * h)
-        colour[channel] += upper_left * (double)pixel[0] + upper_right * (double)pixel[right] +
-                           lower_left * (double)pixel[below] + lower_right * (double)pixel[right + below];
+    taps->tap[taps->n++] = (Tap){.row = (int32_t)row,
+                                 .column = (int32_t)column,
+                                 .level = (int32_t)k,
+                                 .weight = {(float)(upper - upper_right), (float)upper_right,
+                                            (float)(lower - lower_right), (float)lower_right}};
 }
 
-/* Add colours times weight at a place, spread by a variance along each axis: two levels are mixed. */
-static void read_place(const Reader *reader, double x, double y, double variance, double weight, double *colour) {
+/* Read, times weight, at a place, spread by a variance along each axis: two levels are mixed. */
+static void read_place(const Reader *reader, double x, double y, double variance, double weight, Taps *taps) {
     double relative = 1 + 4 * variance; /* to that of the level */
     int64_t k = 0, last = reader->n_levels - 1;
     for (; k < last && relative >= 4; k++) relative *= 0.25;
     double of_upper = k < last ? weight * clip((relative - 1) / 3, 0, 1) : 0, of_lower = weight - of_upper;
     const double at[2] = {x, y};
-    if (of_lower > 0) read_level(reader, k, at, of_lower, colour);
-    if (of_upper > 0) read_level(reader, k + 1, at, of_upper, colour);
+    if (of_lower > 0) read_level(reader, k, at, of_lower, taps);
+    if (of_upper > 0) read_level(reader, k + 1, at, of_upper, taps);
 }
 
-/* Add the colours of a share: one that is longer than wide is read at two places, a wide one at two each way. */
-static void read_share(const Reader *reader, const Footprint *f, double *colour) {
+/* Read a share: one that is longer than wide at two places, a wide one at two each way. */
+static void read_share(const Reader *reader, const Footprint *f, Taps *taps) {
     double mean = 0.5 * (f->xx + f->yy), slope = 0.5 * (f->xx - f->yy);
     double unlike = sqrt(slope * slope + f->xy * f->xy), length = clip(2 * unlike / ROUND - 1, 0, 1);
     double lesser = mean - length * unlike;
     if (!(lesser > 0)) lesser = 0;
     double width = clip(2 * lesser / WIDE - 1, 0, 1), left = (1 - 0.75 * width) * lesser;
     if (width <= 0 && length <= 0) {
-        read_place(reader, f->at[0], f->at[1], left, f->weight, colour);
+        read_place(reader, f->at[0], f->at[1], left, f->weight, taps);
         return;
     }
     /* what the places of the reads have to make up, as a matrix; its triangular root takes them from a square to there */
@@ -112,19 +118,36 @@ static void read_share(const Reader *reader, const Footprint *f, double *colour)
         double i = k % 2 ? 1 : -1, j = n < 4 ? 0 : k < 2 ? -1 : 1, at[2];
         at[first] = f->at[first] + i * reach;
         at[other] = f->at[other] + (i * along + j * across);
-        read_place(reader, at[0], at[1], left, f->weight / n, colour);
+        read_place(reader, at[0], at[1], left, f->weight / n, taps);
     }
 }
 
+/* Add what a tap reads to a display pixel. */
+static void add_tap(const Level *levels, const Tap *tap, double *total, int64_t n_pixels, int64_t pixel) {
+    const Level *level = levels + tap->level;
+    const float *upper = level->pixels + tap->row * level->stride + 4 * (int64_t)tap->column;
+    const float *lower = level->height > 1 ? upper + level->stride : upper;
+    int64_t right = level->width > 1 ? 4 : 0;
+    const float *at[4] = {upper, upper + right, lower, lower + right};
+    float colour[4] = {0, 0, 0, 0};
+    for (int k = 0; k < 4; k++)
+        for (int channel = 0; channel < 4; channel++) colour[channel] += tap->weight[k] * at[k][channel];
+    for (int channel = 0; channel < 3; channel++) total[channel * n_pixels + pixel] += (double)colour[channel];
+}
+
+/* Shares that are painted, or whose taps are counted or kept for the next picture: a stripe's one after another. */
 typedef struct {
     const Strokes *strokes;
     Reader reader;
-    double *total;
+    double *total;   /* NULL where nothing is painted */
     int64_t n_pixels;
+    int64_t *n;      /* of taps in each stripe */
+    Tap *taps;       /* NULL where they are only counted */
+    const int64_t *first;
 } Canvas;
 
-/* Paint the shares in some stripes of display pixels: each pixel adds its own up in their order. */
-static void paint_stripes(void *context, int64_t first, int64_t last) {
+/* Go through the shares in some stripes of display pixels: each pixel adds its own up in their order. */
+static void go_through_stripes(void *context, int64_t first, int64_t last) {
     const Canvas *canvas = context;
     const Strokes *strokes = canvas->strokes;
     int64_t n_pixels = canvas->n_pixels;
@@ -134,10 +157,31 @@ static void paint_stripes(void *context, int64_t first, int64_t last) {
         int64_t stripe = pixel / STRIPE % N_STRIPES;
         Footprint footprint;
         if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
-        double colour[3] = {0, 0, 0};
-        read_share(&canvas->reader, &footprint, colour);
-        for (int channel = 0; channel < 3; channel++) canvas->total[channel * n_pixels + pixel] += colour[channel];
+        Taps taps = {.n = 0};
+        read_share(&canvas->reader, &footprint, &taps);
+        for (int k = 0; k < taps.n; k++) {
+            if (canvas->total) {
+                add_tap(canvas->reader.levels, taps.tap + k, canvas->total, n_pixels, pixel);
+                continue;
+            }
+            taps.tap[k].pixel = (int32_t)pixel;
+            if (canvas->taps) canvas->taps[canvas->first[stripe] + canvas->n[stripe]] = taps.tap[k];
+            canvas->n[stripe]++;
+        }
     }
+}
+
+static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, int64_t n_threads) {
+    Reader *reader = &canvas->reader;
+    reader->levels = levels;
+    reader->n_levels = n_levels < MOST_LEVELS ? n_levels : MOST_LEVELS;
+    for (int64_t k = 0; k < reader->n_levels; k++) {
+        reader->scale[k][0] = (double)levels[k].width / canvas->strokes->size[0];
+        reader->scale[k][1] = (double)levels[k].height / canvas->strokes->size[1];
+    }
+    if (n_threads < 1) n_threads = 1;
+    int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
+    if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);
 }
 
 /* Add area * throughput * colour of shares to the sums (3, n_pixels) of display pixels, in that many threads; the
@@ -145,14 +189,34 @@ static void paint_stripes(void *context, int64_t first, int64_t last) {
 KIRIKO_API void kiriko_paint(const Strokes *strokes, const Level *levels, int64_t n_levels, double *total,
                              int64_t n_pixels, int64_t n_threads) {
     Canvas canvas = {.strokes = strokes, .total = total, .n_pixels = n_pixels};
-    Reader *reader = &canvas.reader;
-    reader->levels = levels;
-    reader->n_levels = n_levels < MOST_LEVELS ? n_levels : MOST_LEVELS;
-    for (int64_t k = 0; k < reader->n_levels; k++) {
-        reader->scale[k][0] = (double)levels[k].width / strokes->size[0];
-        reader->scale[k][1] = (double)levels[k].height / strokes->size[1];
-    }
-    if (n_threads < 1) n_threads = 1;
-    int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
-    if (reader->n_levels > 0) share_out(paint_stripes, &canvas, N_STRIPES, at_once, n_threads);
+    go_through(&canvas, levels, n_levels, n_threads);
+}
+
+/* Find the taps of shares, by the levels' sizes alone: first how many each stripe has, with `taps` NULL, then the taps
+   themselves, a stripe's from `first` on. */
+KIRIKO_API void kiriko_find_taps(const Strokes *strokes, const Level *levels, int64_t n_levels, int64_t n_pixels,
+                                 int64_t *n, const int64_t *first, Tap *taps, int64_t n_threads) {
+    Canvas canvas = {.strokes = strokes, .n_pixels = n_pixels, .n = n, .first = first, .taps = taps};
+    go_through(&canvas, levels, n_levels, n_threads);
+}
+
+typedef struct {
+    const Tap *taps;
+    const int64_t *first;
+    const Level *levels;
+    double *total;
+    int64_t n_pixels;
+} Kept;
+
+static void paint_kept(void *context, int64_t first, int64_t last) {
+    const Kept *kept = context;
+    for (int64_t i = kept->first[first]; i < kept->first[last]; i++)
+        add_tap(kept->levels, kept->taps + i, kept->total, kept->n_pixels, kept->taps[i].pixel);
+}
+
+/* The same as kiriko_paint, by taps that were found; `first` has one more than there are stripes. */
+KIRIKO_API void kiriko_paint_taps(const Tap *taps, const int64_t *first, const Level *levels, double *total,
+                                  int64_t n_pixels, int64_t n_threads) {
+    Kept kept = {.taps = taps, .first = first, .levels = levels, .total = total, .n_pixels = n_pixels};
+    share_out(paint_kept, &kept, N_STRIPES, 1, n_threads < 1 ? 1 : n_threads);
 }

@@ -10,17 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from ..free_memory import available
 from .loading import loaded, n_threads
-from .structures import LevelStructure, Made, StrokesStructure
+from .structures import TAP, LevelStructure, Made, StrokesStructure
 
 if TYPE_CHECKING:
     from ..image.flat_picture import FlatWay
     from ..map.shares import Shares
 
 
+N_STRIPES = 16  # of display pixels, as in paint.c
+MOST_PIXELS = 1 << 31  # of a display whose taps are kept
+
+
 class FlatStrokes:
-    """Shares and the way from the viewer's image to a flat
-    picture: colours are read whenever they are painted.
+    """Shares and the way from the viewer's image to a flat picture.
+
+    The first painting finds where they are read, and forgets it. Who paints once more paints
+    often, as of a picture that moves: the second one keeps it, in place of the shares.
 
     Parameters
     ----------
@@ -30,6 +37,9 @@ class FlatStrokes:
 
     def __init__(self, shares: "Shares", way: "FlatWay", size: tuple[int, int]) -> None:
         self.made = made = Made(StrokesStructure)
+        self.is_painted = False
+        self.taps: NDArray[np.void] | None = None
+        self.first = np.zeros(N_STRIPES + 1, np.int64)  # tap of each stripe
 
         is_wide = shares.display_index.dtype == np.int64
         made.point(
@@ -53,13 +63,52 @@ class FlatStrokes:
 def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStrokes) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
+    The sums are the same bits whether taps are kept by now or not.
+
     Parameters
     ----------
-    levels : of the picture at full, half, quarter ... size, (3, h, w) float32 each, in one piece
+    levels : of the picture at full, half, quarter ... size, (h, w, 4) float32 each, rows in one
+        piece, of which three count
     """
+    structures = of_levels(levels)
+    canvas = total.ctypes.data, total[0].size, n_threads()
+    if strokes.is_painted and strokes.taps is None and total[0].size < MOST_PIXELS:
+        _keep_taps(strokes, structures, total[0].size)
+    strokes.is_painted = True
+
+    at = ctypes.addressof(structures)
+    if strokes.taps is None:
+        structure = ctypes.addressof(strokes.made.structure)
+        loaded().kiriko_paint(structure, at, len(levels), *canvas)
+    else:
+        loaded().kiriko_paint_taps(strokes.taps.ctypes.data, strokes.first.ctypes.data, at, *canvas)
+
+
+def _keep_taps(strokes: FlatStrokes, structures: ctypes.Array, n_pixels: int) -> None:
+    """Find the taps of shares, by the sizes of levels, and let go of the shares."""
+    n = np.zeros(N_STRIPES, np.int64)
+    asked = ctypes.addressof(strokes.made.structure), ctypes.addressof(structures), len(structures)
+    first = strokes.first.ctypes.data
+
+    def find(taps: int | None) -> None:
+        loaded().kiriko_find_taps(*asked, n_pixels, n.ctypes.data, first, taps, n_threads())
+
+    find(None)
+    strokes.first[1:] = np.cumsum(n)
+    n[:] = 0
+    free = available()
+    if free is not None and TAP.itemsize * strokes.first[-1] > free / 2:
+        return
+    strokes.taps = np.empty(strokes.first[-1], TAP)
+    find(strokes.taps.ctypes.data)
+    strokes.made = Made(StrokesStructure)
+
+
+def of_levels(levels: Sequence[NDArray[np.float32]]) -> ctypes.Array:
+    """The structures of a picture's sizes (h, w, 4) float32, rows in one piece."""
     made = (LevelStructure * len(levels))()
     for of_level, pixels in zip(made, levels, strict=True):
         of_level.pixels = pixels.ctypes.data
-        of_level.height, of_level.width = pixels.shape[1:]
-    structures = ctypes.addressof(strokes.made.structure), ctypes.addressof(made)
-    loaded().kiriko_paint(*structures, len(levels), total.ctypes.data, total[0].size, n_threads())
+        of_level.height, of_level.width = pixels.shape[:2]
+        of_level.stride = pixels.strides[0] // pixels.itemsize
+    return made

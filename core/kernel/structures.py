@@ -64,7 +64,7 @@ StrokesStructure = _structure(
     pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, area=_P, throughput=_P, n=_I, matrix=_D
     * 9, low=_D * 2, high=_D * 2, size=_D * 2,
 )  # fmt: skip
-LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I)
+LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I, stride=_I)
 FitStructure = _structure(
     "FitStructure",
     at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, first=_P, end=_P, wanted=_P,
@@ -79,6 +79,7 @@ ThinPartsStructure = _structure(
 PathsStructure = _structure(
     "PathsStructure", places=_P, met=_P, n=_I, n_rays=_I, n_events=_I, widest=_D, touched=_P
 )
+TAP = np.dtype([("place", np.int32, 4), ("weight", np.float32, 4)])
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
 STRUCTURES = (

@@ -15,8 +15,9 @@ from .shares import Shares, index_type
 SHARES_AT_ONCE = 1 << 18
 FEW_SHARES = 1 << 15
 LOTS_AT_ONCE = 4  # of cells, divided side by side: a step of the work
-# shares, up to 64 bytes each: more of them are made again each time they are asked for
-MOST_KEPT = 1 << 23
+# shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
+# fills a display of 3840 x 2160 with 11 million.
+MOST_KEPT = 1 << 24
 # of cells: polygons, throughput, path
 _Lot = tuple[Floats, Floats, Floats | None, NDArray[np.uint64] | None]
 

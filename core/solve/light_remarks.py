@@ -21,6 +21,8 @@ WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4
 def on_white(rig: Rig, plan: Plan, light: NDArray[np.float32]) -> Iterator[Remark]:
     """A remark on light that no display has, the picture's brightness among the remedies."""
     source = rig.display.source_for(light)
+    if source.max() <= WHITE:
+        return
     # rows of three are slow
     brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
     bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)

@@ -25,7 +25,7 @@ from ..viewer import Viewer
 from .channel import shares_of
 from .progress import PACE, times_slower
 
-MOST_PLACED = 1 << 22  # shares whose strokes are kept for the next picture
+MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
 
 
 @dataclass(eq=False)

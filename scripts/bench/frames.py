@@ -2,7 +2,8 @@
 `python3 scripts/dev.py frames`.
 
 The picture is a movie of the display's own size, encoded by Blender; light is traced once, for the
-first frame, which is not counted. Seconds are medians over the others, by part of the work.
+first frame, which is not counted. Seconds are medians over the others, by part of the work;
+*processor* has those of all threads, which other work on the machine does not stretch.
 """
 
 import argparse
@@ -29,7 +30,7 @@ PARTS = {
     "read": ("operators.work", "read"),
     "write": ("core.image_io", "write"),
     "encode": ("core.image_io", "quantised"),
-    "check": ("core.image_io", "read"),
+    "check": ("core.image_io", "_is_whole"),
 }
 
 
@@ -90,18 +91,23 @@ def measured(kiriko: Any, folder: Path, form: str) -> dict[str, float]:
     names = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
     files = names.frame_files(folder, f"{form}_####", form, range(1, N + 1))
     spent: dict[str, list[float]] = {}
-    ends = []
+    ends: list[tuple[float, float]] = []
+
+    def now() -> tuple[float, float]:
+        return time.perf_counter(), time.process_time()
+
     tally = frames.Tally()
     with timed(kiriko, spent):
         for _ in frames.solved(bpy.context, frames.Run(files, form, overwrite=True), tally):
             if len(ends) < tally.written:
-                ends.append(time.perf_counter())
-        ends.append(time.perf_counter())
+                ends.append(now())
+        ends.append(now())
     if tally.traced != 1 or tally.failed:
         sys.exit(f"{tally}: light was to be traced once, and nothing to fail")
-    whole = median(np.diff(ends))
+    whole, of_processor = np.median(np.diff(ends, axis=0), axis=0)
     return {
         "frame": whole,
+        "processor": of_processor,
         **{part: median(seconds[1:] or [0.0]) for part, seconds in spent.items()},
     }
 
@@ -127,7 +133,7 @@ def main() -> None:
             for form in arguments.form:
                 rows.append((size, form, measured(kiriko, folder, form)))
 
-    columns = ("frame", *PARTS)
+    columns = ("frame", "processor", *PARTS)
     print(f"{'display':8} {'format':9} {'frames/s':>9} {'aim':>5}  seconds: " + " ".join(columns))
     for size, form, seconds in rows:
         parts = " ".join(f"{seconds[name]:.3f}" for name in columns)

@@ -1,6 +1,7 @@
 import importlib
 import tracemalloc
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -306,6 +307,32 @@ def test_srgb_bytes_are_decoded_by_the_formula(read: Callable[[], Any], tmp_path
     wanted = linear_from_srgb(np.rint(pixels[::-1, :, :3] * 255) / 255)
     # float32 of numbers up to 1
     assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 1e-7
+
+
+@pytest.mark.parametrize("space", ["sRGB", "Non-Color"])
+@pytest.mark.parametrize("alpha", ["STRAIGHT", "NONE"])
+@pytest.mark.parametrize("is_float", [False, True])
+def test_the_kernel_decodes_as_numpy_does(
+    kiriko: ModuleType, errors: ModuleType, is_float: bool, alpha: str, space: str
+) -> None:
+    """Bit for bit; a number that is none is refused by both."""
+    picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+    kernel = importlib.import_module(f"{kiriko.__name__}.core.kernel")
+    image = bpy.data.images.new("p", *SIZE, alpha=True, float_buffer=is_float)
+    image.colorspace_settings.name = space
+    image.alpha_mode = alpha
+    image.pixels.foreach_set(np.random.default_rng(3).random(4 * SIZE[0] * SIZE[1], np.float32))
+    with kernel.off():
+        expected = picture.read_pixels(image, "the picture")
+    assert np.array_equal(picture.read_pixels(image, "the picture"), expected)
+
+    stored = picture.stored_pixels(image, "the picture")
+    for wild in (np.nan, np.inf):
+        broken = stored.copy()
+        broken[3, 5, 1] = wild
+        for off in (False, True):
+            with kernel.off() if off else nullcontext(), pytest.raises(errors.ImageError):
+                picture.decoded(image, broken, "the picture")
 
 
 @pytest.mark.parametrize("channels", [1, 3])

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 import build_kernel
 from kiriko.core import kernel
+from kiriko.core.arrays import frozen
+from kiriko.core.encoding import quantised
 from kiriko.core.glass import curved, curved_roots, fitted_faces, vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
@@ -25,7 +27,7 @@ from kiriko.core.image import pyramid
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.kernel import dividing, fitting, loading, structures, touching, trees
+from kiriko.core.kernel import dividing, fitting, loading, painting, structures, touching, trees
 from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.light import asked, plate, ray_engine, rescue, thin_parts
 from kiriko.core.light.engines import Embree
@@ -937,6 +939,51 @@ def test_painting_by_any_number_of_threads_gives_the_same():
     assert all(other.tobytes() == by_threads[0].tobytes() for other in by_threads)
 
 
+@pytest.mark.parametrize("shape", [(64, 64), (1, 7), (5, 1), (1, 1), (33, 50)])
+def test_taps_that_are_kept_paint_the_same_bits(shape):
+    """The second painting keeps them, the third uses them; of another picture, too, whose rows
+    lie the other way round in memory; wild shares have none.
+    """
+    dice = np.random.default_rng(16)
+    image, other = dice.random((2, *shape, 4)).astype(np.float32)
+    place = PicturePlace("p", shape[1], shape[0], PICTURES["turned"])
+    viewer = viewer_of("perspective")
+    shares = shares_of(dice, 20_000, (200, 100))
+    shares.display_index[::9] = dice.choice([-1, 20_000, 2**31 - 1], len(shares.display_index[::9]))
+    shares.view_xy[::17] = NAN
+    strokes = find_strokes(place, viewer, shares)
+
+    for pixels in (image, image, other, frozen(other[::-1].copy()[::-1])):
+        kept, alone = Painting(shares.display_size), Painting(shares.display_size)
+        kept.add(Pyramid(pixels), strokes)
+        alone.add(Pyramid(pixels), find_strokes(place, viewer, shares))
+        assert alone._total.any()
+        assert kept._total.tobytes() == alone._total.tobytes()
+    assert strokes.taps is not None
+
+
+@pytest.mark.parametrize("shape", [(64, 48), (2, 2), (6, 9)])
+def test_same_pixels(shape):
+    """Halving, division by weights, 8-bit numbers and decoding: numpy's, bit for bit."""
+    dice = np.random.default_rng(17)
+    image = dice.random((*shape, 4)).astype(np.float32)
+    wild = np.array([NAN, INF, -INF, -0.0, 1e-42, 1.0, 7.0], np.float32)
+    values = np.concatenate([np.resize(wild, 70), dice.random(5000, np.float32)])
+    total, weight = dice.random((3, *shape)), dice.random(shape) - 0.5
+
+    def all_of_them():
+        halved = Pyramid(image).levels[1:]
+        sums = Painting(shape[::-1])
+        sums._total[:] = total
+        of_gammas = [quantised(values, "uint8", gamma) for gamma in (None, 2.2)]
+        return [*halved, sums.finished(np.maximum(weight, 0)), *of_gammas]
+
+    with kernel.off():
+        expected = all_of_them()
+    for found, of_numpy in zip(all_of_them(), expected, strict=True):
+        assert found[..., :3].tobytes() == of_numpy[..., :3].tobytes()
+
+
 @pytest.mark.parametrize("place", PICTURES)
 def test_no_share_breaks_the_painting(place):
     """Whatever is in one share, on which pixel it may be: other pixels are none the worse."""
@@ -1103,13 +1150,13 @@ def test_the_environment_switches_it_off():
 
 SHARING = (
     *(asked, curved, curved_roots, fitting, loading, plate, pyramid, ray_engine, rescue),
-    *(cells_module, structures, fitted_faces, thin_parts, touching, vertex_fields),
+    *(painting, cells_module, structures, fitted_faces, thin_parts, touching, vertex_fields),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {
     *("BINS", "BUNDLES_EACH_TURN", "BY_HALVES", "COLUMNS_AT_ONCE", "FEW", "FREE", "HALF_TURN"),
     *("HULL_SLACK", "MOST_AROUND", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
-    *("MOST_THREADS", "MOST_WAITING", "N_STARTS", "N_STRIPES", "RAYS_AT_ONCE", "ROUNDING"),
+    *("MOST_TAPS", "MOST_THREADS", "MOST_WAITING", "N_STARTS", "RAYS_AT_ONCE", "ROUNDING"),
     *("SHOTS_EACH_TURN", "STRIPE"),
 }
 

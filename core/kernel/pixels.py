@@ -1,0 +1,62 @@
+"""Passes over all pixels of an image, to the same bits as numpy's."""
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Floats
+from .loading import loaded, n_threads
+from .painting import of_levels
+
+
+def decode(
+    pixels: NDArray[np.float32],
+    table: NDArray[np.float32] | None,
+    has_coverage: bool,
+    is_straight: bool,
+) -> bool:
+    """Decode a picture (h, w, 4) in place, rows in one piece; are all its numbers finite?
+
+    table : of 256 numbers, which encoded colours 0..1 stand for; None for linear ones
+    has_coverage : is the fourth channel how much a pixel covers? Else it is set to 1.
+    is_straight : are colours to be multiplied by it?
+    """
+    level = of_levels([pixels])
+    decoding = 0 if table is None else table.ctypes.data
+    flags = has_coverage, is_straight
+    return bool(loaded().kiriko_decode(ctypes.addressof(level), decoding, *flags, n_threads()))
+
+
+def halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Half the size of a picture (h, w, 4) of even sides, as of `paint`, by area means."""
+    h, w, n = pixels.shape
+    half = np.empty((h // 2, w // 2, n), np.float32)
+    level = of_levels([pixels])
+    loaded().kiriko_halve(ctypes.addressof(level), half.ctypes.data)
+    return half
+
+
+def finish(total: Floats, weight: Floats, is_covered: Bools) -> NDArray[np.float32]:
+    """The image (H, W, 3) of sums (3, H, W) over shares, divided by their weight (H, W) where
+    pixels are covered (H, W).
+    """
+    image = np.empty((*weight.shape, 3), np.float32)
+    given = [np.ascontiguousarray(values) for values in (total, weight, is_covered)]
+    addresses = (array.ctypes.data for array in (*given, image))
+    loaded().kiriko_finish(*addresses, weight.size, n_threads())
+    return image
+
+
+def quantise(
+    values: NDArray[np.float32],
+    shift: int,
+    number: NDArray[np.uint8],
+    more: NDArray[np.uint32],
+) -> NDArray[np.uint8]:
+    """The 8-bit numbers of values of any shape, by a table of `core/encoding.py`."""
+    values = np.ascontiguousarray(values)
+    out = np.empty(values.shape, np.uint8)
+    table = shift, number.ctypes.data, more.ctypes.data
+    loaded().kiriko_quantise(values.ctypes.data, values.size, *table, out.ctypes.data, n_threads())
+    return out
