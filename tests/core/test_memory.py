@@ -102,7 +102,7 @@ def test_the_estimate_is_what_is_taken(rig, tolerance, work):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"display": 3000}, "about 1.1 GB .* 0.1 GB are free: lower the resolution of the display"),
+        ({"display": 3000}, "about 1.2 GB .* 0.1 GB are free: lower the resolution of the display"),
         ({"viewer": 4000}, "lower the resolution of the viewer 'viewer'"),
         ({"picture": 3000}, r"choose a smaller image for the picture 'picture' \(3000 x 3000\)"),
         ({"tolerance": 1e-5, "viewer": 64}, r"raise the tolerance \(1e-05 display pixels\)"),
