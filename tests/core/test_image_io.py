@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kiriko.core import disk, image_io
+from kiriko.core import disk, image_io, png
 from kiriko.core.errors import ImageError
 
 NAMES = ("a.csv", "b.json", "c.svg")
@@ -208,6 +208,19 @@ def test_a_name_gets_the_suffix_of_its_format(given: str, form: str, name: str) 
 def test_a_suffix_asks_for_a_format(given: str, form: str, meant: str) -> None:
     """The one that is chosen where it fits, else the plainest."""
     assert image_io.format_for(given, form) == meant
+
+
+def test_a_png_that_is_cut_or_changed_anywhere_is_not_whole(tmp_path: Path) -> None:
+    """At each of its bytes; zeros in place of its end, as a disk may leave them, too."""
+    pixels = np.random.default_rng(4).random((9, 7, 3)).astype(np.float32)
+    path = image_io.write(tmp_path / "a", pixels, "PNG16", size=(0.1, 0.2))
+    data = path.read_bytes()
+    assert png.is_whole(path)
+    for k in range(len(data)):
+        changed = data[:k] + bytes([data[k] ^ 1]) + data[k + 1 :]
+        for broken in (data[:k], data[:k] + bytes(len(data) - k), changed):
+            path.write_bytes(broken)
+            assert png.is_whole(path) == (broken == data), k
 
 
 @pytest.mark.parametrize("form", image_io.FORMATS)
