@@ -33,7 +33,9 @@ from .remedies import remedies_for
 from .telling import in_words
 from .windows import all_windows, redraw
 
-IDLE = 0.1  # s between two looks at the settings: scripts that change them wake no handler
+# s between two looks at the settings, which take a millisecond:
+# scripts that change them wake no handler
+IDLE = 0.1
 PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.03  # s after which a turn begins no other step
 QUICK = 0.3  # s: a rig that took less as a whole the last time gets no coarse picture first
@@ -74,6 +76,7 @@ class Live:
         # s of tracing and painting, by kind of rig
         self._whole_lasted: dict[tuple[object, ...], float] = {}
         self._settings: tuple[object, ...] = ()
+        self._looked = -np.inf  # when, at the settings
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
         self.start_over()
@@ -110,21 +113,29 @@ class Live:
                 # another rig's result is never written to
                 self._rig = window.scene.kiriko.rig
                 self.start_over()
-            settings = chosen_settings(window.scene)
-            if settings != self._settings:
-                self._settings = settings
-                self.touch()
+            was_working = self.is_working
+            if not was_working or perf_counter() > self._looked + IDLE:
+                self._look(window.scene)
             end = perf_counter() + TURN
             while perf_counter() < end:
                 step = self._upcoming()
                 if step is None:
                     self._say("")
-                    return IDLE
+                    # work may have ended before the settings were looked at again
+                    return PAUSE if was_working else IDLE
                 now = in_words(Message("Kiriko Live: {phrase} ...", phrase=step.phrase))
                 if self._lasted.get(step, step.guess) > LONG and self._say(now):
                     return NOTICE
                 self._do(step, bpy.context)
         return PAUSE
+
+    def _look(self, scene: bpy.types.Scene) -> None:
+        """Has a script changed the settings?"""
+        self._looked = perf_counter()
+        settings = chosen_settings(scene)
+        if settings != self._settings:
+            self._settings = settings
+            self.touch()
 
     def close(self) -> None:
         """End the work; nothing is half-written."""
