@@ -61,6 +61,22 @@ def test_a_test_that_hangs_is_named_by_its_stack(
     assert "in test_that_hangs" in (logs / "step.log").read_text()
 
 
+def test_each_blender_runs_each_file_of_its_tests_once() -> None:
+    """The parts of a Blender's tests have all files, none of them twice."""
+    files = sorted(
+        file.relative_to(suite.ROOT).as_posix()
+        for file in (suite.ROOT / "tests" / "blender").rglob("test_*.py")
+    )
+    for name in suite.BLENDERS:
+        steps = [
+            step
+            for step in suite.steps("any", "any")
+            if step.environment == name and step.name.startswith("blender-")
+        ]
+        run = [word for step in steps for word in step.arguments if word.startswith("tests/")]
+        assert sorted(run) == files
+
+
 def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
     """Two steps run at once, so neither gives numpy's BLAS a second thread."""
     run("import os; print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])")
