@@ -184,6 +184,9 @@ def _set_format(form: Any, ffmpeg: Any, codec: Codec) -> None:
     ffmpeg.format, ffmpeg.codec = codec.container, codec.code
     ffmpeg.constant_rate_factor = "PERC_LOSSLESS"
     ffmpeg.ffmpeg_preset = "GOOD"
+    if codec.code == "PRORES":
+        # Blender's own choice is Proxy, the coarsest; only this one has the colours of each pixel
+        ffmpeg.ffmpeg_prores_profile = "4444"
     ffmpeg.audio_codec = "NONE"
 
 

@@ -12,8 +12,9 @@ middle, so that they are never nearer than a hundredth. *drawn*: the part of the
 paints which the reader paints, too. *image*: RMSE against Kiriko's own source image of the lattice,
 linear values.
 
-Then jobs, as farm_jobs.py runs them by openjd-cli and by two processes; and the atlas of a ball, as
-atlas.py measures it at a hundred heads.
+Then movies, as farm_movies.py has them decoded by ffmpeg; jobs, as farm_jobs.py runs them by
+openjd-cli and by two processes; and the atlas of a ball, as atlas.py measures it at a hundred
+heads.
 
 Exits with 1 where a number is larger than its mark, or a proof fails.
 """
@@ -32,7 +33,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from bench import atlas, farm_jobs
+from bench import atlas, farm_jobs, farm_movies
 from environments import as_module, clean_environment, python_path
 from kiriko.core import image_io
 from kiriko.core.settings import Settings
@@ -200,7 +201,7 @@ def rows(readers: Path, pixels: int) -> Iterator[Row]:
 
 
 WAYS = straight, turned
-PARTS = "maps", "jobs", "atlas"
+PARTS = "maps", "movies", "jobs", "atlas"
 
 
 def main() -> None:
@@ -218,6 +219,10 @@ def main() -> None:
         # Blender talks while it works: a table is printed when it is whole
         if part == "maps":
             heading, found = HEADING, list(rows(arguments.readers, arguments.pixels))
+        elif part == "movies":
+            with tempfile.TemporaryDirectory() as folder:
+                found = list(farm_movies.rows(arguments.readers, Path(folder)))
+            heading = farm_movies.HEADING
         elif part == "jobs":
             with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
                 found = list(farm_jobs.proofs(arguments.readers, Path(folder)))

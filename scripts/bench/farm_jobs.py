@@ -55,10 +55,10 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Proof]:
     place = folder / "金魚 farm"
     place.mkdir()
     program = _program(place)
-    blend = _rig(place)
+    blend = rig(place)
     bundle = place / "a job"
     arguments = ["--frames", FRAMES, "--chunk", str(CHUNK), "--zip", str(zips[-1])]
-    _kiriko("job", *arguments, "--out", str(bundle))
+    run_verb("job", *arguments, "--out", str(bundle))
 
     single, one = _timed(lambda: _worker(program, bundle, blend, place / "single"))
     files = contents(place / "single")
@@ -201,13 +201,13 @@ def _program(folder: Path) -> Path:
     return path
 
 
-def _rig(folder: Path) -> Path:
+def rig(folder: Path, viewer: int = 64, display: tuple[int, int] = (96, 64)) -> Path:
     """A small rig whose glass turns, saved."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     registered()
     glass = bpy.context.active_object
     glass.dimensions = (0.03,) * 3
-    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(96, 64))
+    bpy.ops.kiriko.add_rig(viewer_resolution=viewer, display_resolution=display)
     for frame, turn in ((1, 0.1), (N_FRAMES, 0.6)):
         glass.rotation_euler.z = turn
         glass.keyframe_insert("rotation_euler", frame=frame)
@@ -216,7 +216,8 @@ def _rig(folder: Path) -> Path:
     return path
 
 
-def _kiriko(*words: str) -> None:
+def run_verb(*words: str) -> None:
+    """Kiriko's command line, on the open file."""
     from kiriko.operators import command_line  # Kiriko is registered by now
 
     if command_line.run(list(words)) != 0:

@@ -94,6 +94,29 @@ def test_each_frame_comes_back_in_its_own_numbers(
     assert [b.name for b in bpy.data.scenes] == before
 
 
+@pytest.mark.parametrize(("name", "rounding"), [("PRORES", 8), ("FFV1", 0)])
+def test_each_pixel_keeps_its_colour(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    name: str,
+    rounding: int,
+) -> None:
+    """Columns of red and of blue, one pixel wide: a codec that
+    halves the colours' resolution is off by a hundred.
+    """
+    if name not in movie.available():
+        pytest.skip("this Blender has no such encoder")
+    light = np.zeros((*SIZE[::-1], 3), np.float32)
+    light[:, ::2, 0] = light[:, 1::2, 2] = 0.5
+    frame = core("image_io").write(tmp_path / "frame", light, "PNG8")
+    path = tmp_path / f"clip{movie.CODECS[name].suffix}"
+    movie.encode(path, [frame], name, SIZE, scene)
+    off = np.abs(decoded(path, core("blender.moving"), 1)[0] - np.where(light > 0, 188, 0))
+    assert off.max() <= max(rounding, 0.01)
+
+
 def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
     movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
