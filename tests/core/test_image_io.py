@@ -222,6 +222,12 @@ def test_a_png_that_is_cut_or_changed_anywhere_is_not_whole(tmp_path: Path) -> N
             path.write_bytes(broken)
             assert png.is_whole(path) == (broken == data), k
 
+    # whole chunks that are lost or added have right sums, too
+    head, image, end = (data.index(name) - 4 for name in (b"IHDR", b"IDAT", b"IEND"))
+    for other in (data[:image] + data[end:], data[:head] + data[end:], data + data[end:]):
+        path.write_bytes(other)
+        assert not png.is_whole(path)
+
 
 @pytest.mark.parametrize("form", image_io.FORMATS)
 def test_the_same_image_is_the_same_file(tmp_path: Path, form: str) -> None:
