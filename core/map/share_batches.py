@@ -60,6 +60,12 @@ class ShareBatches:
         """Were they all made, and no more than are kept?"""
         return self._kept is not None
 
+    def share_memory(self, n: int) -> None:
+        """Keep no more than what n batches like these may keep each."""
+        self.n_sharing = n
+        if self.are_kept and len(self) > MOST_KEPT // n:
+            self.let_go()
+
     def let_go(self) -> None:
         """Keep none: they are made again when they are asked for."""
         self._kept = None

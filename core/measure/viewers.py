@@ -41,7 +41,7 @@ class ViewerReport:
     mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen
     mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer, too
     psnr : dB, white is 1, of the seen image against the ideal one, where the viewer sees nothing
-        but the picture; None where there is no difference
+        but the picture; None where there is no difference, or nowhere to compare
     unremovable : rms of linear light, white is 1, by which the display pixels that it sees are
         off from those it asks for, where they show the weighted mean of what all ask for: no
         other source image is off by less from all of them
@@ -213,7 +213,8 @@ def conflict_in_light(
     off = []
     for k, channel in enumerate(channels):
         of_pixel = _weight(channel) * ((_asked_for(channel, pyramid) - mean) ** 2).mean(axis=2)
-        off.append(float(np.sqrt(of_pixel.sum() / _weight(channel).sum())))
+        seen = _weight(channel).sum()
+        off.append(float(np.sqrt(of_pixel.sum() / seen)) if seen > 0 else 0.0)
         square += of_pixel
         yield 0.5 + 0.5 * (k + 1) / len(channels)
 
@@ -229,5 +230,6 @@ def _asked_for(channel: Channel, pyramid: Pyramid) -> Floats:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
     for shares in channel.shares:
-        painting.add(pyramid, find_strokes(channel.plan.rig.picture_place, channel.viewer, shares))
+        shown = channel.shown(shares)
+        painting.add(pyramid, find_strokes(channel.plan.rig.picture_place, channel.viewer, shown))
     return painting.finished(channel.coverage.weight).astype(float)

@@ -5,7 +5,7 @@ sees, how far off that is) lives in its channel. The display is one for all of t
 """
 
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..light.plan import Plan
 from ..map.pieces import Piece
 from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
-from ..map.shares import Coverage
+from ..map.shares import Coverage, Shares
 from ..map.view_map import MapError, ViewMap
 from ..steps import finish
 from ..viewer import Viewer
@@ -56,6 +56,7 @@ class Channel:
     plate : brightness and blur by a plate's mirrors, None where it is ideal
     glare : the light that comes beside the glass; None where that carries the picture, too
     shares : of all cells, some at a time
+    shown : those of some shares that display pixels show
     coverage : sums over the shares, by display pixel
     view_coverage : (h, w) part of each viewer pixel that is connected to the display, 0..1
     picture_coverage : share of the picture, as the viewer sees it, that the display can show
@@ -69,6 +70,7 @@ class Channel:
     plate: PlateView | None
     glare: Glare | None
     shares: ShareBatches
+    shown: Callable[[Shares], Shares]
     coverage: Coverage
     view_coverage: Floats
     picture_coverage: float
@@ -128,7 +130,7 @@ class Channel:
             and not settings.looks_beside
             and "_map_beside" not in vars(self)
         ):
-            check_memory(self.plan.rig, settings)
+            check_memory(replace(self.plan.rig, viewers=(self.viewer,)), settings)
             vars(self)["_map_beside"] = yield from sample(looking_beside(self.plan))
 
     @cached_property

@@ -61,6 +61,8 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
     channels = []
     for key, traced, viewer in zip(keys, optics.channels, rig.viewers, strict=True):
         old = known.get(key)
+        if old is not None:
+            old.strokes.clear()  # or they would be there twice until the solve ends
         channels.append(
             place(traced.view_map, picture, viewer, settings)
             if old is None
@@ -69,5 +71,5 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
         )
 
     for placed in channels:
-        placed.shares.n_sharing = len(channels)
+        placed.shares.share_memory(len(channels))
     return Place(keys, tuple(channels), together)

@@ -146,9 +146,14 @@ def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -
     """
     known = dict(enumerate(are_known))
     new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not known.get(k, False))
+    n_known = len(rig.viewers) - len(new)
     rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
     display = rig.display
+    if n_known:
+        # a viewer that was alone has not been asked; one alone is not counted above
+        n_asked = (n_known == 1) + (len(new) == 1)
+        parts["display"] += BYTES.asked * _n_pixels(display) * (n_asked if new else 0)
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
 

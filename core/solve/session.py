@@ -198,9 +198,10 @@ class Session:
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
             start = max(so_far, k * STAGES.painted / n)
-            known[key], told = yield from within(steps, start, start + 1 / n)
+            stop = start + 1 / n
+            known[key], told = yield from within(steps, start, stop)
             n_rays += known[key].view_map.n_rays
-            so_far = start + told / n
+            so_far = start + (stop - start) * told  # to the bit what was told last
 
         return Optics(keys, tuple(known[key] for key in keys)), so_far, n_rays
 
@@ -278,6 +279,7 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
         plate=traced.plate,
         glare=traced.beside and traced.beside.seen_of(plan.rig.display.nearest(light)),
         shares=placed.shares,
+        shown=placed.shown,
         coverage=placed.coverage,
         view_coverage=placed.view_coverage,
         picture_coverage=picture_coverage,

@@ -15,7 +15,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from known import closed_forms
 from known.marks import STATISTICS
-from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rig
+from known.reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, rig
 from known.work import drain, solve
 
 THICKNESS = 0.02
@@ -240,6 +240,50 @@ def test_shares_of_viewers_are_made_again_alike(monkeypatch, ghosts, disagreemen
     found = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
     assert not any(channel.shares.are_kept for channel in found.channels)
     np.testing.assert_allclose(found.source, expected.source, atol=1e-6)
+
+
+def test_viewers_that_come_one_by_one_keep_no_more_than_one_would(monkeypatch):
+    a_rig = eyes(ball_rig(3, pixels=48, display_pixels=64, image=lattice_image(64)), 0.02)
+    kept = Session()
+    alone = solve(replace(a_rig, viewers=a_rig.viewers[:1]), kept)
+    most = len(alone.channels[0].shares)
+    monkeypatch.setattr(share_batches, "MOST_KEPT", most)
+    assert alone.channels[0].shares.are_kept
+    both = solve(a_rig, kept)
+    n = sum(len(one.shares) for one in both.channels if one.shares.are_kept)
+    assert n <= most
+    np.testing.assert_allclose(both.source, solve(a_rig).source, atol=1e-6)
+
+
+def test_what_is_white_for_all_is_white_whichever_path_is_shown():
+    """Two eyes behind a bottle ask for white; the mean of whites is off from none."""
+    options = {"pixels": 96, "display_pixels": 96, "field": 0.06, "picture": 0.05, "display": 0.1}
+    a_rig = rig(bottle(), image=lattice_image(128), **options)
+    white = replace(a_rig.picture, image=np.ones((64, 64, 4), np.float32))
+    other = aside(a_rig.viewer, 0.001, name="other")
+    a_rig = replace(a_rig, pictures=(white,), viewers=(a_rig.viewer, other))
+    plain, strongest = (
+        drain(conflict_in_light(solve(a_rig, ghosts=ghosts)))[0] for ghosts in ("mean", "strongest")
+    )
+    assert max(plain) < 1e-3
+    assert max(strongest) < 1e-3
+
+
+def test_progress_never_goes_back_with_three_viewers():
+    """By any time that the parts of a solve may take, which its progress is told by."""
+    a_rig = slab_rig()
+    three = tuple(aside(a_rig.viewer, x, name=str(x)) for x in (-0.1, 0.0, 0.1))
+    for _ in range(30):
+        solve(replace(a_rig, viewers=three))
+
+
+def test_a_viewer_whose_light_is_lost_has_no_error_to_remove():
+    a_rig = slab_rig()
+    away = aside(a_rig.viewer, 3.0, name="away")  # so far that no light of the plate comes there
+    found = solve(replace(a_rig, viewers=(a_rig.viewer, away)))
+    assert found.channels[1].coverage.weight.sum() == 0
+    (_, unremovable), _ = drain(conflict_in_light(found))
+    assert unremovable == 0
 
 
 def test_a_picture_that_is_no_flat_rectangle_is_blended():
