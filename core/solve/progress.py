@@ -14,8 +14,8 @@ class Stages:
     """How far the work is when one of its parts ends, 0..1.
 
     Read off `Solution.seconds` of the balls and cubes of `dev.py bench`, and rounded: the ball's
-    coverage takes 3 % of a solve, to measure its errors takes 12 % of what comes after tracing,
-    and more where a mesh is irregular, so that rays are followed as drawn, too.
+    coverage takes 3 % of a solve. To measure its errors takes a tenth of what comes after tracing,
+    and half of it where a mesh is irregular, so that rays are followed as drawn, too.
 
     painted : of a solve; its coverage comes after
     measured : of the work after tracing; then it is painted
@@ -25,7 +25,7 @@ class Stages:
     """
 
     painted: float = 0.97
-    measured: float = 0.25
+    measured: float = 0.28
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
     settled: float = 0.5
@@ -36,20 +36,18 @@ class Stages:
 class Pace:
     """Seconds that parts of a solve take, about, where `times_slower` is 1.
 
-    Fitted to the glass that artists bring (`dev.py glasses`): the rest of Suzanne's time is told
-    within a third, a large scan's within a factor of two.
+    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*), with the kernel: the
+    rest of the time is told within a factor of three, on half of that glass within two.
 
-    map_pixel : of a view map, a viewer pixel
     after_pixel, after_ray : of the work after it, a viewer pixel and a ray
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     """
 
-    map_pixel: float = 8e-6
-    after_pixel: float = 0.8e-6
-    after_ray: float = 1.1e-6
-    painted_pixel: float = 0.48e-6
-    painted_cell: float = 0.67e-6
-    painted_share: float = 0.14e-6
+    after_pixel: float = 0.53e-6
+    after_ray: float = 1.46e-6
+    painted_pixel: float = 0.15e-6
+    painted_cell: float = 0.74e-6
+    painted_share: float = 0.07e-6
 
 
 STAGES = Stages()

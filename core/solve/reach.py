@@ -24,7 +24,8 @@ from .progress import PACE, times_slower
 UNTRACED = Message("tracing (the optics have not changed)")
 
 MOST_STARTS = 3  # the last of them with everything
-DOUBT = 0.02  # of a view map: until so much is done the guess of before counts as well
+KNOWN = 0.15  # of a view map: until so much is done it may be of any glass, and little is told
+LITTLE = 0.09
 
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
@@ -95,20 +96,16 @@ def sample_reached(
         n_pixels = viewer.width * viewer.height
         steps = sampling.sample()
 
-        # the map's own progress, and a guess of before until that is known well
-        share = 0.0
-        guess = DOUBT * slower * PACE.map_pixel * n_pixels
-
         try:
             while True:
+                share = next(steps)
                 so_far = perf_counter() - began
-                in_all = max(so_far, (so_far + guess) / (share + DOUBT))
                 n_rays = max(sampling.expected, sampling.n_done)
                 after = slower * (PACE.after_pixel * n_pixels + PACE.after_ray * n_rays)
+                part = share * (of_plan + so_far) / (share * (of_plan + after) + so_far)
                 # a solve that begins again has come no further
-                told = max(told, (of_plan + so_far) / (of_plan + in_all + after))
+                told = max(told, part if share > KNOWN else min(part, LITTLE))
                 yield told
-                share = next(steps)
         except StopIteration as end:
             return replace(plan, aside=Aside.none()), end.value
         except ReachedError as found:
