@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 from ..core import image_io
 from ..core.atlas import making as atlases
 from ..core.atlas.atlas import Atlas
-from ..core.atlas.heads import HeadBox
+from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
 from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
 from ..core.errors import ImageError
+from ..core.farm.atlas_job import SHARES
+from ..core.farm.job import MOST as MOST_TASKS
 from ..core.messages import Message
 from ..core.steps import within
 from ..core.words import percent
-from . import folder, solve_to_folder, work
+from . import export_job, folder, solve_to_folder, work
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
 
@@ -115,10 +117,35 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
         help="only make these places of an atlas that was planned, from 1",
     )
     step.add_argument(
+        "--share",
+        type=_share,
+        metavar="K/N",
+        help="only make one place in N of an atlas that was planned, from the Kth on",
+    )
+    step.add_argument(
         "--check",
         type=_count,
         metavar="N",
         help="only compare N heads at random places of a whole atlas",
+    )
+    step.add_argument(
+        "--halve",
+        action="store_true",
+        help="only check a whole atlas, and halve its grid where it misses the tolerance",
+    )
+    step.add_argument(
+        "--job",
+        type=_count,
+        metavar="N",
+        help="write a job for a render farm in its place, whose N tasks share the places",
+    )
+    atlas.add_argument(
+        "--zip",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="Kiriko's zips for the platforms of the job's farm (this one, packed)",
     )
     atlas.set_defaults(run=run)
 
@@ -139,31 +166,51 @@ def _places(text: str) -> range:
     return found
 
 
+def _share(text: str) -> tuple[int, int]:
+    """Number and count of "2/8"."""
+    number, count = map(int, text.split("/"))
+    if not 1 <= number <= count:
+        raise ValueError(f"{text} is no share")
+    return number, count
+
+
+def options_of(box: HeadBox, tolerance: float, most: int, has_images: bool) -> tuple[str, ...]:
+    """The options of the command line that ask for an atlas."""
+
+    def number(x: float) -> str:  # without an exponent, which would be read as an option
+        return np.format_float_positional(x, trim="-")
+
+    edges = zip(AXES, box.low, box.high, strict=True)
+    moves = [(f"--{axis}", number(a / MM), number(b / MM)) for axis, a, b in edges if a != b]
+    wanted = ("--tolerance", number(tolerance), "--most", str(most))
+    return (*(word for move in moves for word in move), *wanted, *(("--images",) * has_images))
+
+
 def run(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Make an atlas, or a part of one; yields lines of progress."""
+    """Make an atlas, a part of one, or a job for one; yields lines of progress."""
+    if arguments.job is not None:
+        return _write_job(arguments)
     making = making_of(bpy.context, arguments.out, arguments.images)
-    in_tenths = solve_to_folder.told_in_tenths
+    if arguments.places is None and arguments.share is None:
+        if arguments.check is None and not arguments.halve:
+            return _make(arguments, making)
+        return _check(arguments, making)
+    return _make_some(arguments, making)
 
-    if arguments.check is not None:
-        atlas = atlases.planned_before(making)
-        atlas = yield from in_tenths(atlases.checked(making, atlas, arguments.check))
-        atlases.refuse_too_coarse(atlas)
-        yield told(atlas, arguments.out)
-        return
 
-    if arguments.places is not None:
-        atlas = atlases.planned_before(making)
-        n = yield from in_tenths(atlases.made(making, atlas, arguments.places))
-        yield Message("wrote {n} maps to '{folder}'", n=n, folder=arguments.out)
-        return
-
+def _box(arguments: argparse.Namespace) -> HeadBox:
     edges = zip(arguments.right, arguments.up, arguments.forward, strict=True)
     low, high = (tuple(MM * x for x in edge) for edge in edges)
+    return HeadBox(low, high)
+
+
+def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
+    """Plan an atlas and make all of it."""
     yield Message("planning the atlas")
-    atlas = yield from in_tenths(
+    atlas = yield from solve_to_folder.told_in_tenths(
         atlases.planned(
             making,
-            HeadBox(low, high),
+            _box(arguments),
             arguments.tolerance,
             arguments.most,
             arguments.overwrite,
@@ -172,8 +219,50 @@ def run(arguments: argparse.Namespace) -> Generator[str, None, None]:
     )
     yield atlases.told(atlas)
     if not arguments.plan:
-        atlas = yield from in_tenths(atlases.whole(making, atlas, arguments.most))
+        steps = atlases.whole(making, atlas, arguments.most)
+        atlas = yield from solve_to_folder.told_in_tenths(steps)
         yield told(atlas, arguments.out)
+
+
+def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
+    """Make places of an atlas that was planned."""
+    atlas = atlases.planned_before(making)
+    numbers = arguments.places
+    if arguments.share is not None:
+        numbers = atlases.share(atlas, *arguments.share)
+    n = yield from solve_to_folder.told_in_tenths(atlases.made(making, atlas, numbers))
+    yield Message("wrote {n} maps to '{folder}'", n=n, folder=arguments.out)
+
+
+def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
+    """Check an atlas whose places were made, and halve its grid where that is asked for."""
+    atlas = atlases.planned_before(making)
+    if arguments.halve:
+        steps = atlases.halved(making, atlas, arguments.most)
+        atlas = yield from solve_to_folder.told_in_tenths(steps)
+        if atlas.checked is None:
+            yield atlases.told(atlas)
+            return
+    else:
+        steps = atlases.checked(making, atlas, arguments.check)
+        atlas = yield from solve_to_folder.told_in_tenths(steps)
+        atlases.refuse_too_coarse(atlas)
+    yield told(atlas, arguments.out)
+
+
+def _write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Write a job whose tasks make an atlas."""
+    box = _box(arguments)
+    box.check()
+    options = options_of(box, arguments.tolerance, arguments.most, arguments.images)
+    names = export_job.write(
+        arguments.out,
+        export_job.atlas_job(options, arguments.job),
+        arguments.zip,
+        arguments.overwrite,
+        "add --overwrite",
+    )
+    yield Message("wrote {names} to '{folder}'", names=", ".join(names), folder=arguments.out)
 
 
 class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
@@ -220,7 +309,19 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         description="Replace the atlas of another rig that is there already",
         options={"SKIP_SAVE"},
     )
-    in_dialogue = ("low", "high", "tolerance", "most", "images", "overwrite")
+    job: bpy.props.BoolProperty(
+        name="As a Job",
+        description="Write a job for a render farm in its place, whose tasks make the atlas",
+        options={"SKIP_SAVE"},
+    )
+    shares: bpy.props.IntProperty(
+        name="Tasks",
+        description="How many tasks of the job share the places of the head",
+        default=SHARES,
+        min=1,
+        max=MOST_TASKS,
+    )
+    in_dialogue = ("low", "high", "tolerance", "most", "images", "overwrite", "job", "shares")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         for name, x in (("low", -ASIDE), ("high", ASIDE)):
@@ -239,8 +340,11 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         edges.prop(self, "high", index=1, text="Up")
         edges.prop(self, "low", index=2, text="Back")
         edges.prop(self, "high", index=2, text="Forward")
-        for name in ("tolerance", "most", "images", "overwrite"):
+        for name in ("tolerance", "most", "images", "overwrite", "job"):
             layout.prop(self, name)
+        tasks = layout.row()
+        tasks.active = self.job
+        tasks.prop(self, "shares")
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:
@@ -248,21 +352,19 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
 
         target = absolute(self.directory)
         unit = length_of_unit(context.scene)
-        low, high = (tuple(unit * x for x in edge) for edge in (self.low, self.high))
+        box = HeadBox(*(tuple(unit * x for x in edge) for edge in (self.low, self.high)))
         overwrite = self.overwrite or context.scene.kiriko.export_overwrite
+        remedy = Message("set Overwrite")
         with folder.made(target):
+            if self.job:
+                box.check()
+                options = options_of(box, self.tolerance, self.most, self.images)
+                job = export_job.atlas_job(options, self.shares)
+                names = export_job.write(target, job, [], overwrite, remedy)
+                return export_job.told(names, target)
+
             making = making_of(context, target, self.images)
-            atlas = yield from within(
-                atlases.planned(
-                    making,
-                    HeadBox(low, high),
-                    self.tolerance,
-                    self.most,
-                    overwrite,
-                    Message("set Overwrite"),
-                ),
-                0.0,
-                PLANNED,
-            )
+            planning = atlases.planned(making, box, self.tolerance, self.most, overwrite, remedy)
+            atlas = yield from within(planning, 0.0, PLANNED)
             atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
         return told(atlas, target)

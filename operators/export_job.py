@@ -12,6 +12,7 @@ from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
 from ..core.errors import ImageError
 from ..core.farm import extension
+from ..core.farm.atlas_job import AtlasJob
 from ..core.farm.job import (
     BOOTSTRAP,
     FLAMENCO,
@@ -20,7 +21,6 @@ from ..core.farm.job import (
     Job,
     asset_references,
     parameter_values,
-    template,
 )
 from ..core.messages import Message
 from . import folder, needed, telling
@@ -33,11 +33,23 @@ UNNAMED = "rig.blend"  # of a file that was never saved
 SCRIPTS = extension.ROOT / "farm"  # those that run elsewhere
 
 
-def job_of(context: bpy.types.Context, frames: str, chunk: int) -> Job:
+def job_of(frames: str, chunk: int) -> Job:
     """A job of the open file and the rig that it shows."""
+    return Job(*_of_file(), frames=frames, chunk=chunk)
+
+
+def atlas_job(options: tuple[str, ...], shares: int) -> AtlasJob:
+    """A job for an atlas of the rig that the open file shows.
+
+    options : of the verb atlas
+    """
+    return AtlasJob(*_of_file(), options, shares)
+
+
+def _of_file() -> tuple[str, str, str]:
+    """A job's name, the name of its file, and Kiriko's version."""
     name = Path(bpy.data.filepath).name or UNNAMED
-    version = extension.manifest()["version"]
-    return Job(f"Kiriko {Path(name).stem}", name, version, frames=frames, chunk=chunk)
+    return f"Kiriko {Path(name).stem}", name, extension.manifest()["version"]
 
 
 def choices(values: list[str]) -> tuple[Choice, ...]:
@@ -56,7 +68,9 @@ def frames_of_scene(scene: bpy.types.Scene) -> str:
     return f"{scene.frame_start}-{scene.frame_end}{step}"
 
 
-def write(target: Path, job: Job, zips: list[Path], overwrite: bool, remedy: str) -> list[str]:
+def write(
+    target: Path, job: Job | AtlasJob, zips: list[Path], overwrite: bool, remedy: str
+) -> list[str]:
     """Write the bundle of a job to a folder that is there; the names of its files.
 
     The template comes last, so that a bundle which could not be written as a whole is none.
@@ -83,12 +97,17 @@ def write(target: Path, job: Job, zips: list[Path], overwrite: bool, remedy: str
     with disk.together(target) as new:
         for name, contents in (
             (ASSETS, asset_references(external)),
-            (VALUES, parameter_values(job)),
-            (TEMPLATE, template(job)),
+            (VALUES, parameter_values(job.template)),
+            (TEMPLATE, job.template),
         ):
             text = json.dumps(contents, indent=2, ensure_ascii=False)
             disk.write_text(new / name, f"{text}\n")
     return names
+
+
+def told(names: list[str], target: Path) -> Message:
+    """The sentence at the end of a bundle."""
+    return Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target)
 
 
 def _write_scripts(new: Path, zips: list[Path]) -> None:
@@ -174,17 +193,13 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             if not self.directory:
                 raise ImageError("The job has no folder: choose one.")
             target = absolute(self.directory)
-            job = job_of(context, self.frames or frames_of_scene(context.scene), self.chunk)
+            job = job_of(self.frames or frames_of_scene(context.scene), self.chunk)
             if self.every_rig:
                 job = replace(job, rigs=all_rigs(context))
 
             overwrite = self.overwrite or context.scene.kiriko.export_overwrite
             with folder.made(target):
                 names = write(target, job, [], overwrite, Message("set Overwrite"))
-            telling.report(
-                self,
-                "INFO",
-                Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target),
-            )
+            telling.report(self, "INFO", told(names, target))
             return {"FINISHED"}
         return {"CANCELLED"}

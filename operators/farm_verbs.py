@@ -88,7 +88,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if frames and arguments.name != frames_to_folder.NAME:
         options += ["--name", arguments.name]
     job = replace(
-        export_job.job_of(context, frames, arguments.chunk),
+        export_job.job_of(frames, arguments.chunk),
         path=arguments.vary,
         values=export_job.choices(arguments.values),
         options=tuple(options),

@@ -245,6 +245,22 @@ def finer(atlas: Atlas, most: int) -> Atlas:
     return replace(atlas, grid=grid, planned={**atlas.planned, "off": less}, checked=None)
 
 
+def halved(
+    making: Making, atlas: Atlas, most: int, n: int = CHECKED
+) -> Generator[float, None, Atlas]:
+    """Check an atlas, and halve its grid where it misses its tolerance; yields progress 0..1.
+
+    One that lacks places stays: it was halved before. So whoever asks twice gets the same.
+    """
+    if missing(making.folder, atlas):
+        return atlas
+    atlas = yield from checked(making, atlas, n)
+    if not is_fine(atlas):
+        atlas = finer(atlas, most)
+        write(making.folder, atlas)
+    return atlas
+
+
 def whole(
     making: Making, atlas: Atlas, most: int, n: int = CHECKED
 ) -> Generator[float, None, Atlas]:
@@ -256,14 +272,16 @@ def whole(
         to_do = len(missing(making.folder, atlas))
         end = done + (1 - done) * to_do / (to_do + n)
         yield from within(made(making, atlas, range(len(atlas.grid))), done, end)
-        checked_at = (end + 1) / 2  # it may have to be finer
-        atlas = yield from within(checked(making, atlas, n), end, checked_at)
-        if is_fine(atlas):
+        done = (end + 1) / 2  # it may have to be finer
+        atlas = yield from within(halved(making, atlas, most, n), end, done)
+        if atlas.checked is not None:
             yield 1.0
             return atlas
-        done = checked_at
-        atlas = finer(atlas, most)
-        write(making.folder, atlas)
+
+
+def share(atlas: Atlas, number: int, of: int) -> range:
+    """The numbers of the places that are one of so many shares of an atlas, counted from 1."""
+    return range(number - 1, len(atlas.grid), of)
 
 
 def told(atlas: Atlas) -> Message:

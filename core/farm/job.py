@@ -67,13 +67,12 @@ class Job:
                     most=MOST,
                 )
         texts = (self.name, self.blend, self.path, *self.options)
-        for text in (*texts, *(one.value for one in (*self.rigs, *self.values))):
-            if "{{" in text:
-                raise RigError(
-                    "The name '{text}' has two braces, which a job reads as a parameter:"
-                    " rename it.",
-                    text=text,
-                )
+        refuse_braces(*texts, *(one.value for one in (*self.rigs, *self.values)))
+
+    @property
+    def template(self) -> dict[str, Any]:
+        """Its template."""
+        return template(self)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -84,31 +83,67 @@ class Job:
         return tuple("/".join(parts) or "." for parts in both)
 
 
+def refuse_braces(*texts: str) -> None:
+    """Raise RigError where a text would be read as a parameter."""
+    for text in texts:
+        if "{{" in text:
+            raise RigError(
+                "The name '{text}' has two braces, which a job reads as a parameter: rename it.",
+                text=text,
+            )
+
+
 def template(job: Job) -> dict[str, Any]:
-    """The template of a job."""
-    solve = {
-        "name": "Solve",
-        "parameterSpace": _space(job),
-        "script": {"actions": {"onRun": _run(job, *_solve(job))}},
-    }
-    join = {
-        "name": "Join",
-        "dependencies": [{"dependsOn": "Solve"}],
-        "script": {"actions": {"onRun": _run(job, *_join(job))}},
-    }
-    extensions = {"extensions": [CHUNKING]} if job.frames else {}
+    """The template of a job of solves."""
+    solve = step("Solve", job.version, _solve(job), space=_space(job))
+    join = step("Join", job.version, _join(job), after="Solve")
+    extensions = (CHUNKING,) if job.frames else ()
+    return whole(job.name, [*files(job.blend), *_frames(job)], [solve, join], extensions)
+
+
+def whole(
+    name: str,
+    parameters: list[dict[str, Any]],
+    steps: list[dict[str, Any]],
+    extensions: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """A template of parameters and steps."""
     return {
         "specificationVersion": SPECIFICATION,
-        **extensions,
-        "name": job.name[:LONGEST_NAME],
-        "parameterDefinitions": _parameters(job),
-        "steps": [solve, join],
+        **({"extensions": list(extensions)} if extensions else {}),
+        "name": name[:LONGEST_NAME],
+        "parameterDefinitions": parameters,
+        "steps": steps,
     }
 
 
-def parameter_values(job: Job) -> dict[str, Any]:
-    """The values of the job's parameters, relative to the bundle."""
-    definitions = _parameters(job)
+def step(
+    name: str,
+    version: str,
+    verb: list[str],
+    after: str | None = None,
+    space: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """A step whose tasks run a verb of Kiriko's command line, in a Blender with factory settings.
+
+    version : Kiriko's
+    after : the step that it waits for
+    space : the parameters that its tasks differ in; None: it is one task
+    """
+    start = ("--background", "{{Param.BlendFile}}", "--factory-startup", "--python-exit-code", "1")
+    kiriko = ("--python", f"{{{{Param.Kiriko}}}}/{BOOTSTRAP}", "--", "--version", version)
+    action = {"command": "{{Param.Blender}}", "args": [*start, *kiriko, *verb]}
+    return {
+        "name": name,
+        **({"dependencies": [{"dependsOn": after}]} if after else {}),
+        **({"parameterSpace": space} if space else {}),
+        "script": {"actions": {"onRun": action}},
+    }
+
+
+def parameter_values(template: dict[str, Any]) -> dict[str, Any]:
+    """The values of a template's parameters, relative to the bundle."""
+    definitions = template["parameterDefinitions"]
     return {
         "parameterValues": [{"name": one["name"], "value": one["default"]} for one in definitions]
     }
@@ -125,9 +160,10 @@ def asset_references(files: list[str]) -> dict[str, Any]:
     }
 
 
-def _parameters(job: Job) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = [
-        _path("BlendFile", "FILE", "IN", job.blend, "The scene"),
+def files(blend: str) -> list[dict[str, Any]]:
+    """The parameters that every job has."""
+    return [
+        _path("BlendFile", "FILE", "IN", blend, "The scene"),
         _path("Kiriko", "DIRECTORY", "IN", KIRIKO, f"Kiriko's zips and {BOOTSTRAP}"),
         _path("OutDir", "DIRECTORY", "OUT", OUT, "The results"),
         {
@@ -137,23 +173,26 @@ def _parameters(job: Job) -> list[dict[str, Any]]:
             "description": "The program, as workers find it",
         },
     ]
-    if job.frames:
-        found += [
-            {
-                "name": "Frames",
-                "type": "STRING",
-                "default": job.frames,
-                "description": "Such as 1-250:2",
-            },
-            {
-                "name": "ChunkSize",
-                "type": "INT",
-                "default": job.chunk,
-                "minValue": 1,
-                "description": "Frames for a task",
-            },
-        ]
-    return found
+
+
+def _frames(job: Job) -> list[dict[str, Any]]:
+    if not job.frames:
+        return []
+    return [
+        {
+            "name": "Frames",
+            "type": "STRING",
+            "default": job.frames,
+            "description": "Such as 1-250:2",
+        },
+        {
+            "name": "ChunkSize",
+            "type": "INT",
+            "default": job.chunk,
+            "minValue": 1,
+            "description": "Frames for a task",
+        },
+    ]
 
 
 def _path(name: str, kind: str, flow: str, default: str, about: str) -> dict[str, Any]:
@@ -189,13 +228,6 @@ def _space(job: Job) -> dict[str, Any]:
 
     combined = {} if factors == ["Frame"] else {"combination": "*".join(factors)}
     return {"taskParameterDefinitions": definitions, **combined}
-
-
-def _run(job: Job, *arguments: str) -> dict[str, Any]:
-    """Kiriko's command line, in a Blender with factory settings."""
-    start = ("--background", "{{Param.BlendFile}}", "--factory-startup", "--python-exit-code", "1")
-    kiriko = ("--python", f"{{{{Param.Kiriko}}}}/{BOOTSTRAP}", "--", "--version", job.version)
-    return {"command": "{{Param.Blender}}", "args": [*start, *kiriko, *arguments]}
 
 
 def _solve(job: Job) -> list[str]:

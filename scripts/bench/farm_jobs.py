@@ -20,15 +20,15 @@ from time import perf_counter
 import bpy
 
 from environments import ROOT
-from kiriko.core import image_io
-from kiriko.core.errors import ImageError
 from kiriko.core.farm.join import LOG
 from known.registered import registered
 
 FRAMES = "1-12"
 N_FRAMES = 12
 CHUNK = 5
-KILLED_AFTER = 2  # frames
+KILLED_AFTER = 2  # files
+HEADS = "--right", "-30", "30", "--up", "0", "20", "--tolerance", "0.02"
+SHARES = 3
 PATIENCE = 900.0  # s, for a job
 AS_BLENDER = ROOT / "tests" / "known" / "as_blender.py"
 HEADING = "| job | found | kept |\n|---|---|---|"
@@ -83,15 +83,35 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Proof]:
     yield _killed(openjd, bundle, program, files)
     yield _missing(openjd, bundle, program)
     yield _side_by_side(program, bundle, blend, place / "two", files)
+    yield from _atlas(openjd, place, program, zips[-1])
 
 
-def contents(folder: Path) -> dict[str, bytes]:
-    """The images in a folder."""
-    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.png"))}
+def _atlas(openjd: Path, place: Path, program: Path, zipped: Path) -> Iterator[Proof]:
+    """An atlas whose places are tasks is the one that a single run makes."""
+    single, bundle = place / "one atlas", place / "an atlas"
+    run_verb("atlas", *HEADS, "--out", str(single))
+    files = contents(single, "*.npz")
+    run_verb("atlas", *HEADS, "--job", str(SHARES), "--zip", str(zipped), "--out", str(bundle))
+
+    run = _openjd(openjd, bundle, program)
+    is_same = contents(bundle / "source", "*.npz") == files
+    yield Proof(
+        f"an atlas of {len(files)} places in {SHARES} tasks by openjd run",
+        f"exit code {run.returncode}, maps {'' if is_same else 'not '}equal to the bit",
+        run.returncode == 0 and is_same,
+    )
+    yield _killed(openjd, bundle, program, files, "*.npz")
 
 
-def _killed(openjd: Path, bundle: Path, program: Path, files: dict[str, bytes]) -> Proof:
-    """A job whose processes are killed within a task leaves whole images, and is run again."""
+def contents(folder: Path, pattern: str = "*.png") -> dict[str, bytes]:
+    """The images, or other files, in a folder."""
+    return {path.name: path.read_bytes() for path in sorted(folder.glob(pattern))}
+
+
+def _killed(
+    openjd: Path, bundle: Path, program: Path, files: dict[str, bytes], pattern: str = "*.png"
+) -> Proof:
+    """A job whose processes are killed within a task leaves whole files, and is run again."""
     out = bundle / "source"
     shutil.rmtree(out, ignore_errors=True)
     job = subprocess.Popen(
@@ -101,26 +121,23 @@ def _killed(openjd: Path, bundle: Path, program: Path, files: dict[str, bytes]) 
         start_new_session=True,
     )
     until = perf_counter() + PATIENCE
-    while len(contents(out)) < KILLED_AFTER and job.poll() is None and perf_counter() < until:
+    while len(contents(out, pattern)) < KILLED_AFTER and job.poll() is None:
+        if perf_counter() > until:
+            break
         time.sleep(0.05)
     for process in _tree(job.pid):
         os.kill(process, signal.SIGKILL)
     job.wait()
 
-    left = contents(out)
-    are_whole = True
-    for name in left:
-        try:
-            image_io.read(out / name)
-        except ImageError:
-            are_whole = False
+    left = contents(out, pattern)
+    are_whole = all(files.get(name) == data for name, data in left.items())
     again = _openjd(openjd, bundle, program)
-    is_same = contents(out) == files
+    is_same = contents(out, pattern) == files
     return Proof(
         "killed within a task, and run again",
-        f"{len(left)} images were left, {'all' if are_whole else 'not all'} whole; then exit code"
-        f" {again.returncode}, images {'' if is_same else 'not '}equal to the bit",
-        are_whole and 0 < len(left) < N_FRAMES and again.returncode == 0 and is_same,
+        f"{len(left)} of {len(files)} files were left, {'all' if are_whole else 'not all'} whole;"
+        f" then exit code {again.returncode}, files {'' if is_same else 'not '}equal to the bit",
+        are_whole and 0 < len(left) < len(files) and again.returncode == 0 and is_same,
     )
 
 

@@ -1065,6 +1065,11 @@ FARM = Section(
             "画像 1 枚にファームは要りません。solve を使います。",
         ),
         Advice(
+            "{n} tasks cannot share the places of the head: set 1 to {most}.",
+            "As many tasks as the farm has workers are enough.",
+            "タスクは、ファームのワーカーと同じ数で十分です。",
+        ),
+        Advice(
             "A task of the job has no frames: set 1 or more for each.",
             "As many frames as take some minutes are a good task.",
             "数分で終わるフレーム数が適当です。",

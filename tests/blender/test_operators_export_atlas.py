@@ -1,9 +1,11 @@
 """Export Atlas: warp maps over a grid of heads, whole, in parts, and checked."""
 
+import importlib
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
@@ -12,6 +14,8 @@ import pytest
 from small_rigs import small_rig
 
 BOX = {"low": (-0.02, 0.0, 0.0), "high": (0.02, 0.0, 0.01)}
+
+MISSED = 0.003  # px, by the corners of the box of the small rig
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -76,6 +80,95 @@ def test_many_machines_make_the_same_maps(
     assert contents(parts) == contents(one)
 
 
+def index(folder: Path) -> dict:
+    """The index of an atlas, but for the time that its maps took."""
+    told = json.loads((folder / "index.json").read_text(encoding="utf-8"))
+    return {**told, "planned": {**told["planned"], "seconds_a_map": None}}
+
+
+def test_tasks_of_a_job_make_the_atlas_of_one_run(
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    run: Callable[..., int],
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Task by task, as the bundle has them, some twice: the same files and the same index, where
+    the check has the grid halved and where it has not.
+    """
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    zipped = tmp_path / "kiriko-9.zip"
+    zipped.write_bytes(b"zip")
+    halvings = []
+    for tolerance in (3, MISSED):
+        one, job = tmp_path / f"one {tolerance}", tmp_path / f"job {tolerance}"
+        parts = job / "source"
+        box = "--right", -20, 20, "--up", 0, 10
+        for folder in (one, parts):  # planned too coarsely for the second tolerance
+            assert run("atlas", "--out", folder, *box, "--tolerance", 3, "--plan") == 0
+            told = json.loads((folder / "index.json").read_text(encoding="utf-8"))
+            text = json.dumps({**told, "tolerance_px": tolerance})
+            (folder / "index.json").write_text(text, encoding="utf-8")
+
+        box = *box, "--tolerance", tolerance
+        assert run("atlas", "--out", one, *box) == 0
+        assert run("atlas", "--out", job, *box, "--job", 3, "--zip", zipped) == 0
+        assert capsys.readouterr().err == ""
+        for words in tasks_of(job, 3):
+            assert run(*words) == 0, words
+        assert contents(parts) == contents(one)
+        assert index(parts) == index(one)
+        halvings.append(index(one)["halvings"])
+    assert halvings[0] == [0, 0, 0]
+    assert sum(halvings[1]) >= 1
+
+
+def tasks_of(job: Path, shares: int) -> Iterator[list[str]]:
+    """The verbs of a job's tasks, each twice, as a scheduler fills in the parameters."""
+    made = json.loads((job / "template.json").read_text(encoding="utf-8"))
+    for step in made["steps"]:
+        words = step["script"]["actions"]["onRun"]["args"]
+        words = words[words.index("atlas") :]
+        for share in (*range(1, shares + 1), 1) if "parameterSpace" in step else (1, 1):
+            filled = {
+                "{{Param.OutDir}}": str(job / "source"),
+                "{{Task.Param.Share}}": str(share),
+                "{{Param.Shares}}": str(shares),
+            }
+            yield [_filled_in(word, filled) for word in words]
+
+
+def _filled_in(word: str, values: dict[str, str]) -> str:
+    return re.sub(r"\{\{.*?\}\}", lambda found: values[found[0]], word)
+
+
+def test_dialogue_writes_a_job_of_the_same_atlas(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """As a Job, in the command line's mm; wheels of a checkout may be missing, which is told."""
+    extension = importlib.import_module(f"{kiriko.__name__}.core.farm.extension")
+    small_rig()
+    scene.unit_settings.scale_length = 0.5
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    target = tmp_path / "job"
+    names = [name.removeprefix("./") for name in extension.manifest()["wheels"]]
+    asked = {"directory": str(target), "job": True, "shares": 4, "images": True, **BOX}
+    if not all((extension.ROOT / name).exists() for name in names):
+        with pytest.raises(RuntimeError, match="cannot be packed for the farm"):
+            bpy.ops.kiriko.export_atlas(**asked)
+        assert not target.exists()
+        return
+    bpy.ops.kiriko.export_atlas(**asked)
+    made = json.loads((target / "template.json").read_text(encoding="utf-8"))
+    words = made["steps"][0]["script"]["actions"]["onRun"]["args"]
+    words = words[words.index("atlas") :]
+    numbers = [float(word) for word in (*words[2:4], *words[5:7])]
+    assert words[1:8:3] == ["--right", "--forward", "--tolerance"]
+    assert numbers == pytest.approx([-10, 10, 0, 5])
+    assert words[-4:-2] == ["--images", "--plan"]
+    assert not (target / "source").exists()
+
+
 def test_mistakes_are_one_sentence(
     scene: bpy.types.Scene,
     tmp_path: Path,
@@ -99,6 +192,13 @@ def test_mistakes_are_one_sentence(
         (("--places", "5-3"), 2, "--places"),
         (("--places", "1"), 1, "has no index.json: plan the atlas first"),
         (("--plan", "--check", 2), 2, "not allowed with"),
+        (("--share", "3/2"), 2, "--share"),
+        (("--share", "two"), 2, "--share"),
+        (("--share", "1/2"), 1, "has no index.json: plan the atlas first"),
+        (("--halve",), 1, "has no index.json: plan the atlas first"),
+        (("--job", 2), 1, "The head does not move"),
+        (("--job", 0), 2, "--job"),
+        (("--right", 0, 20, "--job", 2000), 1, "2000 tasks cannot share the places"),
     ):
         assert run(*out, *given) == code, given
         told = capsys.readouterr().err

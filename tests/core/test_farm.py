@@ -1,3 +1,5 @@
+import dataclasses
+import itertools
 import json
 import tomllib
 from pathlib import Path
@@ -9,6 +11,7 @@ import pytest
 from kiriko.core import image_io
 from kiriko.core.errors import ImageError, RigError
 from kiriko.core.farm import extension, join
+from kiriko.core.farm.atlas_job import AtlasJob
 from kiriko.core.farm.job import Choice, Job, asset_references, parameter_values, template
 from kiriko.core.steps import finish
 
@@ -34,7 +37,7 @@ def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
     assert "--frames={{Task.Param.Frame}}" in words(solve)
     assert "--frames={{Param.Frames}}" in words(joined)
 
-    values = {one["name"]: one["value"] for one in parameter_values(FRAMES)["parameterValues"]}
+    values = {one["name"]: one["value"] for one in parameter_values(made)["parameterValues"]}
     assert values["Frames"] == "1-12"
     assert values["ChunkSize"] == 5
     assert values["BlendFile"] == "金魚 bowl.blend"
@@ -71,6 +74,50 @@ def test_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> No
     with pytest.raises(RigError, match=said):
         Job(**{**vars(FRAMES), **change}).check()
     FRAMES.check()
+
+
+ATLAS = AtlasJob("Kiriko 金魚", "金魚.blend", "0.1.0", ("--right", "-30", "30"), shares=8)
+
+
+def test_atlas_is_planned_shared_halved_and_joined() -> None:
+    """A step waits for the one before; the shares are as many as the parameter says, which whoever
+    submits the job may change, and every task is told which atlas it is of.
+    """
+    made = ATLAS.template
+    steps = made["steps"]
+    assert [one["name"] for one in steps] == ["Plan", "Places 1", "Halve 1", "Places 2", "Join"]
+    for before, one in itertools.pairwise(steps):
+        assert one["dependencies"] == [{"dependsOn": before["name"]}]
+    values = {one["name"]: one["value"] for one in parameter_values(made)["parameterValues"]}
+    assert values["Shares"] == 8
+    assert "extensions" not in made
+
+    how = {one["name"]: words(one)[words(one).index("atlas") :] for one in steps}
+    asked = ["atlas", "--right", "-30", "30"]
+    end = ["--out", "{{Param.OutDir}}"]
+    assert how["Plan"] == [*asked, "--plan", *end]
+    assert how["Halve 1"] == [*asked, "--halve", *end]
+    assert how["Join"] == [*asked, *end]
+    for one in (steps[1], steps[3]):
+        (share,) = one["parameterSpace"]["taskParameterDefinitions"]
+        assert share["range"] == "1-{{Param.Shares}}"
+        assert words(one)[-3] == "--share={{Task.Param.Share}}/{{Param.Shares}}"
+    assert json.loads(json.dumps(made)) == made
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"shares": 0}, "0 tasks cannot share"),
+        ({"shares": 1025}, "set 1 to 1024"),
+        ({"name": "{{a}}"}, "two braces"),
+    ],
+)
+def test_atlas_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> None:
+    """Each with its sentence."""
+    with pytest.raises(RigError, match=said):
+        dataclasses.replace(ATLAS, **change).check()
+    ATLAS.check()
 
 
 def test_files_beside_the_bundle_are_named() -> None:
