@@ -307,7 +307,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace the atlas of another rig that is there already",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", "HIDDEN"},
     )
     job: bpy.props.BoolProperty(
         name="As a Job",
@@ -321,7 +321,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         min=1,
         max=MOST_TASKS,
     )
-    in_dialogue = ("low", "high", "tolerance", "most", "images", "overwrite", "job", "shares")
+    in_dialogue = ("low", "high", "tolerance", "most", "images", "job", "shares")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         for name, x in (("low", -ASIDE), ("high", ASIDE)):
@@ -340,8 +340,10 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         edges.prop(self, "high", index=1, text="Up")
         edges.prop(self, "low", index=2, text="Back")
         edges.prop(self, "high", index=2, text="Forward")
-        for name in ("tolerance", "most", "images", "overwrite", "job"):
+        for name in ("tolerance", "most", "images"):
             layout.prop(self, name)
+        layout.prop(context.scene.kiriko, "export_overwrite")
+        layout.prop(self, "job")
         tasks = layout.row()
         tasks.active = self.job
         tasks.prop(self, "shares")

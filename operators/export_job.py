@@ -163,7 +163,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace a job that is there already",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", "HIDDEN"},
     )
     filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
 
@@ -186,7 +186,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
         layout.prop(self, "chunk")
         if len(rigs(context.scene)) > 1:
             layout.prop(self, "every_rig")
-        layout.prop(self, "overwrite")
+        layout.prop(context.scene.kiriko, "export_overwrite")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):

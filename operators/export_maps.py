@@ -175,17 +175,18 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
         description="Replace files that are there already, and remove others of earlier maps",
-        options={"SKIP_SAVE"},
+        options={"SKIP_SAVE", "HIDDEN"},
     )
-    in_dialogue = ("formats", "overscan", "times", "mesh_step", "overwrite")
+    in_dialogue = ("formats", "overscan", "times", "mesh_step")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.column().prop(self, "formats")  # in a row they would have no room for their names
-        for name in ("overscan", "times", "mesh_step", "overwrite"):
+        for name in ("overscan", "times", "mesh_step"):
             layout.prop(self, name)
+        layout.prop(context.scene.kiriko, "export_overwrite")
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:

@@ -86,8 +86,8 @@ def _check_sizes(files: set[Path], size: tuple[int, int]) -> None:
         found = size_of(file)
         if found != size:
             raise ImageError(
-                "The frame '{file}' has {found} pixels, the display {size}: solve it anew, with"
-                " Overwrite.",
+                "The frame '{file}' has {found} pixels, the display {size}: remove it, or solve it"
+                " anew.",
                 file=file,
                 found=_by(found),
                 size=_by(size),

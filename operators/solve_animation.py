@@ -52,7 +52,7 @@ class OfFrames(long_work.LongWork):
         self.tally = frames.Tally()
         with folder.made(path.parent):
             yield frames.Run(
-                files, ours.export_format, ours.animation_overwrite, ours.animation_placeholders
+                files, ours.export_format, ours.animation_anew, ours.animation_placeholders
             )
 
     def _stopped(self) -> set[str]:

@@ -48,7 +48,7 @@ class VIEW3D_PT_kiriko_animation(OfRig, bpy.types.Panel):
         ours = context.scene.kiriko
         layout.prop(ours, "animation_path")
         column = layout.column()
-        column.prop(ours, "animation_overwrite")
+        column.prop(ours, "animation_anew")
         column.prop(ours, "animation_placeholders")
         layout.operator("kiriko.solve_animation", icon="RENDER_ANIMATION")
         layout.prop(ours, "movie_path")

@@ -962,8 +962,8 @@ FILES = Section(
             "The format is that of the panel Export, or of --format.",
             "形式は「エクスポート」パネルか --format で選びます。",
             alike=(
-                "The frame '{file}' has {found} pixels, the display {size}: solve it anew, with"
-                " Overwrite.",
+                "The frame '{file}' has {found} pixels, the display {size}: remove it, or solve it"
+                " anew.",
                 "The movie would lack frames: {told}",
                 "The frames have no name: choose a file, such as //frames/source_####.",
                 "The movie has no path: choose a file.",
@@ -977,8 +977,10 @@ FILES = Section(
         ),
         Advice(
             "The file '{path}' is there already: choose another or set Overwrite.",
-            "Overwrite is at the right of the file browser; headless it is --overwrite.",
-            "上書きはファイルブラウザーの右側にあります。コマンドでは --overwrite です。",
+            "Overwrite is in the panel Export, and at the right of the file browser; headless it is"
+            " --overwrite.",
+            "上書きは「エクスポート」パネルと、ファイルブラウザーの右側にあります。コマンドでは"
+            " --overwrite です。",
             alike=("The folder '{folder}' has {files} already: choose another or {remedy}.",),
         ),
         Advice(

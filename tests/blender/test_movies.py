@@ -277,8 +277,13 @@ def test_solve_animation_writes_what_the_panel_says(
     movie = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
     assert movie.n_frames(tmp_path / "film.mkv") == 2
     assert (place / "a_003.png").exists()
+    ours.animation_anew = True  # which is of frames alone
     with pytest.raises(RuntimeError, match=r"film\.mkv already"):
         bpy.ops.kiriko.export_movie()
+    ours.animation_anew, ours.export_overwrite = False, True
+    before = (place / "a_001.png").stat().st_mtime_ns
+    assert bpy.ops.kiriko.export_movie() == {"FINISHED"}
+    assert (place / "a_001.png").stat().st_mtime_ns == before
     assert scene.frame_current == 7
     assert ours.result.source is None
     shutil.rmtree(place)

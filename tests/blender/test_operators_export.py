@@ -279,6 +279,18 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_one_setting_says_whether_files_are_replaced(blender: ModuleType) -> None:
+    """That of the panel, which dialogues show, too: none has one of its own beside it. Frames have
+    another one, by another name.
+    """
+    for name in ("export", "export_maps", "export_atlas", "export_job", "bench_drawing"):
+        properties = getattr(bpy.ops.kiriko, name).get_rna_type().properties
+        assert properties["overwrite"].is_hidden
+    settings = bpy.context.scene.kiriko.bl_rna.properties
+    named = [one.identifier for one in settings if one.name == "Overwrite"]
+    assert named == ["export_overwrite"]
+
+
 def test_the_dialogue_asks_nothing_beside_the_panel(blender: ModuleType) -> None:
     """Names that are taken are red, others than images are
     not listed, and there is no second Overwrite.

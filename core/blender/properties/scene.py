@@ -194,7 +194,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     export_overwrite: BoolProperty(
         name="Overwrite",
-        description="Replace a file that is already there",
+        description="Replace files that are there already, whatever is exported: of maps also those"
+        " that are not written again. Frames of an animation are left, but for Solve Anew",
         default=False,
     )
     animation_path: StringProperty(
@@ -205,8 +206,8 @@ class KirikoScene(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         options=RELATIVE_PATH,
     )
-    animation_overwrite: BoolProperty(
-        name="Overwrite",
+    animation_anew: BoolProperty(
+        name="Solve Anew",
         description="Solve frames anew whose files are there; else they stay, and a run that was"
         " stopped goes on where it was",
         default=False,
