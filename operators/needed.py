@@ -111,7 +111,9 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     found = parts(scene)
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
-    if viewer_of(scene):
+    viewer = viewer_of(scene)
+    # a camera that was deleted stays chosen; the scene's own may lie outside of it
+    if viewer is not None and (viewer == scene.camera or viewer in set(scene.objects)):
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}

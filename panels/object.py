@@ -8,6 +8,7 @@ from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.look import evaluated
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
+from ..core.blender.rigs import is_left_over
 from ..core.blender.viewer import frame_of
 from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..core.messages import Message, as_message
@@ -81,6 +82,7 @@ def draw_object(
     if thing.type == "CAMERA":
         draw_resolution(layout, context, thing)
 
+    _draw_rig_of(layout, context, thing)
     why = bodiless(thing)
     if why and ours.role == "NONE":
         if thing.type != "CAMERA":
@@ -109,6 +111,18 @@ def draw_object(
         _draw_light_of(layout, ours.display)
     elif ours.role == "PICTURE":
         _draw_picture(layout, thing)
+
+
+def _draw_rig_of(
+    layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
+) -> None:
+    """A sentence where an object lost its rig."""
+    if is_left_over(context.scene, thing):
+        text = Message(
+            "The collection of its rig was deleted, so it is part of no rig: put it into the"
+            " collection of another one, or delete it."
+        )
+        sentence(layout, context, text, icon="ERROR")
 
 
 def draw_resolution(

@@ -11,7 +11,7 @@ from ..operators.telling import in_words
 
 FONT = 0  # Blender's own, which its labels are drawn in
 POINTS = 11.0  # its size at a scale of 1, where the theme does not tell
-MARGIN = 76  # px beside the text: borders, icon, scroll bar
+MARGIN = 88  # px beside the text: borders, tabs, icon, and the space before the text is cut
 BESIDE, BUTTON = 50, 24  # px beside buttons, and within one beside its label
 LEAST = 60.0  # px: in a sidebar that is narrower the text is cut off
 WIDE = {"W", "F"}  # Unicode's word for letters of scripts that are written without spaces

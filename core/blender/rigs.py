@@ -104,6 +104,13 @@ def rigs_of(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], set[str]]:
     return keys_of
 
 
+def is_left_over(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Is an object in none of a scene's rigs, since its own lost its collection beside others?"""
+    known = {rig.kiriko.key for rig in rigs(scene)}
+    keys = rigs_of(scene)(thing)
+    return bool(known and keys) and not known & keys
+
+
 def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
     """A function that tells whether an object is in other rigs only, and so no part of the
     active one.

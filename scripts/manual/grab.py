@@ -7,6 +7,7 @@ There the picture is asked of the X server.
 from __future__ import annotations
 
 import ctypes
+from functools import cache
 from pathlib import Path
 
 import bpy
@@ -14,6 +15,7 @@ import numpy as np
 
 ALL_PLANES = ctypes.c_ulong(-1)
 Z_PIXMAP = 2
+SHOT = "shot.png"  # Blender's own, which is read and gone again
 
 
 class XImage(ctypes.Structure):
@@ -37,16 +39,44 @@ class XImage(ctypes.Structure):
 
 def grab(window: bpy.types.Window, path: Path) -> tuple[int, int]:
     """Write the window's pixels into a file; its width and height."""
-    pixels = by_blender(path.with_suffix(".shot.png"))
-    if not pixels.any():
-        pixels = by_x_server(window.width, window.height)
+    pixels = look(window, path.with_name(SHOT))
     path.write_bytes(pixels.tobytes())
     return pixels.shape[1], pixels.shape[0]
 
 
+def look(window: bpy.types.Window, path: Path) -> np.ndarray:
+    """The window's pixels (height, width, 3), uint8; the path is of a file that is gone again."""
+    if is_black(path):
+        return by_x_server(window.width, window.height)
+    return by_blender(path)
+
+
+def glance(window: bpy.types.Window, path: Path) -> bytes:
+    """Bytes that are the same as long as the window is. No image comes or goes: Cycles would begin
+    the viewport's one anew.
+    """
+    if is_black(path):
+        return by_x_server(window.width, window.height).tobytes()
+    screenshot(path)
+    written = path.read_bytes()
+    path.unlink()
+    return written
+
+
+@cache
+def is_black(path: Path) -> bool:
+    """Is Blender's own screenshot black here? One is taken, into a file that is gone again."""
+    return not by_blender(path).any()
+
+
+def screenshot(path: Path) -> None:
+    """Have Blender write a PNG of its window."""
+    bpy.ops.screen.screenshot(filepath=str(path), check_existing=False)
+
+
 def by_blender(path: Path) -> np.ndarray:
     """Blender's own screenshot (height, width, 3), uint8."""
-    bpy.ops.screen.screenshot(filepath=str(path), check_existing=False)
+    screenshot(path)
     image = bpy.data.images.load(str(path))
     width, height = image.size
     values = np.empty(width * height * image.channels, np.float32)

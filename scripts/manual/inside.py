@@ -14,6 +14,7 @@ from pathlib import Path
 
 import bpy
 
+from manual import scenes
 from manual.player import Player, StuckError, drive
 from manual.plays import PLAYS
 from manual.steps import Shot
@@ -25,6 +26,7 @@ def play_all(names: list[str], folder: Path, language: str) -> Iterator[float]:
     """Each play from Blender's startup file on; its account of clicks goes into a file."""
     set_preferences(language)  # the splash screen would come before the first play
     for name in names:
+        scenes.stop_live()
         bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=True)
         yield 1.0
         set_preferences(language)

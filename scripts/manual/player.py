@@ -19,8 +19,8 @@ from pathlib import Path
 import bpy
 
 from manual import scenes
-from manual.grab import grab
-from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Tab, Unfold, Until, Wait
+from manual.grab import SHOT, glance, grab, look
+from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Still, Tab, Unfold, Until
 
 STEP = 11  # px between two places at which the mouse asks for a button; buttons are 20 px high
 # of a region's width: whole rows, icons at their ends, thirds; the file browser's last button
@@ -32,6 +32,8 @@ PAGES = 6
 EDGE = 16  # px at a region's lower end, where a click would size it
 HEADER = 28  # px from one closed panel to the next
 ROW = 21  # px from one row of a panel to the next
+OPENED = 10_000  # pixels of a window that a menu changes; a button under the mouse has fewer
+PATIENCE = 60  # breaths in which a busy Blender opens something
 
 
 class StuckError(Exception):
@@ -152,12 +154,25 @@ class Player:
 
     def press(self, step: Press) -> Iterator[float]:
         yield from self.find(step.button, step.area, step.region)
+        self.clicks.append(plain(step.button))
         if step.up:
             yield from self.move(self.x, self.y + step.up * ROW)
-            yield BREATH
-        self.clicks.append(plain(step.button))
+            yield from self.open_menu()
+            return
         self.event("LEFTMOUSE")
         yield BREATH
+
+    def open_menu(self) -> Iterator[float]:
+        """Click, and wait until a menu is seen: keys that come before it are lost."""
+        yield 2 * BREATH
+        path = self.folder / SHOT
+        before = look(self.window, path)
+        self.event("LEFTMOUSE")
+        for _ in range(PATIENCE):
+            yield BREATH
+            if (look(self.window, path) != before).any(axis=2).sum() > OPENED:
+                return
+        raise StuckError("A click opened no menu.")
 
     def tab(self, step: Tab) -> Iterator[float]:
         """Click the tabs from the top down until the wanted one is open, then the first one, and
@@ -238,7 +253,7 @@ class Player:
 
     def appear(self, kind: str) -> Iterator[float]:
         """Wait until the window has an area: a busy Blender opens its file browser late."""
-        for _ in range(60):
+        for _ in range(PATIENCE):
             if any(area.type == kind for area in self.window.screen.areas):
                 return
             yield BREATH
@@ -278,6 +293,19 @@ class Player:
         self.seconds += time.monotonic() - began
         yield BREATH
 
+    def still(self, step: Still) -> Iterator[float]:
+        """Wait until nothing in the window has changed for some seconds."""
+        began = since = time.monotonic()
+        path = self.folder / SHOT
+        shown = glance(self.window, path)
+        while time.monotonic() - since < step.seconds:
+            if time.monotonic() - began > step.at_most:
+                raise StuckError(f"{step.at_most:g} s were not enough: the window still changes.")
+            yield 4 * BREATH
+            now = glance(self.window, path)
+            if now != shown:
+                shown, since = now, time.monotonic()
+
     def shot(self, step: Shot) -> Iterator[float]:
         """Take a picture, and leave beside it which part is wanted and where the ring goes."""
         ring = None
@@ -304,14 +332,13 @@ class Player:
         """All steps of a play, one after the other."""
         of_kind = {
             Press: self.press, Tab: self.tab, Unfold: self.unfold, Key: self.key,
-            Choose: self.choose, Open: self.open, Until: self.until, Shot: self.shot,
+            Choose: self.choose, Open: self.open, Until: self.until, Still: self.still,
+            Shot: self.shot,
         }  # fmt: skip
         for step in steps:
             if isinstance(step, Do):
                 getattr(scenes, step.function)()
                 yield BREATH
-            elif isinstance(step, Wait):
-                yield step.seconds
             else:
                 yield from of_kind[type(step)](step)
 

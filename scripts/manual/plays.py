@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Tab, Unfold, Until, Wait, does
+from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Still, Tab, Unfold, Until, does
 from manual.troubleshooting import LANGUAGE, translations
 
 
@@ -34,7 +34,7 @@ IPHONE = [
     Choose("kiriko.display_preset", "iPhone 15"),
     Until("is_telephone"),
 ]
-RENDERED = Wait(45.0)  # until Cycles shows enough samples, on a busy machine, too
+RENDERED = Still(15.0)  # longer than a sample takes on a busy machine
 
 FIRST_PICTURE: list[Step] = [
     Do("ball"),

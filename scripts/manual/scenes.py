@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import tempfile
 from pathlib import Path
+from types import ModuleType
 
 import bmesh
 import bpy
@@ -24,19 +25,40 @@ def is_solved() -> bool:
 
 
 def is_seen() -> bool:
-    """Does a 3D view show the viewer's sight in Cycles, with a final source image?"""
+    """Does a 3D view show the viewer's sight in Cycles, with the source image of the scene as it is
+    then? The image of an earlier solve is final, too, until Live has read the scene.
+    """
     scene = bpy.context.scene
     views = [
         area.spaces.active
         for area in bpy.context.window_manager.windows[0].screen.areas
         if area.type == "VIEW_3D"
     ]
-    return is_solved() and any(
+    return is_up_to_date() and any(
         view.shading.type == "RENDERED"
         and view.region_3d.view_perspective == "CAMERA"
         and scene.render.engine == "CYCLES"
         for view in views
     )
+
+
+def is_up_to_date() -> bool:
+    """Is the source image final, and has Live, where it is on, nothing left to do?"""
+    live = kiriko("operators.live").followed()
+    is_settled = live is None or (
+        live.seconds is not None and not live.is_working and not live.is_changed
+    )
+    return is_settled and is_solved()
+
+
+def stop_live() -> None:
+    """Or the next file would have a sentence on why it stopped."""
+    kiriko("operators.live").stop()
+
+
+def kiriko(module: str) -> ModuleType:
+    """A module of the installed extension."""
+    return importlib.import_module(f"bl_ext.user_default.kiriko.{module}")
 
 
 def is_quiet() -> bool:
@@ -174,7 +196,7 @@ def is_telephone() -> bool:
 
 def panels() -> list[str]:
     """Kiriko's panels in the sidebar that have a header of their own, from the top down."""
-    shown = importlib.import_module("bl_ext.user_default.kiriko.panels").CLASSES
+    shown = kiriko("panels").CLASSES
     return [
         panel.__name__
         for panel in shown

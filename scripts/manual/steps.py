@@ -74,10 +74,13 @@ class Until:
 
 
 @dataclass(frozen=True)
-class Wait:
-    """Wait, where nothing can be asked: until an image is rendered."""
+class Still:
+    """Wait, where nothing can be asked, until the window is the same for so long: Cycles, which
+    makes an image finer and finer, has ended.
+    """
 
     seconds: float
+    at_most: float = 400.0
 
 
 @dataclass(frozen=True)
@@ -105,4 +108,4 @@ class Shot:
     height: float = 1.0  # share of the height, from the top
 
 
-Step = Press | Tab | Unfold | Key | Choose | Open | Until | Wait | Do | Shot
+Step = Press | Tab | Unfold | Key | Choose | Open | Until | Still | Do | Shot

@@ -1,6 +1,7 @@
 """Rigs that artists delete, duplicate, append, link and rename by Blender's own means."""
 
 import importlib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -9,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+from panel_layout import Layout
 from small_rigs import cube, pixels
 from test_remove_rig import differences, snapshot
 from test_rigs import add, choose, gem, two
@@ -58,6 +60,56 @@ def test_parts_without_a_collection_are_of_their_own_rig_alone(
     look(kiriko)
     assert roles(kiriko) == before
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_parts_of_no_rig_say_so(
+    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout]
+) -> None:
+    """Those that a deleted collection leaves beside another rig, its glass and its viewer, too; put
+    into the other's collection they say it no more, and parts of a rig that goes on alone never do.
+    """
+    first, second = two()
+    glasses = [scene.objects["Cube"], scene.objects["Gem"]]
+
+    def silent() -> set[str]:
+        """Parts of both, those that say nothing."""
+        told = {
+            thing.name: drawn("object", "VIEW3D_PT_kiriko_object", thing).texts
+            for thing in [*glasses, *things]
+        }
+        return {name for name, texts in told.items() if "part of no rig" not in " ".join(texts)}
+
+    things = [*first.objects, *second.objects]
+    names = {thing.name for thing in [*glasses, *things]}
+    assert silent() == names
+    own = {"Gem", *(thing.name for thing in second.objects)}
+    left = delete_alone(second)
+    look(kiriko)
+    assert silent() == names - own
+    for thing in left:  # moved into the other one
+        scene.collection.objects.unlink(thing)
+        first.objects.link(thing)
+    assert silent() == names - {"Gem"}
+    delete_alone(first)
+    assert silent() == names
+
+
+def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """Blender's Delete leaves it chosen, where nobody sees it: the rig says that it has none, and
+    where it is the scene's camera, whose place is known all the same, that it has one.
+    """
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    rig = add(cube())
+    viewer = scene.kiriko.viewer
+    scene.camera = None
+    assert needed.lacking(scene) == []
+    rig.objects.unlink(viewer)
+    assert scene.kiriko.viewer == viewer
+    assert needed.lacking(scene) == [needed.NEEDED["VIEWER"]]
+    with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
+        bpy.ops.kiriko.solve()
+    scene.camera = viewer
+    assert needed.lacking(scene) == []
 
 
 def test_a_rig_goes_on_without_its_collection(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
