@@ -113,7 +113,7 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     there = {role for role, things in found.items() if not all(things.values())}
     viewer = viewer_of(scene)
     # a camera that was deleted stays chosen; the scene's own may lie outside of it
-    if viewer is not None and (viewer == scene.camera or viewer in set(scene.objects)):
+    if viewer is not None and (viewer == scene.camera or scene.objects.get(viewer.name) == viewer):
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
