@@ -2,8 +2,8 @@
 
 import importlib
 import json
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -276,6 +276,29 @@ def test_two_runs_with_placeholders_share_the_frames(
     assert (told.written, told.others, told.there) == (1, 0, 3)
     assert sorted(line["frame"] for line in log(tmp_path)) == [1, 2, 3, 4]
     assert all(path.stat().st_size > 100 for path in files.values())
+
+
+def test_two_runs_that_write_the_same_frames_leave_whole_ones(
+    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """Step by step by turns, without placeholders, into one folder: each frame is that of a run by
+    itself, and nothing else is left there.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    alone, shared = tmp_path / "alone", tmp_path / "shared"
+    for place in (alone, shared):
+        place.mkdir()
+
+    def run_in(place: Path) -> Iterator[float]:
+        files = module.frame_files(place, "f#", "PNG8", range(1, 4))
+        return frames.solved(bpy.context, frames.Run(files, "PNG8", overwrite=True))
+
+    list(run_in(alone))
+    for _ in zip_longest(run_in(shared), run_in(shared)):
+        pass
+    assert contents(shared) == contents(alone)
+    assert {path.name for path in shared.iterdir()} == {path.name for path in alone.iterdir()}
+    assert sorted(line["frame"] for line in log(shared)) == [1, 1, 2, 2, 3, 3]
 
 
 def test_a_run_that_is_stopped_takes_its_placeholder_back(

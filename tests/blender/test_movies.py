@@ -152,6 +152,36 @@ def test_a_card_comes_first(
         assert np.abs(frames[2 + k] - numbers(k)).max() < 0.01
 
 
+@pytest.mark.parametrize("name", ROUNDING)
+def test_every_codec_has_the_card_and_then_the_frames(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    """The lattice is that of the card, as near as the codec keeps single pixels; words stand over
+    it, and the first frame after it has its own numbers.
+    """
+    if name not in movie.available():
+        pytest.skip("this Blender has no such encoder")
+    files = written(tmp_path, 2, core("image_io"))
+    plain = core("image.test_card").card(*SIZE)
+    file = core("image_io").write(tmp_path / "card", plain, "PNG8")
+    path = tmp_path / f"clip{movie.CODECS[name].suffix}"
+    movie.encode(path, files, name, SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
+    assert movie.n_frames(path) == 5
+    frames = decoded(path, core("blender.moving"), 5)
+    wanted = 255 * core("image_io").read(file)[0]
+    for frame in frames[:3]:
+        off = np.abs(frame - wanted)
+        assert max(off[:48].mean(), off[144:].mean()) < (1 if ROUNDING[name] else 0.01)
+        assert off[60:132].max() > 100  # the words
+    for k in (1, 2):
+        off = np.abs(frames[2 + k] - numbers(k))
+        assert off[8:24].max() <= max(ROUNDING[name], 0.01), k
+
+
 def test_a_codec_that_cannot_be_is_refused_with_those_that_can(
     movie: ModuleType,
     core: Callable[[str], ModuleType],
@@ -256,6 +286,32 @@ def test_a_disk_that_is_full_leaves_no_movie(
     monkeypatch.setattr(movie, "n_frames", lambda path: 2)
     with pytest.raises(core("errors").ImageError, match="has 2 frames in place of 3"):
         movie.encode(tmp_path / "clip.mkv", files, "FFV1", SIZE, scene)
+
+
+@pytest.mark.parametrize("name", ROUNDING)
+def test_a_disk_that_fills_up_while_blender_encodes_is_told(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    """The system takes no more than a few bytes of the file: whatever Blender says of it, that is
+    one sentence, and nothing is left in Blender.
+    """
+    if name not in movie.available():
+        pytest.skip("this Blender has no such encoder")
+    resource = pytest.importorskip("resource")
+    files = written(tmp_path, 3, core("image_io"))
+    scenes = len(bpy.data.scenes)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
+    try:
+        with pytest.raises(core("errors").ImageError, match=r"movie '.*check the disk"):
+            movie.encode(tmp_path / f"clip{movie.CODECS[name].suffix}", files, name, SIZE, scene)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert len(bpy.data.scenes) == scenes
 
 
 def test_solve_animation_writes_what_the_panel_says(
