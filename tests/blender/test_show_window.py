@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import small_rig
+from small_rigs import pixels, small_rig
 
 
 @pytest.fixture
@@ -85,3 +85,25 @@ def test_panel_tells_whether_the_window_fits(kiriko: ModuleType, scene: bpy.type
     assert "1280 x 720" in text
     assert "1920 x 1080" in text
     assert text.endswith("press Alt F11.")
+
+
+def test_undo_and_redo_show_the_result_of_that_time(
+    show: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of before the step, and of after it; windows are drawn anew each time."""
+    small_rig()
+    drawn = []
+    monkeypatch.setattr(show, "redraw", lambda: drawn.append(True))
+    images = []
+    for turn in (0.0, 0.3):
+        bpy.data.objects["Cube"].rotation_euler.z = turn
+        bpy.ops.kiriko.solve()
+        bpy.ops.ed.undo_push(message="solved")
+        images.append(pixels(show.shown_result(bpy.context.scene).source))
+    assert np.abs(images[0] - images[1]).max() > 0.1
+
+    for step, image in ((bpy.ops.ed.undo, images[0]), (bpy.ops.ed.redo, images[1])):
+        drawn.clear()
+        step()
+        assert np.array_equal(pixels(show.shown_result(bpy.context.scene).source), image)
+        assert drawn
